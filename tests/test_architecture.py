@@ -307,3 +307,47 @@ def test_no_library_file_prints_or_asserts():
             if isinstance(node, ast.Assert) or (prints and package_of(path) not in ("cli", "benchmarks")):
                 wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert wrong == []
+
+
+LONGEST_LABEL = 6
+"""Words of a name or a label, such as the title of a cause; more are the beginning of a sentence."""
+
+
+def _texts_outside_errors(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """(line, text) of each string or f-string, without docstrings and what a `raise` says, or calls to say it."""
+    documents = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    raised = [part for node in ast.walk(tree) if isinstance(node, ast.Raise) for part in ast.walk(node)]
+    called = {part.func.id for part in raised if isinstance(part, ast.Call) and isinstance(part.func, ast.Name)}
+    of_errors = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name in called]
+    left_out = documents | {id(part) for part in raised}
+    left_out |= {id(part) for function in of_errors for part in ast.walk(function)}
+    for node in ast.walk(tree):
+        if id(node) in left_out:
+            continue
+        if isinstance(node, ast.JoinedStr):
+            parts = [part.value if isinstance(part, ast.Constant) else "0" for part in node.values]
+            yield node.lineno, "".join(map(str, parts))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.lineno, node.value
+
+
+def test_the_diagnosis_yields_values_and_the_report_makes_sentences():
+    found = []
+    for path in sorted((LIBRARY / "diagnosis").rglob("*.py")):
+        for line, text in _texts_outside_errors(parsed(path)):
+            if len(text.split()) > LONGEST_LABEL:
+                found.append(f"{path.relative_to(ROOT)}:{line}: {text}")
+    assert found == [], "sentences belong in drake_tc/report/sentences"
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ('"""One two three four five six seven."""', []),
+        ("x = f'{a} two three {b} five six seven'", ["0 two three 0 five six seven"]),
+        ("raise ValueError('one two three four five ' + advice())\ndef advice():\n    return 'a b c d e f g'", []),
+        ("def note():\n    return 'a b c d e f g'", ["a b c d e f g"]),
+    ],
+)
+def test_texts_are_found_outside_of_docstrings_and_errors(source, found):
+    assert [text for _, text in _texts_outside_errors(ast.parse(source)) if len(text.split()) > LONGEST_LABEL] == found

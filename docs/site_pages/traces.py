@@ -42,7 +42,7 @@ def trace(effect: Effect) -> Trace | None:
     for drive in DRIVES:
         for load in LOADS:
             context = standard_log.context(drive, load)
-            if effect.obstacle(context):
+            if effect.unavailable(context):
                 continue
             seen = standard_log.signals(drive)
             grid = effect.shape_grid(context)
@@ -73,7 +73,7 @@ def neighbours(one: Trace, effects: Sequence[Effect], least: float, most: int) -
     """Effects that can imitate a trace, with the share of its power that they take up, the largest first."""
     found = []
     for other in effects:
-        if other.key != one.effect.key and not other.obstacle(standard_log.context(one.drive, one.load)):
+        if other.key != one.effect.key and not other.unavailable(standard_log.context(one.drive, one.load)):
             share = _imitated(one, other)
             if share >= least:
                 found.append((other, share))

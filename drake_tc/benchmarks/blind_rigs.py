@@ -12,10 +12,10 @@ from drake_tc.benchmarks.blind.generate import generate
 from drake_tc.benchmarks.blind.outcome import read_outcome
 from drake_tc.benchmarks.blind.score import BenchmarkScore, score_outcomes
 from drake_tc.benchmarks.blind.spec import BlindError, RigSpec
-from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.errors import DrakeTcError
+from drake_tc.report.report_json import result_json
 
 HELD_OUT = "run_multisine"
 GROUPS = {"nulls": "null", "singles": "single", "pairs": "pair", "outside": "outside"}

@@ -25,7 +25,7 @@ from drake_tc.benchmarks.real_log_cases import RealLogCase, RealLogSet, case_fil
 from drake_tc.benchmarks.real_logs import chosen_sets
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.free_running import FreeRun
-from drake_tc.diagnosis.result.refinement_json import position_errors
+from drake_tc.diagnosis.result.run_errors import position_errors
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.logs.importers.bam import JOINT
 from drake_tc.logs.prepare import load_runs

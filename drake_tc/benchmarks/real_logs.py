@@ -16,10 +16,10 @@ from drake_tc.benchmarks.real_log_cases import (
 )
 from drake_tc.benchmarks.real_log_claims import FLOORS, CaseClaims, claims_of
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
 from drake_tc.report.figure_row import FigureRow
+from drake_tc.report.report_json import result_json
 
 Progress = Callable[[str, float], None]
 

@@ -113,9 +113,9 @@ def close_loop_command(
         from drake_tc.analysis.before_after.comparison import compare_loops
         from drake_tc.cli.close_loop_summary import print_summary
         from drake_tc.diagnosis.options import DiagnosisOptions
-        from drake_tc.diagnosis.result.to_json import result_json
         from drake_tc.diagnosis.run import close_loop
         from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+        from drake_tc.report.report_json import result_json
 
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
@@ -204,9 +204,9 @@ def write_results(result: "CloseLoopResult", out: Path, executor: Executor | Non
     """
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
-    from drake_tc.diagnosis.result.to_json import result_json
     from drake_tc.diagnosis.result.torque_uncertainty import torque_uncertainty
     from drake_tc.report.html import write_report
+    from drake_tc.report.report_json import result_json
 
     out.mkdir(parents=True, exist_ok=True)
     before, after = models_of(result, out)

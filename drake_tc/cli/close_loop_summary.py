@@ -20,6 +20,9 @@ from drake_tc.report.export_section import cells, headings
 from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.refinement_section import refinement_sentence
+from drake_tc.report.sentences.experiments import experiment_sentence
+from drake_tc.report.sentences.notes import note_sentences
+from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
 HANGING = 4
@@ -85,7 +88,7 @@ def _print_joint(console: Console, joint: JointResult) -> None:
     if joint.load is not None:
         title, load = joint.load
         _say(console, f"  {title}: {', '.join(_with_interval(n, p) for n, p in load.items())}")
-    for note in joint.load_notes:
+    for note in note_sentences(joint.load_notes):
         _say(console, f"  ! {escape(note)}")
     if joint.refinement is not None:
         _say(console, f"  {escape(refinement_sentence(joint.refinement))}")
@@ -94,7 +97,8 @@ def _print_joint(console: Console, joint: JointResult) -> None:
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
         _say(console, f"  + [bold]{effect.key}[/bold]  {values}  ({gain})")
     for withdrawn in joint.did_not_hold:
-        _say(console, f"  - {withdrawn.key} did not hold ({REASONS[withdrawn.reason]}): {escape(withdrawn.why)}")
+        why = escape(why_withdrawn(withdrawn.objection))
+        _say(console, f"  - {withdrawn.key} did not hold ({REASONS[withdrawn.reason]}): {why}")
     for moving in (p for p in joint.consistency if p.moves):
         where = "drive" if moving.effect == "drive" else moving.effect
         _say(
@@ -104,8 +108,8 @@ def _print_joint(console: Console, joint: JointResult) -> None:
         )
     for warning in warnings(joint):
         _say(console, f"  ! {escape(warning)}")
-    if joint.next_experiment:
-        _say(console, f"  next: {joint.next_experiment}")
+    if joint.next_experiment is not None:
+        _say(console, f"  next: {escape(experiment_sentence(joint.next_experiment))}")
 
 
 def _value(name: str, estimate: Estimate) -> str:

@@ -5,8 +5,10 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
+from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.notes import GearBetweenEncoders, Sticking
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_drive_gain, with_drive_gain
@@ -38,11 +40,11 @@ from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import looked_for
+from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance
-from drake_tc.logs.distinct_notes import distinct_notes, of_joint
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -57,7 +59,7 @@ class Stage:
 
     prepared: Prepared
     subsample: Columns
-    obstacles: tuple[tuple[str, str], ...]
+    obstacles: tuple[tuple[str, Obstacle], ...]
     found: Search
 
     @property
@@ -224,7 +226,6 @@ def diagnose_joint(
         next_experiment=next_experiment(
             alternatives,
             unexplained,
-            stage.obstacles,
             [each.reason for each in did_not_hold],
         ),
         unexplained=unexplained,
@@ -239,7 +240,7 @@ def diagnose_joint(
         load_notes=load_notes,
         notes=(
             *load_notes,
-            *distinct_notes(of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints)),
+            *notes_of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints),
             *notes,
             *without_rows((columns.samples, held.samples)),
             *_sticking(columns, chosen, context),
@@ -247,15 +248,15 @@ def diagnose_joint(
     )
 
 
-def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[str, ...]:
+def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[Sticking, ...]:
     found = None if context.load in ("robot", "links", "unknown") else sticking(columns, chosen)
-    return () if found is None else (found.sentence(),)
+    return () if found is None else (found,)
 
 
-def _gear(columns: Columns, context: Context) -> tuple[str, ...]:
+def _gear(columns: Columns, context: Context) -> tuple[GearBetweenEncoders, ...]:
     found = None if context.drive == "position_servo" else gear_between_encoders(columns)
-    told = "" if found is None else found.sentence(columns.samples.resolution.position_step)
-    return (told,) if told else ()
+    note = None if found is None else found.note(columns.samples.resolution.position_step)
+    return () if note is None else (note,)
 
 
 def _refitted(stage: Stage) -> Search:

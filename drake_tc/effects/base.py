@@ -27,6 +27,7 @@ import numpy as np
 
 from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, TorqueKernel, TorqueParts, Transmission
+from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.parameter import Parameter, Plausible
 from drake_tc.effects.signals import Signals, plain_signals
 from drake_tc.types import FloatArray
@@ -112,15 +113,27 @@ class Effect(ABC):
         return f"{self.id}.{self.form}" if self.form else self.id
 
     def obstacle(self, context: Context) -> str:
-        """Why this effect cannot be looked for in these logs, in a few words; empty when it can."""
-        missing = sorted(self.needs - context.recorded)
-        return f"{', '.join(missing)} not recorded" if missing else ""
+        """Why this effect cannot be looked for on such a rig, in a few words; empty when it can."""
+        return ""
 
-    def unavailable(self, context: Context) -> str:
-        """`obstacle`, or that the logs have no position although the effect depends on it; empty when neither holds."""
+    def unexcited(self, context: Context) -> str:
+        """What changes too little in these logs to show this effect, in a few words; empty when nothing does."""
+        return ""
+
+    def unavailable(self, context: Context) -> Obstacle | None:
+        """What stands in the way of looking for this effect: the rig, a missing signal, or one that hardly changes."""
         if self.depends_on_position and not context.position_recorded:
-            return "the position was not recorded, and the integral of the velocity has no known zero"
-        return self.obstacle(context)
+            statement = "the position was not recorded, and the integral of the velocity has no known zero"
+            return Obstacle("not_recorded", statement)
+        if statement := self.obstacle(context):
+            return Obstacle("cannot_be_looked_for", statement)
+        if missing := sorted(self.needs - context.recorded):
+            return Obstacle("not_recorded", f"{', '.join(missing)} not recorded")
+        if statement := self.unexcited(context):
+            return Obstacle("not_excited", statement)
+        if not self.shape_grid(context):
+            return Obstacle("not_excited", "the recorded motion covers too small a range for this effect")
+        return None
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points for the shape parameters, coarse but covering; the search refines the best ones."""

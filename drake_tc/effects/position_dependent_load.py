@@ -50,12 +50,14 @@ class PositionDependentLoad(TorqueEffect):
     signature = Signature(x="position", split="direction", look_for="one curve for both directions of motion")
 
     def obstacle(self, context: Context) -> str:
+        """Not beside an unknown load, which is such a curve."""
+        return context.taken_up or super().obstacle(context)
+
+    def unexcited(self, context: Context) -> str:
         """Needs positions to span."""
-        if context.taken_up:
-            return context.taken_up
         if context.position_span[1] - context.position_span[0] < 1e-3:
             return "the joint does not move far enough to show a curve over the position"
-        return super().obstacle(context)
+        return ""
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """The recorded positions."""

@@ -68,12 +68,13 @@ class SupplySag(DriveEffect):
         )
 
     def obstacle(self, context: Context) -> str:
-        """Needs a supply voltage that changes, and a drive that does not impose its current."""
+        """Needs a drive that does not impose its current."""
         if context.imposes_current:
             return "a current drive does not depend on the supply until it saturates"
-        missing = super().obstacle(context)
-        if missing:
-            return missing
+        return super().obstacle(context)
+
+    def unexcited(self, context: Context) -> str:
+        """Needs a supply voltage that changes."""
         if not context.supply_change > LEAST_CHANGE * context.supply_voltage:
             return "the supply voltage hardly changes"
         return ""

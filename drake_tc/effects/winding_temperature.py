@@ -66,13 +66,15 @@ class WindingTemperature(DriveEffect):
         )
 
     def obstacle(self, context: Context) -> str:
-        """Needs a drive that imposes a voltage, and a temperature that changes."""
+        """Needs a drive that imposes a voltage."""
         if context.imposes_current:
             return "a current drive compensates the resistance of its winding"
-        low, high = context.temperature_span
-        if high - low < LEAST_RISE:
-            return f"the temperature changes by {high - low:.1f} K only"
         return super().obstacle(context)
+
+    def unexcited(self, context: Context) -> str:
+        """Needs a temperature that changes."""
+        low, high = context.temperature_span
+        return f"the temperature changes by {high - low:.1f} K only" if high - low < LEAST_RISE else ""
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Around copper's."""

@@ -25,8 +25,12 @@ def distinct_notes(notes: Iterable[tuple[str, str]]) -> tuple[str, ...]:
 
 def of_joint(notes: Iterable[tuple[str, str]], joint: str, joints: Sequence[str]) -> list[tuple[str, str]]:
     """The notes without those that concern other joints alone."""
-    others = [name for name in joints if name != joint]
-    return [(log, note) for log, note in notes if _names(note, [joint]) or not _names(note, others)]
+    return [(log, note) for log, note in notes if concerns(note, joint, joints)]
+
+
+def concerns(note: str, joint: str, joints: Sequence[str]) -> bool:
+    """Whether a note names a column of the joint, or of no other joint."""
+    return _names(note, [joint]) or not _names(note, [name for name in joints if name != joint])
 
 
 def _names(note: str, joints: Sequence[str]) -> bool:

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.refinement_json import MODELS, position_errors
+from drake_tc.diagnosis.result.run_errors import MODELS, position_errors
 from drake_tc.report.numbers import scale_for
 from drake_tc.report.words import natural
 

@@ -19,6 +19,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
+from drake_tc.report.effects_not_added import did_not_hold_rows, rejected_rows
 from drake_tc.report.equation import model_equations
 from drake_tc.report.export_section import export_section
 from drake_tc.report.free_run_table import free_run_table
@@ -31,13 +32,20 @@ from drake_tc.report.panels import residual_cards
 from drake_tc.report.plot_library import plot_script, plot_style
 from drake_tc.report.refinement_section import refinement_section
 from drake_tc.report.residual_plots import LEGEND
+from drake_tc.report.sentences.experiments import experiment_sentence
+from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
 from drake_tc.report.spectrum import spectrum_plot
-from drake_tc.report.tables import data_facts, data_rows, error_table, parameter_rows, rejected_rows, run_error_rows
+from drake_tc.report.tables import (
+    data_facts,
+    data_rows,
+    error_table,
+    parameter_rows,
+    run_error_rows,
+)
 from drake_tc.report.time_plots import TimePlot, effort_plot, position_plot
 from drake_tc.report.words import (
-    REASONS,
     VERDICTS,
     band_sentence,
     capital,
@@ -83,7 +91,6 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         version=__version__,
         verdict=result.verdict,
         verdicts=VERDICTS,
-        reasons=REASONS,
         joints=joints,
         train=[_short(p) for p in result.train_files],
         heldout=[_short(p) for p in result.heldout_files],
@@ -165,12 +172,12 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "free_runs": free_run_table(joint),
         "refinement": refinement_section(joint),
         "parameters": parameter_rows(joint),
-        "did_not_hold": joint.did_not_hold,
+        "did_not_hold": did_not_hold_rows(joint.did_not_hold),
         "consistency": consistency_rows(joint),
         "tried": tried,
         "barred": barred,
         "indistinguishable": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
-        "next_experiment": joint.next_experiment,
+        "next_experiment": None if joint.next_experiment is None else experiment_sentence(joint.next_experiment),
         "left": {
             "fraction": percent(left.fraction),
             "structure": structure_words(left),
@@ -185,7 +192,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
             "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,
         },
         "leftovers": leftover_plots(joint, prefix, budget.held),
-        "notes": joint.notes,
+        "notes": note_sentences(joint.notes),
         "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
         "facts": data_facts(joint),
         "held_cards": [drawing.card() for drawing in held],

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.refinement import Refinement, RefinementStatus
-from drake_tc.diagnosis.result.refinement_json import MODEL_FILE
 from drake_tc.report.numbers import pretty_unit, scale_for, significant
 from drake_tc.report.words import title_of
 

@@ -8,9 +8,8 @@ import numpy as np
 from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
-from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.report.numbers import (
     NOT_IDENTIFIED,
     UNKNOWN,
@@ -194,27 +193,6 @@ def _estimate(value: Estimate | None) -> tuple[str, str]:
         return UNKNOWN, ""
     shown, spread = interval(value.value, *value.ci95)
     return shown, spread if value.is_identified else NOT_IDENTIFIED
-
-
-@dataclass(frozen=True)
-class RejectedRow:
-    """One effect that was not added."""
-
-    title: str
-    id: str
-    heldout: str
-    train: str
-    why: str
-
-
-def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[RejectedRow], Sequence[RejectedRow]]:
-    """(tried and not added, could not be looked for in these logs)."""
-    tried: list[RejectedRow] = []
-    barred: list[RejectedRow] = []
-    for r in rejected:
-        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), percent(r.train_gain), why_rejected(r))
-        (barred if r.reason == "cannot_be_looked_for" else tried).append(row)
-    return tried, barred
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.refinement_json import MODELS
+from drake_tc.diagnosis.result.run_errors import MODELS
 from drake_tc.report.decimation import extreme_samples
 from drake_tc.types import FloatArray, IntArray
 

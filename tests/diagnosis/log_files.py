@@ -10,8 +10,8 @@ import pandas as pd
 import yaml
 
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.report.report_json import result_json
 
 from .rigs import Joint, record
 

@@ -13,8 +13,8 @@ from drake_tc.benchmarks.blind.nulls import null_rig
 from drake_tc.benchmarks.blind.outcome import Outcome, read_outcome
 from drake_tc.benchmarks.blind.score import score_outcomes
 from drake_tc.benchmarks.blind.spec import RUNS, RigSpec
-from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.report.report_json import result_json
 
 
 def single(effect: str, k: int) -> RigSpec:

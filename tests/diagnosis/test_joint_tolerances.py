@@ -18,12 +18,12 @@ from drake_tc.diagnosis.problem.sensor_errors import errors_in, without_errors
 from drake_tc.diagnosis.result import outcome
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
-from drake_tc.diagnosis.result.to_json import joint_json
 from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+from drake_tc.report.report_json import joint_json
 
 from . import pendulum_rig
 from .log_files import write_logs

@@ -16,7 +16,6 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, score
-from drake_tc.diagnosis.result.to_json import joint_json
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
@@ -25,6 +24,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.logs.rig_writing import save_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+from drake_tc.report.report_json import joint_json
 
 from . import pendulum_rig
 from .pendulum_rig import JOINT, Swing, rig_of, runs_of

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
+from drake_tc.diagnosis.notes import NoiseOfRecordedEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.logs.rig import parse_rig
@@ -61,7 +62,7 @@ def test_noise_of_a_measured_current_is_no_unexplained_residual(tmp_path, seed):
     found = close_loop(rig, paths[:2], paths[2:], DiagnosisOptions()).joints["joint"]
     assert found.effects == ()
     assert found.verdict == "no_missing_effect"
-    assert any("white noise of the recorded current" in note for note in found.notes)
+    assert [n.drive for n in found.notes if isinstance(n, NoiseOfRecordedEffort)] == ["current"]
 
 
 @pytest.mark.parametrize(

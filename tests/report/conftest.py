@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.notes import LogRemark
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit, fit, predict
 from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch, Unexplained
+from drake_tc.diagnosis.result.experiments import RepeatRun
 from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.library import effect
@@ -99,17 +101,17 @@ def joint() -> JointResult:
         rejected=(
             RejectedEffect("delay", "delay", 0.011, 0.009, "too_little_gain"),
             RejectedEffect(
-                "thermal_friction", "thermal_friction", 0.0, 0.0, "cannot_be_looked_for", "temperature not recorded"
+                "thermal_friction", "thermal_friction", 0.0, 0.0, "not_recorded", "temperature not recorded"
             ),
         ),
         indistinguishable=(("stribeck", "presliding_hysteresis"),),
-        next_experiment="Creep at constant speed & note <both> directions.",
+        next_experiment=RepeatRun("a & <b>", 1.0, 2.5),
         unexplained=Unexplained(1.1, 1.1, False, 0.01, 0.04, False, (), (), None, 5e-4),
         verdict="effects_found",
         train=sides[0],
         heldout=sides[1],
         free_run={"fast": trace},
-        notes=("slow: 3 rows filled",),
+        notes=(LogRemark("slow", "3 rows filled"),),
     )
 
 

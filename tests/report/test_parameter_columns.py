@@ -11,9 +11,9 @@ from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.result.joint_result import JointResult, ParameterByCondition
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange, plausible_ranges
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.effects.base import Context
 from drake_tc.report.numbers import interval
+from drake_tc.report.report_json import result_json
 from drake_tc.report.run_spread import run_spreads, spread_svg
 from drake_tc.report.tables import parameter_rows
 

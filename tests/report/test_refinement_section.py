@@ -8,10 +8,10 @@ import pytest
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.refinement import RefinedParameter, Refinement
-from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.free_run_table import free_run_table
 from drake_tc.report.html import render
+from drake_tc.report.refinement_json import free_runs_json, refinement_json
 from drake_tc.report.refinement_section import WHY_NOT, refinement_section, refinement_sentence
 from drake_tc.report.time_plots import position_plot
 

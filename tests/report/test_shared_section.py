@@ -6,9 +6,9 @@ import pytest
 
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.result.to_json import result_json
 from drake_tc.report.html import render
 from drake_tc.report.numbers import percent
+from drake_tc.report.report_json import result_json
 from drake_tc.report.shared_section import shared_section
 
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import SharedBand, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
-from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.report.consistency_table import consistency_rows
+from drake_tc.report.sentences.rejection import why_rejected
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
@@ -230,7 +230,7 @@ def test_parameters_that_move_come_first_with_all_their_values(joint):
 @pytest.mark.parametrize(
     ("rejected", "said"),
     [
-        (RejectedEffect("delay", "delay", 0.0, 0.0, "cannot_be_looked_for", "temperature not recorded"), "temperature"),
+        (RejectedEffect("delay", "delay", 0.0, 0.0, "not_recorded", "temperature not recorded"), "temperature"),
         (RejectedEffect("saturation", "saturation", 0.0, 0.0, "untested"), "untested: the held-out runs"),
         (RejectedEffect("delay", "delay", 0.0, 4.9e-4, "too_little_gain"), "does not lower the cross-validated error"),
         (RejectedEffect("delay", "delay", 0.3, 0.034, "too_little_gain"), "lowers the cross-validated error by 3.4 %"),

@@ -9,8 +9,8 @@ from typing import Any
 from drake_tc.benchmarks.blind.registry import NOTHING, OUTSIDE, RESIDUAL, RIGHT_VERDICTS, STRUCTURE
 from drake_tc.benchmarks.blind.spec import BlindError
 
-UNTESTED = "untested"
-"""The `reason` by which a report says that the logs do not test an effect."""
+UNTESTED = frozenset({"untested", "not_recorded", "not_excited"})
+"""Each `reason` by which a report says that the logs do not test an effect."""
 
 
 @dataclass(frozen=True)
@@ -192,10 +192,13 @@ def _verdict(report: Mapping[str, Any], oracle: float) -> dict[str, Any]:
 
 
 def _untested(joint: Mapping[str, Any]) -> frozenset[str]:
-    """Effects of which the report says that the logs do not test them: `untested`, or the `reason` of an entry."""
+    """Effects of which the report says that the logs do not test them: `untested`, or the `reason` of an entry.
+
+    Reasons are words of their own; what the report says in sentences is not read.
+    """
     said = [entry if isinstance(entry, str) else entry["id"] for entry in joint.get("untested", [])]
     entries = [*joint.get("rejected", []), *joint.get("did_not_hold", [])]
-    return frozenset([*said, *(e["id"] for e in entries if e.get("reason") == UNTESTED)])
+    return frozenset([*said, *(e["id"] for e in entries if e.get("reason") in UNTESTED)])
 
 
 def _read(path: Path) -> Any:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.diagnosis.notes import LogRemark, RunNote
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.common_rate import at_common_period
+from drake_tc.logs.distinct_notes import concerns
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray, IntArray
 
@@ -57,9 +59,9 @@ class Channels:
         ]
         return float(np.median(found)) if found else 0.0
 
-    def notes(self, runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
-        """(run, what was done to it) of the runs as they came and at the common period."""
-        both = ((run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)
+    def notes(self, runs: Sequence[Run]) -> tuple[LogRemark, ...]:
+        """What was done to the runs as they came and at the common period."""
+        both = (LogRemark(run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)
         return tuple(dict.fromkeys(both))
 
     def by_piece(self, values: Sequence[float]) -> FloatArray:
@@ -91,3 +93,8 @@ def channels_of(runs: Sequence[Run], joint: str) -> Channels:
         names = ", ".join(r.name for r in runs)
         raise IdentificationError(f"joint {joint}: no stretch of more than {SHORTEST} usable samples in {names}")
     return Channels(joint, pieces, float(np.median([r.period for r in even])))
+
+
+def notes_of_joint(notes: Sequence[RunNote], joint: str, joints: Sequence[str]) -> tuple[RunNote, ...]:
+    """The notes without the remarks of a log's reader that concern other joints alone."""
+    return tuple(n for n in notes if not isinstance(n, LogRemark) or concerns(n.statement, joint, joints))

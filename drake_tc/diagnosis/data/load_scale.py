@@ -9,7 +9,7 @@ to J, so J fixes nothing. Where nothing fixes the scale, K is set to 1 effort/(N
 
 from dataclasses import dataclass
 
-from drake_tc.effects.context import EFFORT_UNIT
+from drake_tc.diagnosis.notes import ScaleNote, ScaleOfRotorInertia, TorqueAsCommanded, TorqueAsEffort
 from drake_tc.logs.loads import unknown_form
 from drake_tc.logs.rig import Rig
 
@@ -30,7 +30,7 @@ class LoadScale:
     rotor_inertia: float
     fitted_inertia: bool = False
     as_effort: bool = False
-    notes: tuple[str, ...] = ()
+    notes: tuple[ScaleNote, ...] = ()
 
 
 def load_scale(rig: Rig, joint: str) -> LoadScale:
@@ -42,19 +42,8 @@ def load_scale(rig: Rig, joint: str) -> LoadScale:
     if declared is not None:
         return LoadScale(declared, inertia, fitted_inertia=True)
     if rig.drive[joint] == "torque":
-        note = "The load is unknown, so the drive is taken to give the torque that it is asked for (drive_gain: 1)."
-        return LoadScale(1.0, inertia, fitted_inertia=True, notes=(note,))
+        return LoadScale(1.0, inertia, fitted_inertia=True, notes=(TorqueAsCommanded(),))
     if form == "smooth" and inertia > 0.0:
-        note = (
-            f"The load is unknown; the declared rotor inertia of {inertia:.4g} kg m^2 fixes the scale of the torques, "
-            "and the load is taken to have no inertia of its own."
-        )
-        return LoadScale(None, inertia, notes=(note,))
-    unit = EFFORT_UNIT[rig.drive[joint]]
-    note = (
-        f"Torques are reported as effort [{unit}]: the drive gain is set to 1 {unit} per N*m, because nothing in the "
-        "rig fixes the scale of an unknown load; declare drive_gain to get N*m."
-    )
-    if inertia > 0.0:
-        note += " The declared rotor inertia does not fix it: the unknown inertia of the load adds to it."
+        return LoadScale(None, inertia, notes=(ScaleOfRotorInertia(inertia),))
+    note = TorqueAsEffort(rig.drive[joint], declares_inertia=inertia > 0.0)
     return LoadScale(1.0, 0.0, fitted_inertia=True, as_effort=True, notes=(note,))

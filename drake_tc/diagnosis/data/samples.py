@@ -9,6 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
+from drake_tc.diagnosis.notes import RunNote
 from drake_tc.effects.base import DriveEffect, Effect, Shape, Signals
 from drake_tc.filtering.block_convolution import BlockConvolution
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -33,7 +34,7 @@ class Samples:
         rows: (N,) indices into T: where the joint resolvably moves and the filters owe nothing to an end.
         run: (N,) index of the run; `block`: (N,) consecutive half-second blocks, never across a gap.
         moving: (T,) whether the direction of motion is resolved.
-        runs: The runs' names, by index. `notes`: (run, what was done to it).
+        runs: The runs' names, by index. `notes`: what was done to them, or seen in them.
         resolution: See `Resolution`.
         floor: What noise alone leaves in the rows.
         row_period: Mean time between rows inside a block [s].
@@ -58,7 +59,7 @@ class Samples:
     floor: NoiseFloor
     row_period: float
     run_of_sample: IntArray
-    notes: tuple[tuple[str, str], ...] = field(default=())
+    notes: tuple[RunNote, ...] = field(default=())
     load_unknown: bool = False
     effort_age: float = 0.0
     torque_unit: str = "N*m"

@@ -3,16 +3,15 @@
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
+from drake_tc.diagnosis.notes import SilentEffort
 from drake_tc.types import BoolArray, FloatArray
 
 SILENT = 0.3
 """Share of the samples in motion, from which on exact zeros are no coincidence of a current that changes its sign."""
 
 
-def silent_effort(
-    channels: Channels, column: str, effort: FloatArray, moving: BoolArray
-) -> tuple[tuple[str, str], ...]:
-    """(run, note) of each run whose effort is exactly 0 in much of the motion: the report has a dead zone.
+def silent_effort(channels: Channels, column: str, effort: FloatArray, moving: BoolArray) -> tuple[SilentEffort, ...]:
+    """A note on each run whose effort is exactly 0 in much of the motion: the drive's report has a dead zone.
 
     Args:
         channels: Of the joint.
@@ -26,13 +25,7 @@ def silent_effort(
     for index in np.unique(channels.run_of_sample[moving]):
         own = moving & (channels.run_of_sample == index)
         share = float(np.mean(effort[own] == 0.0))
-        name = next(run.name for i, run, _ in channels.pieces if i == index)
         if share >= SILENT:
-            out.append(
-                (
-                    name,
-                    f"Column {column} is exactly 0 in {100 * share:.0f} % of the samples in which the joint moves: its "
-                    "report has a dead zone, which no model of the joint explains.",
-                )
-            )
+            name = next(run.name for i, run, _ in channels.pieces if i == index)
+            out.append(SilentEffort(name, column, share))
     return tuple(out)

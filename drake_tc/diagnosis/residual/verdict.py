@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise, left_by_effort_noise
+from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit
@@ -38,7 +39,7 @@ def what_is_left(
     context: Context,
     options: DiagnosisOptions,
     executor: Executor | None = None,
-) -> tuple[Unexplained, float, tuple[str, ...]]:
+) -> tuple[Unexplained, float, tuple[NoiseNote, ...]]:
     """What is left, the noise floor [effort] with all noise of torque sensor and recorded effort in it, and notes."""
     if not options.assess_residual:
         return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ()), floor, ()
@@ -47,7 +48,10 @@ def what_is_left(
     x = (features(splits[0].samples, known, servo=servo), features(splits[1].samples, known, servo=servo))
     thresholds = _residual_options(options.residual, chosen)
     floors = [float(np.hypot(floor, left_by_effort_noise(s.samples, s.after))) for s in splits]
-    notes = _effort_note(floors[1] / floor, context)
+    ratio = floors[1] / floor
+    notes: tuple[NoiseNote, ...] = ()
+    if ratio > CORRELATED_NOISE_NOTED:
+        notes = (NoiseOfRecordedEffort(context.drive, ratio),)
     left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor)
     if left.structured:
         return left, min(floors), notes
@@ -59,28 +63,13 @@ def what_is_left(
             for each, n in zip(floors, noise, strict=True)
         ]
         if levels[1] > CORRELATED_NOISE_NOTED * floors[1] and noise[1] is not None:
-            notes = (*notes, _torque_note(levels[1] / floors[1], noise[1].correlation_time))
+            notes = (*notes, CorrelatedTorqueNoise(levels[1] / floors[1], noise[1].correlation_time))
     left = left.with_floors(
         rms(splits[1].after) / levels[1],
         max(rms(splits[0].after) / levels[0], worst_rms(splits[1]) / levels[1]),
         excess=is_excess(splits, levels, thresholds),
     )
     return left, levels[1], notes
-
-
-def _effort_note(ratio: float, context: Context) -> tuple[str, ...]:
-    """Says that noise of the recorded effort raises the floor, where it does noticeably."""
-    if ratio <= CORRELATED_NOISE_NOTED:
-        return ()
-    name = {"current": "current", "voltage": "voltage"}.get(context.drive, "torque command")
-    return (f"With the white noise of the recorded {name}, the noise floor is {ratio:.1f} times that of the sensors.",)
-
-
-def _torque_note(ratio: float, correlation_time: float) -> str:
-    return (
-        f"The noise of the torque is correlated over about {1e3 * correlation_time:.0f} ms. The noise floor is "
-        f"therefore {ratio:.1f} times that of white noise of the size seen at the highest frequencies."
-    )
 
 
 def _residual_options(options: ResidualThresholds, chosen: Fit) -> ResidualThresholds:

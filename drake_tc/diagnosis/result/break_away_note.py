@@ -1,9 +1,8 @@
-"""A sentence on static friction: the rows of the regression slide, so only the events of breaking away show it."""
-
-from dataclasses import dataclass
+"""A note on static friction: the rows of the regression slide, so only the events of breaking away show it."""
 
 import numpy as np
 
+from drake_tc.diagnosis.notes import Sticking
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
@@ -14,35 +13,11 @@ PLAIN = frozenset({"viscous", "coulomb", "rotor_inertia", "stribeck"})
 """Effects beside which the torque at an event is static friction; others, such as friction that grows with the load,
 act at the event too."""
 CLEARLY = 1.5
-"""Lower end of the break-away torque's interval over the sliding friction, from which on the sentence is written."""
+"""Lower end of the break-away torque's interval over the sliding friction, from which on the note is made."""
 NOISES = 4.0
 """... and how many noise floors it must exceed it by: the torque of an event is the largest of a short window."""
 RESTS = 2.0
 """Stretch at rest before an event, in supports of the filters."""
-
-
-@dataclass(frozen=True)
-class Sticking:
-    """Static friction of a joint.
-
-    Attributes:
-        level: F_s, median of the break-away torques [N m]. low, high: its 95 % interval.
-        sliding: Coulomb and Stribeck friction of the model [N m]. events: number of events.
-    """
-
-    level: float
-    low: float
-    high: float
-    sliding: float
-    events: int
-
-    def sentence(self) -> str:
-        """What the report says."""
-        return (
-            f"The joint breaks away from rest at {self.level:.3g} N*m (95 % interval {self.low:.3g} to "
-            f"{self.high:.3g}, {self.events} events), and slides at {self.sliding:.3g} N*m. Rows at rest take no part "
-            f"in the fit; a model file can list static_friction with static_excess {self.level - self.sliding:.3g} N*m."
-        )
 
 
 def sticking(columns: Columns, final: Fit) -> Sticking | None:

@@ -1,91 +1,79 @@
-"""The next experiment: what to record so that two effects, or an unknown one, can be told apart."""
+"""The next experiment: what to record so that two effects, or an unknown one, can be told apart.
 
-from collections.abc import Collection, Mapping, Sequence
+`drake_tc.report.sentences.experiments` makes the sentences.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 from drake_tc.diagnosis.residual.unexplained import Unexplained
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
-from drake_tc.effects.library import effect
 
-ISOLATES: Mapping[str, str] = {
-    "rotor_inertia": "drive the joint with fast accelerations at small speed (a chirp of small amplitude)",
-    "stribeck": "creep at constant speeds from 0.001 to 0.5 rad/s in both directions",
-    "quadratic_viscous": "run at constant speeds up to the fastest allowed",
-    "viscous_power": "run at ten or more constant speeds from the slowest to the fastest allowed, in both directions",
-    "run_in_friction": "repeat one motion for minutes after a rest, and again at once",
-    "load_dependent_friction": "repeat one slow motion with several hung weights",
-    "asymmetric_friction": "run the same constant speeds in both directions, unloaded",
-    "presliding_hysteresis": "reverse slowly and often with amplitudes from 0.001 to 0.1 rad",
-    "position_dependent_friction": "cross the whole range at one constant slow speed in both directions",
-    "thermal_friction": "repeat one motion cold and warm, without changing it",
-    "torque_ripple": "turn slowly at constant speed over the whole range, unloaded",
-    "cable_spring": "hold postures over the whole range, unloaded, approached from both sides",
-    "payload": "hold postures over the whole range and add fast small motions at each",
-    "backlash": "record the motor's and the link's position while the load torque changes its sign slowly",
-    "elasticity": "lock the link and load the motor slowly, with both encoders recorded",
-    "deadzone": "load the joint slowly through zero effort in both directions, at rest",
-    "saturation": "command efforts well beyond the suspected limit against a stiff stop",
-    "servo_integrator": "hold a constant load for a minute and watch whether the position creeps back",
-    "velocity_sign_switch": "carry the same loads up and down at the same speeds",
-    "delay": "step the command and record at the fastest rate",
-    "current_lag": "step the command with the joint locked and record at the fastest rate",
-    "torque_sensor_bias": "unload and release the joint, drive off, and read the torque sensor",
-    "effort_bias": "hold the joint at rest, unloaded, the drive off, and read the current or voltage",
-    "torque_sensor_gain": "hang known weights on the link and read the torque sensor",
-    "torque_sensor_drift": "leave the joint at rest, unloaded, for several minutes",
-    "encoder_offset": "let the link hang freely, drive off, and read the encoder",
-    "encoder_ripple": "turn at two constant speeds over a whole turn: the error of the encoder keeps its place",
-    "servo_gain": "hang known weights on the link and read the effort that holds them, approached from both sides",
-    "static_friction": "raise the effort slowly from rest until the joint moves, many times in both directions",
-    "supply_sag": "repeat one motion on a stabilised supply at two voltages",
-    "winding_temperature": "repeat one motion under load cold and warm, without changing it",
-    "directional_efficiency": "lower and raise known weights slowly, with the motor's torque recorded in its own unit",
-    "position_dependent_load": "cross the whole range slowly in both directions, with two hung weights",
-    "encoder_eccentricity": "turn at constant speed over a whole turn, or compare with a second encoder",
-}
+
+@dataclass(frozen=True)
+class TellApart:
+    """Show each of two effects alone, by id: these logs cannot tell them apart."""
+
+    first: str
+    second: str
+
+
+@dataclass(frozen=True)
+class CheckLoad:
+    """Check the declared load and drive gain: their error would look like the effect that did not hold."""
+
+
+@dataclass(frozen=True)
+class RepeatRun:
+    """Repeat a run: between `start` and `end` [s] something acted that the log does not show."""
+
+    run: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class FindPeriodicSource:
+    """Look for what acts on the joint at this frequency."""
+
+    frequency_hz: float
+
+
+@dataclass(frozen=True)
+class VarySignals:
+    """Vary the signals, by name, on which what is left depends: each alone, the others unchanged."""
+
+    signals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RepeatUnchanged:
+    """Repeat one run unchanged: what is left has structure that depends on no recorded signal."""
+
+
+NextExperiment = TellApart | CheckLoad | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
 
 
 def next_experiment(
-    alternatives: Sequence[tuple[str, str]],
-    unexplained: Unexplained,
-    obstacles: Sequence[tuple[str, str]],
-    reasons: Collection[Withdrawal] = (),
-) -> str | None:
-    """One or two sentences, or None when nothing is open."""
+    alternatives: Sequence[tuple[str, str]], unexplained: Unexplained, reasons: Collection[Withdrawal] = ()
+) -> NextExperiment | None:
+    """What to do first; None when nothing is open.
+
+    Args:
+        alternatives: Pairs of effects, by id, that the logs cannot tell apart.
+        unexplained: What the final model leaves.
+        reasons: Why effects did not hold.
+    """
     if alternatives:
-        first, second = alternatives[0]
-        shows = f"{_isolates(first)} (shows {first} alone); {_isolates(second)} (shows {second} alone)"
-        return f"To tell {first} from {second}: {shows}."
+        return TellApart(*alternatives[0])
     if "looks_like_known_load" in reasons:
-        return (
-            "Check the declared load (mass, length, zero) and the drive gain first: an error of one of them explains "
-            "the residual equally well."
-        )
+        return CheckLoad()
     if unexplained.confined_to:
-        s = unexplained.confined_to[0]
-        when = f"between {s.start:.1f} and {s.end:.1f} s"
-        return f"Repeat {s.run}: {when} something acted on the joint that the log does not show."
+        stretch = unexplained.confined_to[0]
+        return RepeatRun(stretch.run, stretch.start, stretch.end)
     if unexplained.period_hz is not None:
-        return (
-            f"The residual is periodic at {unexplained.period_hz:.2f} Hz: look for a source of this frequency near the "
-            "rig, and record a run with it switched off."
-        )
+        return FindPeriodicSource(unexplained.period_hz)
     if unexplained.structured:
-        signals = [name.replace("_", " ") for name in unexplained.depends_on if name != "time"]
-        if not signals:
-            return "Repeat one run unchanged: the residual has structure that depends on no recorded signal."
-        return (
-            f"Record runs in which {', '.join(signals)} vary independently of each other: the residual depends on them "
-            "in a way that no effect of the library describes."
-            if len(signals) > 1
-            else f"Record runs in which {signals[0]} varies and the other signals do not: the residual depends on it "
-            "in a way that no effect of the library describes."
-        )
+        signals = tuple(name for name in unexplained.depends_on if name != "time")
+        return VarySignals(signals) if signals else RepeatUnchanged()
     return None
-
-
-def _isolates(effect_id: str) -> str:
-    """What shows an effect alone; an effect of another package says it itself, or is asked by its signature."""
-    if effect_id in ISOLATES:
-        return ISOLATES[effect_id]
-    known = effect(effect_id)
-    return known.isolated_by or f"vary {known.signature.x.replace('_', ' ')} alone, all else held"

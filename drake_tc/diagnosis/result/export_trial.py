@@ -1,9 +1,6 @@
 """What the model is worth in another simulator: errors of free runs on the held-out runs, and what the target lacks."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
-
-from drake_tc.config.json_values import json_value
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -44,11 +41,3 @@ class ExportTrial:
     model_file: str
     losses: tuple[str, ...]
     rows: tuple[ExportErrors, ...]
-
-
-def export_json(trial: ExportTrial | None) -> dict[str, Any] | None:
-    """The entry of report.json; null where no export was tried."""
-    if trial is None:
-        return None
-    document = {"to": trial.to, "runner": trial.runner, "model": trial.model_file, "losses": list(trial.losses)}
-    return json_value(document | {"free_runs": [asdict(row) | {"unit": "rad"} for row in trial.rows]})  # type: ignore[no-any-return]

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunObstacle, NoFreeRun, Note
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.result.refinement import Refinement
+from drake_tc.diagnosis.result.run_errors import MODELS
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -48,7 +50,7 @@ def with_free_runs(
         time, recorded, simulated = trace
         traces.setdefault(run.name, {"time": time, "recorded": recorded})[name] = simulated
         squares[name].append((simulated - recorded) ** 2)
-    notes = _diverged(traces) if traces else (_why_none(result, models["after"]),)
+    notes: tuple[Note, ...] = _diverged(traces) if traces else (NoFreeRun(_why_none(result, models["after"])),)
     figures = {name: _rms(parts) for name, parts in squares.items()}
     return replace(
         result,
@@ -65,32 +67,20 @@ def _with_figure(refinement: Refinement | None, error: float | None) -> Refineme
     return None if refinement is None else replace(refinement, free_run_heldout=error)
 
 
-def _why_none(result: JointResult, model: ActuatorModel) -> str:
-    """Why a joint has no free run, as a sentence."""
-    if result.load is not None and model.inertia > 0.0:
-        return (
-            "There is no free run: an effect of the model depends on the load torque at the gear, and the fitted "
-            "smooth load does not pass through the simulated gear."
-        )
+def _why_none(result: JointResult, model: ActuatorModel) -> FreeRunObstacle:
+    """Why a joint has no free run."""
     if result.load is not None:
-        return "There is no free run: the fitted inertia is 0, so no torque could accelerate the joint."
-    if model.inertia <= 0.0:
-        return (
-            "There is no free run: the model has no inertia that a torque could accelerate. The rig file can declare "
-            "`rotor_inertia`."
-        )
-    return "There is no free run: no held-out run has a stretch that can be simulated."
+        return "load_beyond_gear" if model.inertia > 0.0 else "no_fitted_inertia"
+    return "nothing_to_simulate" if model.inertia > 0.0 else "no_inertia"
 
 
-def _diverged(traces: Mapping[str, Mapping[str, FloatArray]]) -> tuple[str, ...]:
+def _diverged(traces: Mapping[str, Mapping[str, FloatArray]]) -> tuple[FreeRunDiverges, ...]:
     """Names the models whose free runs leave the finite numbers, which is why they have no error."""
-    out = []
-    for model in ("before", "after", "refined"):
-        runs = [run for run, trace in traces.items() if model in trace and not np.isfinite(trace[model]).all()]
-        if runs:
-            name = "The refined model" if model == "refined" else f"The model {model}"
-            out.append(f"{name} has no free-run error, because its free run diverges on {', '.join(runs)}.")
-    return tuple(out)
+    lost = {
+        model: [run for run, trace in traces.items() if model in trace and not np.isfinite(trace[model]).all()]
+        for model in MODELS
+    }
+    return tuple(FreeRunDiverges(model, tuple(runs)) for model, runs in lost.items() if runs)
 
 
 def _rms(parts: Sequence[FloatArray]) -> float | None:

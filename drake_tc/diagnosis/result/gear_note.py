@@ -1,9 +1,10 @@
-"""A sentence on the gear between two encoders: the balance of a current or voltage drive does not see play in it."""
+"""A note on the gear between two encoders: the balance of a current or voltage drive does not see play in it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.diagnosis.notes import GearBetweenEncoders
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.types import FloatArray, IntArray
 
@@ -26,23 +27,11 @@ class Gear:
     compliance: float
     compliance_ci95: tuple[float, float]
 
-    def sentence(self, step: float) -> str:
-        """What the report says; empty where neither is resolved. `step`: of the encoder [rad]."""
-        parts = []
-        if self.play_ci95[0] > step:
-            low, high = (1e3 * x for x in self.play_ci95)
-            parts.append(f"a play of {1e3 * self.play:.3g} mrad (95 % interval {low:.3g} to {high:.3g})")
-        if self.compliance_ci95[0] > 0.0:
-            low, high = (1e3 * x for x in self.compliance_ci95)
-            parts.append(
-                f"a compliance of {1e3 * self.compliance:.3g} mrad/(N*m) (95 % interval {low:.3g} to {high:.3g})"
-            )
-        if not parts:
-            return ""
-        return (
-            f"The motor's and the link's encoder show {' and '.join(parts)} of the gear. The balance takes motor and "
-            "link for one body, so this is not among the effects; a model file can list backlash and elasticity."
-        )
+    def note(self, step: float) -> GearBetweenEncoders | None:
+        """What the encoders show of it; None where they resolve neither. `step`: of the encoder [rad]."""
+        play = (self.play, *self.play_ci95) if self.play_ci95[0] > step else None
+        compliance = (self.compliance, *self.compliance_ci95) if self.compliance_ci95[0] > 0.0 else None
+        return None if play is None and compliance is None else GearBetweenEncoders(play, compliance)
 
 
 def gear_between_encoders(columns: Columns, seed: int = 0) -> Gear | None:

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drake_tc.diagnosis.notes import Note
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
+from drake_tc.diagnosis.result.experiments import NextExperiment
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
@@ -24,9 +26,14 @@ Rejection = Literal[
     "withdrawn",
     "not_chosen",
     "cannot_be_looked_for",
+    "not_recorded",
+    "not_excited",
     "untested",
 ]
-"""Why an effect was tried and not added, or could not be tried."""
+"""Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`).
+
+An effect is untested that was tried on training runs whose efforts are too small to show it.
+"""
 
 
 @dataclass(frozen=True)
@@ -108,7 +115,9 @@ class RejectedEffect:
     Attributes:
         key, id: Of the effect.
         heldout_gain, train_gain: 1 - error with it / without it, held out and cross-validated; 0 where not tried.
-        reason: As a word. obstacle: why it could not be tried, in words; "" where it was.
+        reason: As a word.
+        obstacle: Why it could not be tried, in the words of the effect library (`Obstacle.statement`): knowledge of the
+            effect, not of this result. "" where it was tried.
         share: Of the block resamples in which it helped.
         least_gain: Smallest `train_gain` that the search asks for.
     """
@@ -146,7 +155,7 @@ class JointResult:
     effects: tuple[FoundEffect, ...]
     rejected: tuple[RejectedEffect, ...]
     indistinguishable: tuple[tuple[str, str], ...]
-    next_experiment: str | None
+    next_experiment: NextExperiment | None
     unexplained: Unexplained
     verdict: Verdict
     train: DataSplit
@@ -157,8 +166,8 @@ class JointResult:
     plausible: Mapping[str, Mapping[str, PlausibleRange]] = field(default_factory=dict)
     shared_band: SharedBand | None = None
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    load_notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+    load_notes: tuple[Note, ...] = ()
     refinement: Refinement | None = None
 
     @property

@@ -7,8 +7,10 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.config.utf8_names import utf8_name
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
-from drake_tc.diagnosis.result.refinement_json import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+
+MODEL_FILE = "model_refined.yaml"
+"""File of the model that was refined on free runs."""
 
 
 def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.selection.joint import JointProblem, Search, best_shape,
 from drake_tc.diagnosis.thresholds import JOINT, UNTESTED_EFFORT, SearchThresholds
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
+from drake_tc.effects.obstacle import Obstacle
 from drake_tc.types import FloatArray
 
 
@@ -72,7 +73,7 @@ def rejected_effects(
     chosen: Fit,
     context: Context,
     thresholds: SearchThresholds,
-    obstacles: Sequence[tuple[str, str]],
+    obstacles: Sequence[tuple[str, Obstacle]],
     floor: float,
     effects: Sequence[Effect] | None = None,
     baseline: Fit | None = None,
@@ -86,7 +87,7 @@ def rejected_effects(
         chosen: The final model.
         context: What the logs offer.
         thresholds: Of the search.
-        obstacles: (key, why) of effects that cannot be looked for.
+        obstacles: (key, what stands in the way) of effects that cannot be looked for.
         floor: Noise floor [effort].
         effects: Which are tried; None for the library.
         baseline: The declared model, where it is not the final one.
@@ -122,7 +123,7 @@ def rejected_effects(
     for key, obstacle in obstacles:
         name = key.split(".")[0]
         if name not in best and name not in taken:
-            best[name] = RejectedEffect(key, name, 0.0, 0.0, "cannot_be_looked_for", obstacle)
+            best[name] = RejectedEffect(key, name, 0.0, 0.0, obstacle.reason, obstacle.statement)
     return tuple(sorted(best.values(), key=lambda r: -r.train_gain))
 
 

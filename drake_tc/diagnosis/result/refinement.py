@@ -28,7 +28,7 @@ class Refinement:
 
     Attributes:
         status: Accepted, or why not.
-        why: For "implausible", the objection; "" otherwise.
+        why: For "implausible", the effect library's own sentence on values, law and source; "" otherwise.
         model: The refined model; None unless accepted.
         parameters: Numbers that the search was free to change; empty where there was no search.
         train: (model after, refined) mean absolute position error of the free runs of the training runs [rad].

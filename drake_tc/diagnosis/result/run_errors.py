@@ -1,13 +1,18 @@
-"""Errors of the model equation run by run."""
+"""Errors of the model equation and of the free runs, run by run."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.notes import RunsWithoutMotion
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult, RunErrors
 from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.types import FloatArray
+
+MODELS = ("before", "after", "refined")
+"""Models whose free runs there may be."""
 
 
 def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
@@ -35,8 +40,16 @@ def mean_absolute_errors(joint: JointResult) -> dict[str, dict[str, float | None
     return out
 
 
-def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:
-    """A sentence on the runs that say nothing; of one that is held out, no verdict is about it.
+def position_errors(trace: Mapping[str, FloatArray], name: str) -> tuple[float, float] | None:
+    """(RMS, mean absolute) position error [rad] of the free run `name`; None without it, NaN where it has diverged."""
+    if name not in trace:
+        return None
+    error = trace[name] - trace["recorded"]
+    return rms(error), float(np.mean(np.abs(error)))
+
+
+def without_rows(parts: Sequence[Samples]) -> tuple[RunsWithoutMotion, ...]:
+    """A note on the runs that say nothing; of one that is held out, no verdict is about it.
 
     Args:
         parts: Of the training runs and of the held-out runs.
@@ -46,6 +59,4 @@ def without_rows(parts: Sequence[Samples]) -> tuple[str, ...]:
     ]
     if not silent:
         return ()
-    width = f"{1e3 * parts[0].kernel.actual_width_s:.3g} ms"
-    names = ", ".join(silent)
-    return (f"Runs without a stretch of motion as long as the filter window ({width}) take no part: {names}.",)
+    return (RunsWithoutMotion(tuple(silent), parts[0].kernel.actual_width_s),)

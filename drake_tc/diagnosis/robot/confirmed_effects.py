@@ -3,10 +3,8 @@
 from dataclasses import replace
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold, NotFoundAgain
 from drake_tc.effects.base import Effect
-
-GONE = "Beside links that were fitted without the effects that did not hold, the search does not find it again."
 
 
 def confirmed_effects(result: JointResult) -> tuple[Effect, ...]:
@@ -26,7 +24,7 @@ def with_first(first: JointResult, again: JointResult) -> JointResult:
     ids = {effect.id for effect in again.effects}
     told = {each.key for each in again.did_not_hold}
     gone = tuple(
-        DidNotHold(each.key, each.id, each.title, "no_longer_needed", GONE, each.heldout_gain)
+        DidNotHold(each.key, each.id, each.title, NotFoundAgain(), each.heldout_gain)
         for each in first.effects
         if each.key not in kept | told
     )

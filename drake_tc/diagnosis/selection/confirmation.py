@@ -22,6 +22,7 @@ larger.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -33,7 +34,14 @@ from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
 from drake_tc.diagnosis.selection.runs_against import heldout_against, speaks_against
 from drake_tc.diagnosis.selection.wander import level_over_wander
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold, Withdrawal
+from drake_tc.diagnosis.selection.withdrawal import (
+    DidNotHold,
+    LargerThanDeclared,
+    LevelWithinWander,
+    LittleGainAlone,
+    Objection,
+    TrainingRunAgainst,
+)
 from drake_tc.diagnosis.thresholds import FEW_RUNS, LEAST_OVER_WANDER
 from drake_tc.effects.base import Context
 from drake_tc.types import FloatArray
@@ -82,8 +90,8 @@ def confirm(settle: Settle, chosen: Fit, baseline: Fit, context: Context, floor:
         if withdrawn and not failed:
             needed = (_no_longer_needed(columns, held, chosen, t, declared, least_gain) for t in added)
             failed = [f for f in needed if f is not None]
-        if added and not failed and (why := _worse_than(baseline, columns, held, chosen)):
-            failed = [_weakest(columns, held, chosen, added, declared, why)]
+        if added and not failed and (worse := _worse_than(baseline, columns, held, chosen)):
+            failed = [_weakest(columns, held, chosen, added, declared, worse)]
         if not failed:
             return Confirmed(columns, held, chosen, tuple(withdrawn))
         worst = min(failed, key=lambda f: (f.reason != "implausible", f.heldout_gain or 0.0))
@@ -101,38 +109,37 @@ def _no_longer_needed(
     if gain >= least_gain:
         return None
     heldout = 1.0 - rms(predict(held, chosen)) / max(rms(predict(held, rest)), 1e-300)
-    why = (
-        f"Without the withdrawn effects, it lowers the cross-validated training error by {100 * max(gain, 0.0):.1f} %, "
-        f"less than the {100 * least_gain:g} % that are required."
-    )
-    return DidNotHold(term.effect.key, term.effect.id, term.effect.title, "no_longer_needed", why, heldout)
+    effect, objection = term.effect, LittleGainAlone(gain, least_gain)
+    return DidNotHold(effect.key, effect.id, effect.title, objection, heldout)
 
 
-def _worse_than(baseline: Fit, columns: Columns, held: Columns, chosen: Fit) -> str:
-    """What the declared model leaves less of, both by the final drive gain; or "".
+def _worse_than(baseline: Fit, columns: Columns, held: Columns, chosen: Fit) -> LargerThanDeclared | None:
+    """What the declared model leaves less of, both by the final drive gain; None where it leaves more of both.
 
     Each error by its own drive gain is what the search lowers. Where the effects change that gain, the error that the
     report tells may grow all the same.
     """
-    for rows, name in ((columns, "training"), (held, "held-out")):
+    parts: tuple[tuple[Columns, Literal["training", "held-out"]], ...] = ((columns, "training"), (held, "held-out"))
+    for rows, part in parts:
         left = [rms((rows.target - rows.design(f.terms) @ f.beta) * chosen.gain) for f in (baseline, chosen)]
         if left[1] > left[0]:
-            grows = 100.0 * (left[1] / max(left[0], 1e-300) - 1.0)
-            return (
-                f"With the same drive gain in both models, the {name} error of the model with all effects is "
-                f"{grows:.1f} % larger than that of the declared model."
-            )
-    return ""
+            return LargerThanDeclared(part, left[1] / max(left[0], 1e-300) - 1.0)
+    return None
 
 
 def _weakest(
-    columns: Columns, held: Columns, chosen: Fit, added: Sequence[Term], declared: Sequence[Term], why: str
+    columns: Columns,
+    held: Columns,
+    chosen: Fit,
+    added: Sequence[Term],
+    declared: Sequence[Term],
+    objection: Objection,
 ) -> DidNotHold:
     """Withdraws the effect with the smallest held-out gain."""
     rest = {t.effect.key: rms(predict(held, fit_without(columns, chosen, t, declared))) for t in added}
     term = min(added, key=lambda t: rest[t.effect.key])
     effect, gain = term.effect, 1.0 - rms(predict(held, chosen)) / max(rest[term.effect.key], 1e-300)
-    return DidNotHold(effect.key, effect.id, effect.title, "worse_than_declared", why, gain)
+    return DidNotHold(effect.key, effect.id, effect.title, objection, gain)
 
 
 def _objection(
@@ -147,49 +154,33 @@ def _objection(
     rest = fit_without(columns, chosen, term, declared)
     with_it, without_it = predict(held, chosen), predict(held, rest)
     gain = 1.0 - rms(with_it) / max(rms(without_it), 1e-300)
-
-    def withdrawn(reason: Withdrawal, why: str) -> DidNotHold:
-        effect = term.effect
-        return DidNotHold(effect.key, effect.id, effect.title, reason, why, gain)
-
-    impossible = objection_to_values(chosen, term, context, columns)
-    if impossible is not None:
-        return withdrawn(*impossible)
-    same = looks_like_known_load(chosen, term, columns)
-    if same:
-        return withdrawn("looks_like_known_load", same)
-    change, left = _change(columns, chosen, rest)
-    certain = level_over_wander(change, left, columns.samples.run, columns.samples.block)
-    if certain < LEAST_OVER_WANDER:
-        return withdrawn("may_be_wander", _within_wander(certain))
-    against = _training_run_against(columns, chosen, term, rest, floor)
-    if against:
-        return withdrawn(
-            "training_run_against", f"Fitted on the other training runs, it makes the error of {against} larger."
-        )
-    against = heldout_against(held.samples, without_it, with_it, floor)
-    return withdrawn("heldout_run_against", against) if against else None
-
-
-def _change(columns: Columns, chosen: Fit, rest: Fit) -> tuple[FloatArray, FloatArray]:
-    """Of the training rows (N,) [N m]: residual without an effect less that with it, and that with it."""
-    without_it, with_it = (columns.target - columns.design(f.terms) @ f.beta for f in (rest, chosen))
-    return without_it - with_it, with_it
-
-
-def _within_wander(certain: float) -> str:
-    return (
-        f"It mainly adds a constant to each training run. The constant is {certain:.2g} times what slow drift, like "
-        f"that of the residual, can add to the mean of a run; at least {LEAST_OVER_WANDER:g} times are required."
+    objection = (
+        objection_to_values(chosen, term, context, columns)
+        or looks_like_known_load(chosen, term, columns)
+        or _within_wander(columns, chosen, rest)
+        or _training_run_against(columns, chosen, term, rest, floor)
+        or heldout_against(held.samples, without_it, with_it, floor)
     )
+    if objection is None:
+        return None
+    return DidNotHold(term.effect.key, term.effect.id, term.effect.title, objection, gain)
 
 
-def _training_run_against(columns: Columns, chosen: Fit, term: Term, rest: Fit, floor: float) -> str:
-    """The training run that speaks against an effect, or ""; noise that the effect lets through is no error of it."""
+def _within_wander(columns: Columns, chosen: Fit, rest: Fit) -> LevelWithinWander | None:
+    """That an effect is a level which the wander of the residual may have put there."""
+    without_it, with_it = (columns.target - columns.design(f.terms) @ f.beta for f in (rest, chosen))
+    ratio = level_over_wander(without_it - with_it, with_it, columns.samples.run, columns.samples.block)
+    return LevelWithinWander(ratio, LEAST_OVER_WANDER) if ratio < LEAST_OVER_WANDER else None
+
+
+def _training_run_against(
+    columns: Columns, chosen: Fit, term: Term, rest: Fit, floor: float
+) -> TrainingRunAgainst | None:
+    """The training run that speaks against an effect; noise that the effect lets through is no error of it."""
     samples = columns.samples
     count = np.unique(samples.run).size
     if count < 2:
-        return ""  # the cross-validated gain in block resamples is a condition of the search
+        return None  # the cross-validated gain in block resamples is a condition of the search
     if count < FEW_RUNS:
         without_it = columns.target - columns.design(rest.terms) @ rest.beta
         with_it = exchanged(columns, chosen, term)
@@ -198,7 +189,8 @@ def _training_run_against(columns: Columns, chosen: Fit, term: Term, rest: Fit, 
     gain = columns.gain or chosen.gain
     weights = (gain * columns.noise_ratio(f.beta, f.terms) for f in (rest, chosen))
     before, after = (weight * left for weight, left in zip(weights, (without_it, with_it), strict=True))
-    return speaks_against(samples, before, after, floor)
+    run = speaks_against(samples, before, after, floor)
+    return TrainingRunAgainst(run) if run else None
 
 
 def exchanged(columns: Columns, chosen: Fit, term: Term) -> FloatArray:

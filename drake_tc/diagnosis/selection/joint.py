@@ -13,14 +13,15 @@ from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, compare, select
-from drake_tc.diagnosis.selection.lag_or_noise import LATE, NOISE, is_noise
+from drake_tc.diagnosis.selection.lag_or_noise import LATE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
 from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold, NoiseOfEffort
 from drake_tc.diagnosis.thresholds import SearchThresholds
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.library import place
+from drake_tc.effects.obstacle import Obstacle
 from drake_tc.types import FloatArray
 
 Search = Selection[Fit]
@@ -30,19 +31,17 @@ SCREENED = 4
 
 def candidates(
     library: Sequence[Effect], context: Context, declared: Sequence[str]
-) -> tuple[list[Effect], list[tuple[str, str]]]:
-    """Effects that can be looked for, and for the others why not."""
+) -> tuple[list[Effect], list[tuple[str, Obstacle]]]:
+    """Effects that can be looked for, and of the others the key and what stands in the way."""
     usable, obstacles = [], []
     for effect in library:
         if effect.id in declared:
             continue
         obstacle = effect.unavailable(context)
-        if not obstacle and not effect.shape_grid(context):
-            obstacle = "the recorded motion covers too small a range for this effect"
-        if obstacle:
-            obstacles.append((effect.key, obstacle))
-        else:
+        if obstacle is None:
             usable.append(effect)
+        else:
+            obstacles.append((effect.key, obstacle))
     return usable, obstacles
 
 
@@ -169,9 +168,9 @@ class JointProblem:
             if effect.key not in self.known:
                 found = objection_to_values(fitted, term, self.context, self.columns)
                 if found is None and is_noise(self.columns, fitted, term):
-                    found = "implausible", NOISE
+                    found = NoiseOfEffort()
                 if found is not None:
-                    out.append(DidNotHold(effect.key, effect.id, effect.title, found[0], found[1]))
+                    out.append(DidNotHold(effect.key, effect.id, effect.title, found))
         return out
 
     def without_each(self, large: Fit, small: Fit) -> Iterator[Fit]:

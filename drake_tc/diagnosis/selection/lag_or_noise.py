@@ -22,10 +22,6 @@ from drake_tc.types import FloatArray
 
 LATE = frozenset({"delay", "current_lag"})
 """Effects that differ only in the second order of frequency times delay: 1/(1 + T s) = exp(-T s) + (T s)^2/2 + ..."""
-NOISE = (
-    "Played backwards in time, the same filter explains almost as much: the effort is noisy, or answers a torque that "
-    "no column records."
-)
 
 
 class Backwards(DriveEffect):

@@ -12,7 +12,15 @@ from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.shapes import PERIOD
-from drake_tc.diagnosis.selection.withdrawal import Withdrawal
+from drake_tc.diagnosis.selection.withdrawal import (
+    BelowEncoderStep,
+    BelowLeastAmplitude,
+    CorrectsCurve,
+    FormOfKnownLoad,
+    ImpossibleValues,
+    NotSeenToRepeat,
+    Objection,
+)
 from drake_tc.diagnosis.thresholds import JOINT, MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
 from drake_tc.effects.base import Context
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity
@@ -33,7 +41,7 @@ CORRECTIONS: Mapping[str, tuple[str, ...]] = {
 """Effects that correct the encoder, and the parameters [rad] whose root sum of squares the logs must resolve."""
 
 
-def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Columns) -> tuple[Withdrawal, str] | None:
+def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Columns) -> Objection | None:
     """Why the values of one effect of a fit cannot be believed, whatever they explain.
 
     Args:
@@ -49,10 +57,11 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
         "viscous": named["viscous"]["viscous"],
         "coulomb": named["coulomb"]["coulomb"],
     }
-    why = implausible(term.effect, values, replace(context, fitted=own))
-    why = why or _within_curve(fitted, term, context) or _not_repeated(fitted, term, context, columns)
-    if why:
-        return "implausible", why
+    impossible = implausible(term.effect, values, replace(context, fitted=own))
+    if impossible:
+        return ImpossibleValues(impossible)
+    if found := _within_curve(fitted, term, context) or _not_repeated(fitted, term, context, columns):
+        return found
     names = CORRECTIONS.get(term.effect.id)
     if names is None or not math.isfinite(fitted.cv_rms):
         return None
@@ -62,15 +71,13 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
         return None
     if not _is_whole_wave(term, context):
         what = names[0] if len(names) == 1 else "amplitude"
-        return "below_resolution", f"{what} is {size:.2g} rad; the encoder resolves {step:.2g} rad."
+        return BelowEncoderStep(what, size, step)
     least = least_amplitude(fitted, term, context, columns)
-    if size >= least:
-        return None
-    return "below_resolution", f"amplitude is {size:.2g} rad; these logs resolve {least:.2g} rad."
+    return None if size >= least else BelowLeastAmplitude(size, least)
 
 
-def _within_curve(fitted: Fit, term: Term, context: Context) -> str:
-    """Why a ripple beside a curve over the position corrects that curve's form, in one sentence, or "".
+def _within_curve(fitted: Fit, term: Term, context: Context) -> CorrectsCurve | None:
+    """That a ripple beside a curve over the position corrects that curve's form; None where it does not.
 
     A curve of k coefficients takes the form of waves of which the positions span up to k/2 periods (Nyquist). What it
     leaves of a longer wave than that is the error of its form, not a second wave.
@@ -78,24 +85,19 @@ def _within_curve(fitted: Fit, term: Term, context: Context) -> str:
     if not (
         isinstance(term.effect, TorqueRipple) and any(isinstance(t.effect, PositionDependentLoad) for t in fitted.terms)
     ):
-        return ""
+        return None
     periods = term.shape[PERIOD] * context.turns
-    if periods >= CURVE_SIZE / 2:
-        return ""
-    return (
-        f"The positions span {periods:.3g} periods of it. The curve over the position beside it has {CURVE_SIZE} "
-        f"coefficients and takes the form of waves of up to {CURVE_SIZE / 2:g} periods: the ripple corrects its form."
-    )
+    return None if periods >= CURVE_SIZE / 2 else CorrectsCurve(periods, CURVE_SIZE)
 
 
-def _not_repeated(fitted: Fit, term: Term, context: Context, columns: Columns) -> str:
-    """Why a ripple is a curve over the position, in one sentence, or "".
+def _not_repeated(fitted: Fit, term: Term, context: Context, columns: Columns) -> NotSeenToRepeat | None:
+    """That a ripple is a curve over the position; None where it was seen to repeat.
 
     A wave repeats from its second period on. One that was seen for less counts where a curve of free form in its place
     leaves twice as much, and it leaves next to nothing but noise: three numbers then say more than seven.
     """
     if not isinstance(term.effect, TorqueRipple) or term.shape[PERIOD] * context.turns >= REPEATS:
-        return ""
+        return None
     curve = PositionDependentLoad()
     if not curve.unavailable(context):
         others = [t for t in fitted.terms if t is not term and not isinstance(t.effect, PositionDependentLoad)]
@@ -103,15 +105,12 @@ def _not_repeated(fitted: Fit, term: Term, context: Context, columns: Columns) -
         known = BalanceCoefficients.of(fitted.terms, fitted.beta, columns.samples.signals.rotor_inertia)
         floor = fitted.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia)
         if fitted.cv_rms <= min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * floor):
-            return ""
-    return (
-        f"The positions span {term.shape[PERIOD] * context.turns:.3g} periods of a ripple of {term.shape[PERIOD]:.3g} "
-        f"cycles a turn, fewer than {REPEATS:g}: it was not seen to repeat, so it is a load curve over the position."
-    )
+            return None
+    return NotSeenToRepeat(term.shape[PERIOD] * context.turns, REPEATS, term.shape[PERIOD])
 
 
-def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:
-    """Why a curve over the position is no cause of its own, in one sentence, or "".
+def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> FormOfKnownLoad | None:
+    """That a curve over the position is no cause of its own; None where it is.
 
     A wave of one cycle a turn is gravity's own form where its phase is that of gravity.
 
@@ -121,15 +120,12 @@ def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> str:
         columns: Training rows.
     """
     if not isinstance(term.effect, PositionDependentLoad | EncoderEccentricity):
-        return ""
+        return None
     share, own = share_of_known_load(fitted, term, columns)
     if share <= MOST_OF_KNOWN_LOAD or own > OWN_FORM * fitted.rms / fitted.gain:
-        return ""
-    zero = " or zero" if term.effect.free_form and np.ptp(columns.samples.signals.load_slope) > 0.0 else ""
-    return (
-        f"{100 * share:.0f} % of what it explains has the form of the known load: a wrong scale{zero} of that load, of "
-        "the inertia or of the drive would look the same."
-    )
+        return None
+    zero = term.effect.free_form and bool(np.ptp(columns.samples.signals.load_slope) > 0.0)
+    return FormOfKnownLoad(share, zero)
 
 
 def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> tuple[float, float]:

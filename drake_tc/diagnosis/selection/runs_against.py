@@ -8,6 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sliding import LEAST_ROWS
 from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.diagnosis.selection.withdrawal import LargerOnHeldOut, UncertainOnHeldOut
 from drake_tc.diagnosis.thresholds import HELDOUT_ACTS, HELDOUT_CERTAIN, RUN_ACTS, RUN_CERTAIN
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
@@ -19,8 +20,10 @@ FEWEST_BLOCKS = 24
 """Blocks that are resampled at least: half a second is most of what a short run has, so its blocks are cut smaller."""
 
 
-def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, floor: float) -> str:
-    """What the held-out runs say against an effect, or "".
+def heldout_against(
+    samples: Samples, without: FloatArray, with_it: FloatArray, floor: float
+) -> LargerOnHeldOut | UncertainOnHeldOut | None:
+    """What the held-out runs say against an effect; None where they say nothing.
 
     Args:
         samples: Held-out rows.
@@ -34,21 +37,15 @@ def heldout_against(samples: Samples, without: FloatArray, with_it: FloatArray, 
         if not _says_something(without[rows], with_it[rows], floor):
             continue
         if lost > 0.0:
-            return f"It makes the held-out error of {run} larger, by {100 * lost:.2g} %."
+            return LargerOnHeldOut(run, lost)
         better = _worse_share(samples.block[rows], with_it[rows], without[rows])
         if better < HELDOUT_CERTAIN:
-            return f"It lowers the held-out error of {run} by {abs(100 * lost):.1f} %, {_in_resamples(better)}."
+            return UncertainOnHeldOut(run, abs(lost), better, HELDOUT_CERTAIN)
     gain, acts = 1.0 - rms(with_it) / max(rms(without), 1e-300), rms(with_it - without)
     if gain <= 0.0 and acts >= HELDOUT_ACTS * floor:
-        return f"It makes the error of all held-out runs together larger, by {abs(100 * gain):.2g} %."
+        return LargerOnHeldOut(None, abs(gain))
     better = _worse_share(samples.block, with_it, without) if acts >= RUN_ACTS * floor else 1.0
-    if better < HELDOUT_CERTAIN:
-        return f"It lowers the held-out error by {100 * gain:.1f} %, {_in_resamples(better)}."
-    return ""
-
-
-def _in_resamples(share: float) -> str:
-    return f"but in {100 * share:.0f} % of the block resamples only; {100 * HELDOUT_CERTAIN:g} % are required"
+    return UncertainOnHeldOut(None, gain, better, HELDOUT_CERTAIN) if better < HELDOUT_CERTAIN else None
 
 
 def _says_something(without: FloatArray, with_it: FloatArray, floor: float) -> bool:

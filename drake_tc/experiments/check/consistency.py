@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from drake_tc.diagnosis.notes import LogRemark
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.context import EFFORT_UNIT
@@ -90,7 +91,7 @@ def _effort_step(prepared: Prepared) -> Finding | None:
 
 
 def _limit(prepared: Prepared) -> Finding | None:
-    if any("rests at its limit" in note for _, note in prepared.train.samples.notes):
+    if any(isinstance(n, LogRemark) and "rests at its limit" in n.statement for n in prepared.train.samples.notes):
         return None  # the notes on the logs say so, of the recorded effort
     effort, unit = prepared.train.samples.signals.effort, EFFORT_UNIT[prepared.context.drive]
     largest = float(np.max(np.abs(effort)))

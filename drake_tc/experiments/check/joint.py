@@ -88,11 +88,11 @@ def joint_effects(prepared: Prepared, effects: Sequence[Effect] | None = None) -
     facts = MotionFacts.of(prepared.train, context, numbers.inertia)
     found = {effect.key: _visibility(effect, sizes[effect.key], made, noise, builder, facts) for effect in usable}
     for effect in looked_for(context, effects):
-        why = dict(obstacles).get(effect.key)
-        if why is not None:
+        obstacle = dict(obstacles).get(effect.key)
+        if obstacle is not None:
             size = size_of(effect, numbers, context)
             never = 0.0 if size.falling else float("inf")
-            text = f"It cannot be looked for: {why}."
+            text = f"It cannot be looked for: {obstacle.statement}."
             found[effect.key] = Visibility(
                 effect.key, effect.id, effect.title, "not_seen", size, never, never, reason=text
             )

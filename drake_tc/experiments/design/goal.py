@@ -121,7 +121,7 @@ def _form(joint: DesignJoint, key: str, goal: Goal) -> EffectForm:
         member = forms[0] if forms else member
     obstacle = member.unavailable(joint.context)
     if obstacle:
-        raise ParamsError(f"joint {joint.name}: {key} cannot be looked for: {obstacle}")
+        raise ParamsError(f"joint {joint.name}: {key} cannot be looked for: {obstacle.statement}")
     if member.needs:
         raise ParamsError(
             f"joint {joint.name}: {key} depends on {', '.join(sorted(member.needs))}, which a motion alone does not "
@@ -140,7 +140,7 @@ def _alike_late(forms: list[EffectForm], goal: Goal) -> list[EffectForm]:
 
 
 def _isolated(effect_id: str) -> str:
-    from drake_tc.diagnosis.result.experiments import ISOLATES
+    from drake_tc.report.sentences.experiments import ISOLATES
 
     return f"to show it alone, {ISOLATES[effect_id]}" if effect_id in ISOLATES else "design an experiment by hand"
 

@@ -100,6 +100,9 @@ def test_shares(root: Path) -> None:
     assert value["time for a rig"][:2] == (3.0, 16)
 
 
+REASONS_IN_WORDS = ({}, {"reason": "too_little_gain"}, {"reason": "not_recorded"}, {"reason": "not_excited"})
+
+
 def test_an_effect_that_does_not_act_in_training_is_to_be_called_untested(root: Path) -> None:
     silent = single("saturation") | {"acts_in_training": False}
     why = {"id": "saturation", "reason": "untested", "why": "The effort stays below any limit."}
@@ -113,6 +116,11 @@ def test_an_effect_that_does_not_act_in_training_is_to_be_called_untested(root: 
     assert value["saturation found where it acts in training"] == (0.5, 2, False)
     assert value["elasticity found where it acts in training"] == (1.0, 1, True)
     np.testing.assert_allclose(value["called untested where it does not act"][0], 3 / 4)
+    said = [{"id": "saturation", "why": "Untested: it was not recorded."} | reason for reason in REASONS_IN_WORDS]
+    for number, entry in enumerate(said):
+        put(root, f"s{7 + number}", silent, report(rejected=[entry]))
+    outcomes = {o.name: o for o in score_reports(root / "truth", root / "reports").outcomes}
+    assert [outcomes[f"s{7 + k}"].said_untested for k in range(len(said))] == [False, False, True, True]
     assert value["right effect first, middle"][1] == 4  # rigs whose cause no training run shows do not count
     assert value["other rigs flagged"][1] == 9
 

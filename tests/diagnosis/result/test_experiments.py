@@ -1,15 +1,30 @@
-"""The next experiment is known for every effect that can be tied with another one."""
+"""Which experiment is asked for, by what is open."""
 
-from drake_tc.diagnosis.residual.unexplained import Unexplained
-from drake_tc.diagnosis.result.experiments import ISOLATES, next_experiment
-from drake_tc.effects.library import LIBRARY, MULTI_JOINT
+from dataclasses import replace
+
+from drake_tc.diagnosis.residual.unexplained import TimeStretch, Unexplained
+from drake_tc.diagnosis.result.experiments import (
+    CheckLoad,
+    FindPeriodicSource,
+    RepeatRun,
+    RepeatUnchanged,
+    TellApart,
+    VarySignals,
+    next_experiment,
+)
+
+QUIET = Unexplained(1.0, 1.0, False, 0.0, 0.0, False, ())
+STRUCTURED = replace(QUIET, structured=True, depends_on=("time", "velocity"))
+STRETCH = TimeStretch("run_1", 2.0, 3.5)
 
 
-def test_every_effect_of_the_library_has_an_experiment_that_shows_it_alone():
-    declared = {"viscous", "coulomb"}  # always part of the model, so never tied with another effect
-    assert {effect.id for effect in (*LIBRARY, *MULTI_JOINT)} - declared <= set(ISOLATES)
-
-
-def test_a_tie_with_any_effect_has_a_sentence():
-    text = next_experiment([("encoder_ripple", "delay")], Unexplained(1.0, 1.0, False, 0.0, 0.0, False, ()), ())
-    assert text.startswith("To tell encoder_ripple from delay: ")
+def test_what_is_open_asks_for_an_experiment_effects_first():
+    everything = replace(STRUCTURED, confined_to=(STRETCH,), period_hz=4.0)
+    pairs = (("encoder_ripple", "delay"), ("delay", "encoder_ripple"))
+    assert next_experiment(pairs, everything, ["looks_like_known_load"]) == TellApart("encoder_ripple", "delay")
+    assert next_experiment((), everything, ["implausible", "looks_like_known_load"]) == CheckLoad()
+    assert next_experiment((), everything) == RepeatRun("run_1", 2.0, 3.5)
+    assert next_experiment((), replace(everything, confined_to=())) == FindPeriodicSource(4.0)
+    assert next_experiment((), STRUCTURED) == VarySignals(("velocity",))
+    assert next_experiment((), replace(STRUCTURED, depends_on=("time",))) == RepeatUnchanged()
+    assert next_experiment((), QUIET) is None

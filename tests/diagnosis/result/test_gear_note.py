@@ -33,14 +33,18 @@ def test_play_and_compliance_are_those_of_the_gear():
     assert gear is not None
     assert gear.play == pytest.approx(PLAY, rel=0.05)
     assert gear.compliance == pytest.approx(COMPLIANCE, rel=0.05)
-    told = gear.sentence(step=1e-4)
-    assert "a play of 12" in told and "a compliance of 0.2" in told
+    note = gear.note(step=1e-4)
+    assert note is not None
+    assert note.play == (gear.play, *gear.play_ci95)
+    assert note.compliance == (gear.compliance, *gear.compliance_ci95)
+    coarse = gear.note(step=0.1)
+    assert coarse is not None and coarse.play is None and coarse.compliance is not None
 
 
 def test_a_rigid_gear_is_not_spoken_of():
     gear = gear_between_encoders(columns_of(0.0, 0.0))
     assert gear is not None
-    assert gear.sentence(step=1e-4) == ""
+    assert gear.note(step=1e-4) is None
 
 
 def test_one_encoder_says_nothing():

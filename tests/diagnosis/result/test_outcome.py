@@ -14,6 +14,7 @@ from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, s
 from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect
+from drake_tc.effects.obstacle import Obstacle
 
 from ..rigs import Joint, floor_of, problem, record, rig_of
 
@@ -62,13 +63,19 @@ def test_what_was_not_added_has_its_reason(made):
     p, held = made
     chosen = fit(p.columns, [*p.declared, BIAS])
     found = rejected_effects(
-        p.columns, held, chosen, p.context, JOINT, [("thermal_friction", "no temperature")], floor_of(p)
+        p.columns,
+        held,
+        chosen,
+        p.context,
+        JOINT,
+        [("thermal_friction", Obstacle("not_recorded", "no temperature"))],
+        floor_of(p),
     )
     by_id = {r.id: r for r in found}
     assert len(by_id) == len(found)
     assert not {"viscous", "coulomb", "torque_sensor_bias", "rotor_inertia"} & set(by_id)
     assert (by_id["thermal_friction"].reason, by_id["thermal_friction"].obstacle) == (
-        "cannot_be_looked_for",
+        "not_recorded",
         "no temperature",
     )
     assert by_id["quadratic_viscous"].reason == "not_chosen"  # it would have helped

@@ -3,9 +3,10 @@
 from dataclasses import fields
 from types import SimpleNamespace
 
+from drake_tc.diagnosis.result.experiments import CheckLoad, RepeatUnchanged
 from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult, RejectedEffect
-from drake_tc.diagnosis.robot.confirmed_effects import GONE, confirmed_effects, with_first
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_first
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold, ImpossibleValues, LargerOnHeldOut, NotFoundAgain
 from drake_tc.effects.library import effect
 
 
@@ -27,25 +28,25 @@ def test_candidates_are_the_effects_that_were_confirmed():
 
 def test_what_only_the_first_diagnosis_tried_is_kept():
     rejected = (RejectedEffect("delay", "delay", 0.0, 0.0, "too_little_gain"),)
-    spring = DidNotHold("cable_spring", "cable_spring", "spring", "implausible", "It is negative.")
+    spring = DidNotHold("cable_spring", "cable_spring", "spring", ImpossibleValues("It is negative."))
     pairs = (("stribeck", "deadzone"), ("deadzone", "stribeck"))
     first = result(
         ["stribeck", "deadzone"],
         rejected=rejected,
         did_not_hold=(spring,),
         indistinguishable=pairs,
-        next_experiment="a",
+        next_experiment=CheckLoad(),
     )
-    again = with_first(first, result(["stribeck"], next_experiment="b"))
+    again = with_first(first, result(["stribeck"], next_experiment=RepeatUnchanged()))
     assert [each.id for each in again.effects] == ["stribeck"]
     assert again.rejected == rejected
-    assert [(each.key, each.why) for each in again.did_not_hold] == [("cable_spring", spring.why), ("deadzone", GONE)]
+    assert again.did_not_hold == (spring, DidNotHold("deadzone", "deadzone", "deadzone", NotFoundAgain(), 0.1))
     assert again.indistinguishable == (("stribeck", "deadzone"),)
-    assert again.next_experiment == "b"  # the one of the first asked for a pair that is gone
-    assert with_first(first, result(["stribeck", "deadzone"])).next_experiment == "a"
+    assert again.next_experiment == RepeatUnchanged()  # the one of the first asked for a pair that is gone
+    assert with_first(first, result(["stribeck", "deadzone"])).next_experiment == CheckLoad()
 
 
 def test_an_effect_that_the_repeated_diagnosis_withdraws_has_its_own_reason():
     first = result(["stribeck"])
-    against = DidNotHold("stribeck", "stribeck", "Stribeck", "heldout_run_against", "It makes run_3 worse.")
+    against = DidNotHold("stribeck", "stribeck", "Stribeck", LargerOnHeldOut("run_3", 0.1))
     assert with_first(first, result([], did_not_hold=(against,))).did_not_hold == (against,)

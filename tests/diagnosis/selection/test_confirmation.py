@@ -18,6 +18,12 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import bounds_of, fit
 from drake_tc.diagnosis.selection.confirmation import Confirmed, confirm, exchanged, left_out
 from drake_tc.diagnosis.selection.runs_against import heldout_against, speaks_against
+from drake_tc.diagnosis.selection.withdrawal import (
+    ImpossibleValues,
+    LargerOnHeldOut,
+    TrainingRunAgainst,
+    UncertainOnHeldOut,
+)
 from drake_tc.diagnosis.thresholds import FEW_RUNS, RUN_ACTS
 from drake_tc.effects.library import effect
 
@@ -68,7 +74,7 @@ def test_an_effect_of_one_training_run_in_three_is_withdrawn():
     biased = replace(PLAIN, extra=offset(1.5))
     found = confirmed([biased, PLAIN, PLAIN], [biased], BIAS)
     assert reasons(found) == {"torque_sensor_bias": "training_run_against"}
-    assert "train1" in found.withdrawn[0].why or "train2" in found.withdrawn[0].why
+    assert found.withdrawn[0].objection in (TrainingRunAgainst("train1"), TrainingRunAgainst("train2"))
     assert [t.effect.id for t in found.fit.terms] == ["viscous", "coulomb"]
     assert_allclose(found.fit.beta, fit(found.train, DECLARED).beta, rtol=1e-9)
 
@@ -122,9 +128,10 @@ def test_each_held_out_run_must_confirm_and_not_only_all_of_them(samples):
     helps = np.where(last, 1.003, 0.5)
     helps[first] = 2.0
     assert np.mean(helps[last] ** 2) < np.mean(without[last] ** 2)
-    why = heldout_against(samples, without, helps, 1e-3)
-    assert "of train2 by" in why
-    assert why.endswith("of the block resamples only; 90 % are required.")
+    against = heldout_against(samples, without, helps, 1e-3)
+    assert isinstance(against, UncertainOnHeldOut)
+    assert (against.run, against.least) == ("train2", 0.9)
+    assert 0.0 < against.certain < against.least
 
 
 @pytest.mark.parametrize(("least_gain", "stays"), [(LEAST_GAIN, True), (0.95, False)])
@@ -143,7 +150,10 @@ def test_an_effect_that_the_held_out_run_lacks_is_withdrawn(runs):
     found = confirmed([biased] * runs, [PLAIN], BIAS)
     assert reasons(found) == {"torque_sensor_bias": "heldout_run_against"}
     assert found.withdrawn[0].heldout_gain < 0.0
-    assert "held0" in found.withdrawn[0].why
+    objection = found.withdrawn[0].objection
+    assert isinstance(objection, LargerOnHeldOut)
+    assert objection.run == "held0"
+    assert objection.growth > 0.0
 
 
 def test_one_held_out_run_is_enough_to_speak_against_it():
@@ -152,7 +162,9 @@ def test_one_held_out_run_is_enough_to_speak_against_it():
     found = confirmed([biased] * 3, [replace(PLAIN, extra=offset(2.0), duration=24.0), PLAIN], BIAS)
     assert reasons(found) == {"torque_sensor_bias": "heldout_run_against"}
     assert found.withdrawn[0].heldout_gain > 0.0
-    assert "held1" in found.withdrawn[0].why
+    objection = found.withdrawn[0].objection
+    assert isinstance(objection, LargerOnHeldOut)
+    assert objection.run == "held1"
 
 
 def test_a_run_in_which_the_effect_does_not_act_does_not_speak():
@@ -176,7 +188,9 @@ def test_an_impossible_value_comes_before_all_other_reasons():
     spring = Term(effect("cable_spring"))
     found = confirmed([pushes] * 3, [PLAIN], spring)
     assert reasons(found)["cable_spring"] == "implausible"
-    assert "N*m/rad" in found.withdrawn[0].why
+    objection = found.withdrawn[0].objection
+    assert isinstance(objection, ImpossibleValues)
+    assert "N*m/rad" in objection.statement
 
 
 def test_effects_are_withdrawn_one_by_one_and_the_rest_fitted_anew():
@@ -240,9 +254,9 @@ def test_a_held_out_gain_that_chance_may_have_made_does_not_confirm(samples):
     once = np.where(samples.run == 0, 1.003, 1.0)
     once[samples.block == samples.block[0]] = 2.0
     assert np.mean(once**2) < np.mean(without**2)
-    assert heldout_against(samples, without, once, 1e-3).endswith("of the block resamples only; 90 % are required.")
-    assert heldout_against(samples, without, once, 1e3) == ""  # it does not act
-    assert heldout_against(samples, without, 0.97 * without, 1e-3) == ""
+    assert isinstance(heldout_against(samples, without, once, 1e-3), UncertainOnHeldOut)
+    assert heldout_against(samples, without, once, 1e3) is None  # it does not act
+    assert heldout_against(samples, without, 0.97 * without, 1e-3) is None
 
 
 def chance_vetoes(memory: float, blocks: int = 240, trials: int = 200) -> float:

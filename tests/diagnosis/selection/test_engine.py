@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.selection.engine import Proposal, select
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold, NoiseOfEffort
 from drake_tc.diagnosis.thresholds import JOINT
 
 PLAIN = replace(JOINT, least_log_evidence=-np.inf, least_removed=0.0, least_of_first=0.0)
@@ -54,7 +54,7 @@ class Letters:
         return not set(fit) & set(self.impossible)
 
     def objections(self, fit):
-        return [DidNotHold(x, x, x, "implausible", "") for x in fit if x in self.impossible]
+        return [DidNotHold(x, x, x, NoiseOfEffort()) for x in fit if x in self.impossible]
 
     def without_each(self, large, small):
         for letter in set(large) - set(small):

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY, effect
+from drake_tc.effects.obstacle import Obstacle
 from drake_tc.filtering.block_convolution import BlockConvolution
 
 from ..rigs import Joint, Problem, floor_of, problem
@@ -32,7 +33,7 @@ FEW = (*FEW, "asymmetric_friction", "stribeck", "torque_ripple", "cable_spring",
 
 
 def look(p: Problem, names: tuple[str, ...] = FEW):
-    effects = [e for e in LIBRARY if e.id in names and not e.obstacle(p.context)]
+    effects = [e for e in LIBRARY if e.id in names and not e.unavailable(p.context)]
     return search(p.columns, p.declared, effects, p.context, floor_of(p), JOINT)
 
 
@@ -99,8 +100,8 @@ def test_candidates_say_why_they_cannot_be_looked_for():
     context = Context("current", "pendulum", frozenset())
     usable, obstacles = candidates(LIBRARY, context, ["viscous", "coulomb"])
     why = dict(obstacles)
-    assert "temperature" in why["thermal_friction"]
-    assert "no torque sensor" in why["torque_sensor_bias"]
+    assert why["thermal_friction"] == Obstacle("not_recorded", "temperature not recorded")
+    assert why["torque_sensor_bias"] == Obstacle("cannot_be_looked_for", "there is no torque sensor")
     assert not {"viscous", "coulomb"} & {e.id for e in usable}
     assert {e.key for e in usable} | set(why) | {"viscous", "coulomb"} == {e.key for e in LIBRARY}
 
@@ -115,7 +116,7 @@ def test_a_motion_of_a_hundredth_of_a_radian_leaves_effects_without_shapes_out()
 
 def test_workers_refine_to_the_same_model():
     p = problem(replace(NOISY, extra=PLANTED["stribeck"]), runs=2)
-    effects = [e for e in LIBRARY if e.id in FEW and not e.obstacle(p.context)]
+    effects = [e for e in LIBRARY if e.id in FEW and not e.unavailable(p.context)]
     workers = Mailed()
     alone, beside = (
         search(p.columns, p.declared, effects, p.context, floor_of(p), JOINT, executor=executor)
@@ -149,7 +150,7 @@ def test_an_evaluation_filters_only_the_column_whose_shape_has_changed(monkeypat
 
 def test_a_second_search_of_the_same_rows_refines_nothing_again(monkeypatch):
     p = problem(replace(NOISY, extra=PLANTED["torque_ripple"]), runs=2)
-    effects = [e for e in LIBRARY if e.id in FEW and not e.obstacle(p.context)]
+    effects = [e for e in LIBRARY if e.id in FEW and not e.unavailable(p.context)]
     known = frozenset(t.effect.key for t in p.declared)
     first = JointProblem(p.columns, effects, p.context, known, floor_of(p))
     start = fit(p.columns, p.declared)

@@ -18,6 +18,12 @@ from drake_tc.diagnosis.selection.plausible_values import (
     objection_to_values,
     share_of_known_load,
 )
+from drake_tc.diagnosis.selection.withdrawal import (
+    BelowLeastAmplitude,
+    CorrectsCurve,
+    ImpossibleValues,
+    NotSeenToRepeat,
+)
 from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
@@ -59,8 +65,8 @@ def test_an_offset_of_the_encoder_must_reach_one_step_however_long_the_log(colum
     found = objection_to_values(made_fit(term, theta), term, context, resolving(columns, step, noise))
     assert (found is None) == (size > 1.0)
     if found is not None:
-        assert found[0] == "below_resolution"
-        assert f"is {size * 1e-5:.2g} rad; the encoder resolves 1e-05 rad" in found[1]
+        assert found.reason == "below_resolution"
+        assert_allclose((found.size, found.step), (size * 1e-5, 1e-5), rtol=1e-9)
 
 
 STEP = 2.9e-3
@@ -90,8 +96,8 @@ def test_a_wave_of_the_encoder_is_resolved_below_one_step(amplitude, resolved):
     objection = objection_to_values(found, term, context, columns)
     assert (objection is None) == resolved
     if objection is not None:
-        assert objection[0] == "below_resolution"
-        assert "these logs resolve" in objection[1]
+        assert isinstance(objection, BelowLeastAmplitude)
+        assert objection.amplitude < objection.least
 
 
 def with_target(columns: Columns, target: np.ndarray) -> Columns:
@@ -129,8 +135,9 @@ def test_an_eccentricity_of_a_radian_is_impossible_however_fine_the_encoder(colu
     shape = {p.name: 1.0 for p in member.shapes}
     term = Term(member, shape)
     found = objection_to_values(made_fit(term, [0.78, 0.0]), term, context, resolving(columns, 1e-6, 1e-6))
-    assert found is not None
-    assert found[0] == "implausible"
+    assert isinstance(found, ImpossibleValues)
+    assert found.reason == "implausible"
+    assert "0.78" in found.statement
 
 
 @pytest.mark.parametrize(("value", "possible"), [(0.5, True), (-0.1, False)])
@@ -150,8 +157,8 @@ def test_a_curve_that_is_a_multiple_of_the_known_load_is_told_from_one_that_is_n
     for theta, alike in ((-0.3 * known, True), (np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]), False)):
         fitted = made_fit(term, theta)
         assert (share_of_known_load(fitted, term, pendulum)[0] > MOST_OF_KNOWN_LOAD) == alike
-        assert bool(looks_like_known_load(fitted, term, pendulum)) == alike
-    assert looks_like_known_load(made_fit(QUADRATIC, [1.0]), QUADRATIC, pendulum) == ""
+        assert (looks_like_known_load(fitted, term, pendulum) is not None) == alike
+    assert looks_like_known_load(made_fit(QUADRATIC, [1.0]), QUADRATIC, pendulum) is None
 
 
 @pytest.mark.parametrize(("periods", "beside_a_curve"), [(3.4, False), (3.6, True)])
@@ -167,7 +174,10 @@ def test_a_ripple_that_a_curve_beside_it_could_take_the_form_of_corrects_its_for
     both = fit(columns, [*DECLARED, curve, ripple])
     objection = objection_to_values(both, ripple, context, columns)
     assert (objection is None) == beside_a_curve
-    assert objection is None or "corrects its form" in objection[1]
+    if objection is not None:
+        assert isinstance(objection, CorrectsCurve)
+        assert (objection.coefficients, objection.reason) == (7, "implausible")
+        assert_allclose(objection.periods, periods, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -189,4 +199,4 @@ def test_a_ripple_of_less_than_two_periods_must_leave_half_of_what_a_curve_leave
     ripple = Term(effect("torque_ripple"), {"cycles_per_turn": cycles})
     objection = objection_to_values(fit(columns, [*DECLARED, ripple]), ripple, context, columns)
     assert (objection is not None) == objects
-    assert objection is None or "was not seen to repeat" in objection[1]
+    assert objection is None or isinstance(objection, NotSeenToRepeat)

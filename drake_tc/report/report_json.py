@@ -7,14 +7,17 @@ from typing import Any
 
 from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
-from drake_tc.diagnosis.result.export_trial import export_json
+from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
-from drake_tc.diagnosis.result.refinement_json import free_runs_json, refinement_json
-from drake_tc.diagnosis.result.rejection import why_rejected
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
+from drake_tc.report.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
+from drake_tc.report.refinement_json import free_runs_json, refinement_json
+from drake_tc.report.sentences.experiments import experiment_sentence
+from drake_tc.report.sentences.notes import note_sentences
+from drake_tc.report.sentences.objections import why_withdrawn
+from drake_tc.report.sentences.rejection import why_rejected
 
 
 def _number(x: float | None) -> float | None:
@@ -116,9 +119,15 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             for r in joint.rejected
         ],
         "indistinguishable": [list(pair) for pair in joint.indistinguishable],
-        "next_experiment": joint.next_experiment,
+        "next_experiment": None if joint.next_experiment is None else experiment_sentence(joint.next_experiment),
         "did_not_hold": [
-            {"id": d.id, "key": d.key, "reason": d.reason, "why": d.why, "heldout_gain": _number(d.heldout_gain)}
+            {
+                "id": d.id,
+                "key": d.key,
+                "reason": d.reason,
+                "why": why_withdrawn(d.objection),
+                "heldout_gain": _number(d.heldout_gain),
+            }
             for d in joint.did_not_hold
         ],
         "unexplained": {
@@ -139,7 +148,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "plausible": _plausible(joint),
         "gain_identified": joint.gain_identified,
         "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
-        "notes": list(joint.notes),
+        "notes": list(note_sentences(joint.notes)),
     }
 
 
@@ -172,6 +181,14 @@ def links_json(links: FittedLinks) -> dict[str, Any]:
             run: {name: _estimate(e) for name, e in parameters.items()} for run, parameters in links.payloads.items()
         },
     }
+
+
+def export_json(trial: ExportTrial | None) -> dict[str, Any] | None:
+    """The entry of report.json; null where no export was tried."""
+    if trial is None:
+        return None
+    document = {"to": trial.to, "runner": trial.runner, "model": trial.model_file, "losses": list(trial.losses)}
+    return json_value(document | {"free_runs": [asdict(row) | {"unit": "rad"} for row in trial.rows]})  # type: ignore[no-any-return]
 
 
 def result_json(result: CloseLoopResult) -> dict[str, Any]:

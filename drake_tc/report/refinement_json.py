@@ -1,25 +1,12 @@
 """The refinement and the free runs in report.json."""
 
-from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.refinement import Refinement
-from drake_tc.types import FloatArray
-
-MODEL_FILE = "model_refined.yaml"
-MODELS = ("before", "after", "refined")
-
-
-def position_errors(trace: Mapping[str, FloatArray], name: str) -> tuple[float, float] | None:
-    """(RMS, mean absolute) position error [rad] of the free run `name`; None without it, NaN where it has diverged."""
-    if name not in trace:
-        return None
-    error = trace[name] - trace["recorded"]
-    return float(np.sqrt(np.mean(error**2))), float(np.mean(np.abs(error)))
+from drake_tc.diagnosis.result.run_errors import MODELS, position_errors
 
 
 def free_runs_json(joint: JointResult) -> list[dict[str, Any]]:

@@ -1,0 +1,254 @@
+"""What the reader of a result must know beside its numbers: one small record a kind, with its figures.
+
+`drake_tc.report.sentences.notes` makes the sentences.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drake_tc.effects.context import DriveKind
+
+FreeRunObstacle = Literal["load_beyond_gear", "no_fitted_inertia", "no_inertia", "nothing_to_simulate"]
+
+
+@dataclass(frozen=True)
+class LogRemark:
+    """What the reader of a log did to it.
+
+    Attributes:
+        run: Name of the log's run. statement: the reader's own sentence (`Run.notes`).
+    """
+
+    run: str
+    statement: str
+
+
+@dataclass(frozen=True)
+class SilentEffort:
+    """A recorded effort that is exactly 0 in this share of the samples in motion of a run."""
+
+    run: str
+    column: str
+    share: float
+
+
+RunNote = LogRemark | SilentEffort
+"""What concerns one run; the same may hold for others."""
+
+
+@dataclass(frozen=True)
+class TorqueAsCommanded:
+    """The load is unknown, and the drive is taken to give the torque that it is asked for."""
+
+
+@dataclass(frozen=True)
+class ScaleOfRotorInertia:
+    """The load is unknown, and the declared rotor inertia [kg m^2] alone fixes the scale of the torques."""
+
+    rotor_inertia: float
+
+
+@dataclass(frozen=True)
+class TorqueAsEffort:
+    """The load is unknown, and nothing fixes the scale of the torques.
+
+    Attributes:
+        drive: Kind of drive, whose effort they are told as. declares_inertia: whether a rotor inertia is declared.
+    """
+
+    drive: DriveKind
+    declares_inertia: bool
+
+
+@dataclass(frozen=True)
+class GainOfTorqueDrive:
+    """A drive that is commanded in N m, and whose gain is not 1.
+
+    Attributes:
+        gain: Commanded torque for one N m at the joint. low, high: its 95 % interval.
+    """
+
+    gain: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class SizeByRotorInertia:
+    """Effects, by title, whose size only the declared rotor inertia fixes, because no drive gain is declared."""
+
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class GainBesideEffects:
+    """With effects that scale the torques, the drive gain is not the declared one.
+
+    Attributes:
+        effects: Their titles. drive: kind of drive. gain, declared: [effort/(N m)].
+    """
+
+    effects: tuple[str, ...]
+    drive: DriveKind
+    gain: float
+    declared: float
+
+
+@dataclass(frozen=True)
+class GainDeclaredWrong:
+    """What the error of the declared drive gain is in the terms of the rig file.
+
+    Attributes:
+        drive: Kind of drive. gain, declared: [effort/(N m)].
+        factor: Torque that a unit of effort makes, over the declared one.
+    """
+
+    drive: DriveKind
+    gain: float
+    declared: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class DelayBySampling:
+    """How much of a delay the instants of sampling may be.
+
+    Attributes:
+        name: "delay" or "lag". value: of it [s]. period: of the sampling [s].
+    """
+
+    name: str
+    value: float
+    period: float
+
+
+@dataclass(frozen=True)
+class OlderEffort:
+    """The effort that acts is `age` [s] older than the one that is recorded, within one period [s]."""
+
+    drive: DriveKind
+    age: float
+    period: float
+
+
+@dataclass(frozen=True)
+class HeldEffort:
+    """The effort is taken to act unchanged from one sample to the next, one period [s]."""
+
+    drive: DriveKind
+    period: float
+
+
+@dataclass(frozen=True)
+class ServoDamping:
+    """The servo's own damping is part of the identified viscous friction.
+
+    Attributes:
+        viscous: Identified friction [N m s/rad]. servo: damping by the declared derivative gain [N m s/rad].
+        exceeds: Whether the damping lies above the interval of the friction.
+    """
+
+    viscous: float
+    servo: float
+    exceeds: bool
+
+
+@dataclass(frozen=True)
+class GearBetweenEncoders:
+    """What two encoders show of the gear, with 95 % intervals; None where they do not resolve it.
+
+    Attributes:
+        play: (value, low, high) of the whole gap [rad]. compliance: (value, low, high) [rad/(N m)].
+    """
+
+    play: tuple[float, float, float] | None
+    compliance: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """Static friction of a joint.
+
+    Attributes:
+        level: F_s, median of the break-away torques [N m]. low, high: its 95 % interval.
+        sliding: Coulomb and Stribeck friction of the model [N m]. events: number of events.
+    """
+
+    level: float
+    low: float
+    high: float
+    sliding: float
+    events: int
+
+
+@dataclass(frozen=True)
+class NoiseOfRecordedEffort:
+    """White noise of the recorded effort makes the noise floor this many times that of the sensors."""
+
+    drive: DriveKind
+    ratio: float
+
+
+@dataclass(frozen=True)
+class CorrelatedTorqueNoise:
+    """Noise of the torque, correlated over a time [s], makes the noise floor `ratio` times that of white noise."""
+
+    ratio: float
+    correlation_time: float
+
+
+@dataclass(frozen=True)
+class RunsWithoutMotion:
+    """Runs that have no stretch of motion as long as the filter window [s]."""
+
+    runs: tuple[str, ...]
+    window: float
+
+
+@dataclass(frozen=True)
+class NoFreeRun:
+    """A joint without a free run.
+
+    Attributes:
+        reason: "load_beyond_gear", an effect depends on the torque at the gear, which a fitted smooth load does not
+            pass; "no_fitted_inertia" and "no_inertia", nothing that a torque could accelerate, with an unknown load
+            and with a known one; "nothing_to_simulate", no held-out run has a usable stretch.
+    """
+
+    reason: FreeRunObstacle
+
+
+@dataclass(frozen=True)
+class FreeRunDiverges:
+    """Runs on which the free run of the model "before", "after" or "refined" leaves the finite numbers."""
+
+    model: str
+    runs: tuple[str, ...]
+
+
+ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
+"""On what fixes the scale of the torques of an unknown load."""
+DriveNote = (
+    GainOfTorqueDrive
+    | SizeByRotorInertia
+    | GainBesideEffects
+    | GainDeclaredWrong
+    | DelayBySampling
+    | OlderEffort
+    | HeldEffort
+    | ServoDamping
+)
+"""On the drive that the rig file describes."""
+NoiseNote = NoiseOfRecordedEffort | CorrelatedTorqueNoise
+"""On what raises the noise floor."""
+Note = (
+    RunNote
+    | ScaleNote
+    | DriveNote
+    | GearBetweenEncoders
+    | Sticking
+    | NoiseNote
+    | RunsWithoutMotion
+    | NoFreeRun
+    | FreeRunDiverges
+)

@@ -1,0 +1,96 @@
+"""Sentences on the drive that the rig file describes: its gain, its timing, and a servo's own damping."""
+
+from collections.abc import Mapping
+from typing import assert_never
+
+from drake_tc.diagnosis.notes import (
+    DelayBySampling,
+    DriveNote,
+    GainBesideEffects,
+    GainDeclaredWrong,
+    GainOfTorqueDrive,
+    HeldEffort,
+    OlderEffort,
+    ServoDamping,
+    SizeByRotorInertia,
+)
+from drake_tc.effects.context import EFFORT_UNIT, DriveKind
+
+RECORDED: Mapping[DriveKind, str] = {
+    "position_servo": "command",
+    "current": "current",
+    "voltage": "voltage",
+    "torque": "torque of the drive",
+}
+"""What is recorded of the effort."""
+
+_Gain = GainOfTorqueDrive | SizeByRotorInertia | GainBesideEffects | GainDeclaredWrong
+
+
+def drive_sentence(note: DriveNote) -> str:
+    """One to three sentences."""
+    match note:
+        case DelayBySampling(name, value, period):
+            return (
+                f"Up to {_ms(period)} (one sampling period) of the {name} of {_ms(value)} may come from the instants "
+                f"at which the columns were sampled. The 95 % interval of the {name} does not include this."
+            )
+        case OlderEffort(drive, age, period):
+            return (
+                f"On average, the {RECORDED[drive]} that acts at an instant is {_ms(age)} older than the one recorded "
+                f"there. Sampling within one period ({_ms(period)}) explains this, so no delay is named; a log at a "
+                "higher rate could show a delay of this size."
+            )
+        case HeldEffort(drive, period):
+            return (
+                f"The {RECORDED[drive]} is taken to act unchanged from one sample to the next ({_ms(period)}); declare "
+                "command_hold: false if the samples are points of a continuous curve."
+            )
+        case ServoDamping(viscous, servo, exceeds) if exceeds:
+            return (
+                f"The servo's damping of {servo:.3g} N*m*s/rad, computed from derivative_gain, exceeds the identified "
+                f"viscous friction of {viscous:.3g} N*m*s/rad: check derivative_gain, and which velocity the servo "
+                "uses."
+            )
+        case ServoDamping(viscous, servo):
+            return (
+                f"The identified viscous friction of {viscous:.3g} N*m*s/rad contains the servo's damping of "
+                f"{servo:.3g}; {viscous - servo:.3g} N*m*s/rad are the joint's own."
+            )
+        case _:
+            return _gain_sentence(note)
+
+
+def _gain_sentence(note: _Gain) -> str:
+    match note:
+        case GainOfTorqueDrive(gain, low, high):
+            return (
+                f"The fitted drive gain is {gain:.3g} N*m of commanded torque for 1 N*m at the joint (95 % interval "
+                f"{low:.3g} to {high:.3g}); 1 is expected of a drive that is commanded in N*m. Declare drive_gain: 1 "
+                "to have the difference tested as an effect."
+            )
+        case SizeByRotorInertia(effects):
+            return (
+                f"The size of the {' and the '.join(effects)} rests on the declared rotor_inertia, which alone fixes "
+                "the scale of the torques where no drive gain is declared: a wrong rotor_inertia would look the same. "
+                "Declare drive_gain to have it checked."
+            )
+        case GainBesideEffects(effects, drive, gain, declared):
+            return (
+                f"With {' and '.join(effects)}, the drive gain of the model after is {gain:.4g} {EFFORT_UNIT[drive]} "
+                f"per N*m where the rig file declares {declared:.4g}. Only the declared rotor_inertia fixes the scale "
+                "of the torques then. If the declared gain is right, the effect is not: check rotor_inertia first (a "
+                "servo that filters the velocity of its damping acts as less inertia)."
+            )
+        case GainDeclaredWrong(drive, gain, declared, factor):
+            keys = "proportional_gain" if drive == "position_servo" else "gear_ratio and torque_constant"
+            return (
+                f"The logs show a drive gain of {gain:.4g} {EFFORT_UNIT[drive]} per N*m where the rig file declares "
+                f"{declared:.4g}: each unit of effort makes {factor:.3g} times the declared torque. Check {keys}."
+            )
+        case _:
+            assert_never(note)
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms"

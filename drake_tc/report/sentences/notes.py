@@ -1,0 +1,143 @@
+"""What the reader of a result must know beside its numbers, as sentences."""
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import assert_never
+
+from drake_tc.diagnosis.notes import (
+    CorrelatedTorqueNoise,
+    FreeRunDiverges,
+    FreeRunObstacle,
+    GearBetweenEncoders,
+    LogRemark,
+    NoFreeRun,
+    NoiseOfRecordedEffort,
+    Note,
+    RunNote,
+    RunsWithoutMotion,
+    ScaleNote,
+    ScaleOfRotorInertia,
+    SilentEffort,
+    Sticking,
+    TorqueAsCommanded,
+    TorqueAsEffort,
+)
+from drake_tc.effects.context import EFFORT_UNIT
+from drake_tc.logs.distinct_notes import distinct_notes
+from drake_tc.report.sentences.drive import drive_sentence
+
+NO_FREE_RUN: Mapping[FreeRunObstacle, str] = {
+    "load_beyond_gear": "an effect of the model depends on the load torque at the gear, and the fitted smooth load "
+    "does not pass through the simulated gear.",
+    "no_fitted_inertia": "the fitted inertia is 0, so no torque could accelerate the joint.",
+    "no_inertia": "the model has no inertia that a torque could accelerate. The rig file can declare `rotor_inertia`.",
+    "nothing_to_simulate": "no held-out run has a stretch that can be simulated.",
+}
+
+
+def note_sentences(notes: Sequence[Note]) -> tuple[str, ...]:
+    """One text a note, in their order; what several runs have in common is told once."""
+    out: list[str] = []
+    for of_runs, group in groupby(notes, key=lambda note: isinstance(note, RunNote)):
+        if of_runs:
+            out += distinct_notes((n.run, _run_sentence(n)) for n in group if isinstance(n, RunNote))
+        else:
+            out += [note_sentence(note) for note in group]
+    return tuple(out)
+
+
+def note_sentence(note: Note) -> str:
+    """One to three sentences."""
+    match note:
+        case LogRemark() | SilentEffort():
+            return f"{note.run}: {_run_sentence(note)}"
+        case TorqueAsCommanded() | ScaleOfRotorInertia() | TorqueAsEffort():
+            return _scale_sentence(note)
+        case GearBetweenEncoders():
+            return _gear_sentence(note)
+        case Sticking(level, low, high, sliding, events):
+            return (
+                f"The joint breaks away from rest at {level:.3g} N*m (95 % interval {low:.3g} to {high:.3g}, {events} "
+                f"events), and slides at {sliding:.3g} N*m. Rows at rest take no part in the fit; a model file can "
+                f"list static_friction with static_excess {level - sliding:.3g} N*m."
+            )
+        case NoiseOfRecordedEffort(drive, ratio):
+            name = {"current": "current", "voltage": "voltage"}.get(drive, "torque command")
+            return (
+                f"With the white noise of the recorded {name}, the noise floor is {ratio:.1f} times that of the "
+                "sensors."
+            )
+        case CorrelatedTorqueNoise(ratio, correlation_time):
+            return (
+                f"The noise of the torque is correlated over about {1e3 * correlation_time:.0f} ms. The noise floor is "
+                f"therefore {ratio:.1f} times that of white noise of the size seen at the highest frequencies."
+            )
+        case RunsWithoutMotion(runs, window):
+            return (
+                f"Runs without a stretch of motion as long as the filter window ({1e3 * window:.3g} ms) take no part: "
+                f"{', '.join(runs)}."
+            )
+        case NoFreeRun() | FreeRunDiverges():
+            return _free_run_sentence(note)
+        case _:
+            return drive_sentence(note)
+
+
+def _run_sentence(note: RunNote) -> str:
+    match note:
+        case LogRemark(_, statement):
+            return statement
+        case SilentEffort(_, column, share):
+            return (
+                f"Column {column} is exactly 0 in {100 * share:.0f} % of the samples in which the joint moves: its "
+                "report has a dead zone, which no model of the joint explains."
+            )
+        case _:
+            assert_never(note)
+
+
+def _scale_sentence(note: ScaleNote) -> str:
+    """What fixes the scale of the torques of an unknown load."""
+    match note:
+        case TorqueAsCommanded():
+            return "The load is unknown, so the drive is taken to give the torque that it is asked for (drive_gain: 1)."
+        case ScaleOfRotorInertia(rotor_inertia):
+            return (
+                f"The load is unknown; the declared rotor inertia of {rotor_inertia:.4g} kg m^2 fixes the scale of the "
+                "torques, and the load is taken to have no inertia of its own."
+            )
+        case TorqueAsEffort(drive, declares_inertia):
+            unit = EFFORT_UNIT[drive]
+            beside = " The declared rotor inertia does not fix it: the unknown inertia of the load adds to it."
+            return (
+                f"Torques are reported as effort [{unit}]: the drive gain is set to 1 {unit} per N*m, because nothing "
+                "in the rig fixes the scale of an unknown load; declare drive_gain to get N*m."
+                f"{beside if declares_inertia else ''}"
+            )
+        case _:
+            assert_never(note)
+
+
+def _gear_sentence(note: GearBetweenEncoders) -> str:
+    quantities = (("play", "mrad", note.play), ("compliance", "mrad/(N*m)", note.compliance))
+    parts = [_with_interval(name, unit, found) for name, unit, found in quantities if found is not None]
+    return (
+        f"The motor's and the link's encoder show {' and '.join(parts)} of the gear. The balance takes motor and link "
+        "for one body, so this is not among the effects; a model file can list backlash and elasticity."
+    )
+
+
+def _with_interval(name: str, unit: str, found: tuple[float, float, float]) -> str:
+    value, low, high = (1e3 * x for x in found)
+    return f"a {name} of {value:.3g} {unit} (95 % interval {low:.3g} to {high:.3g})"
+
+
+def _free_run_sentence(note: NoFreeRun | FreeRunDiverges) -> str:
+    match note:
+        case NoFreeRun(reason):
+            return f"There is no free run: {NO_FREE_RUN[reason]}"
+        case FreeRunDiverges(model, runs):
+            name = "The refined model" if model == "refined" else f"The model {model}"
+            return f"{name} has no free-run error, because its free run diverges on {', '.join(runs)}."
+        case _:
+            assert_never(note)

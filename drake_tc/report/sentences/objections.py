@@ -1,0 +1,95 @@
+"""Why an effect that the training runs chose did not hold, as a sentence."""
+
+from typing import assert_never
+
+from drake_tc.diagnosis.selection.withdrawal import (
+    BelowEncoderStep,
+    BelowLeastAmplitude,
+    CorrectsCurve,
+    FormOfKnownLoad,
+    ImpossibleValues,
+    LargerOnHeldOut,
+    LargerThanDeclared,
+    LevelWithinWander,
+    LittleGainAlone,
+    NoiseOfEffort,
+    NotFoundAgain,
+    NotSeenToRepeat,
+    Objection,
+    TrainingRunAgainst,
+    UncertainOnHeldOut,
+)
+
+_OfValues = ImpossibleValues | CorrectsCurve | NotSeenToRepeat | NoiseOfEffort | BelowEncoderStep | BelowLeastAmplitude
+
+
+def why_withdrawn(objection: Objection) -> str:
+    """One or two sentences."""
+    match objection:
+        case FormOfKnownLoad(share, zero):
+            return (
+                f"{100 * share:.0f} % of what it explains has the form of the known load: a wrong scale"
+                f"{' or zero' if zero else ''} of that load, of the inertia or of the drive would look the same."
+            )
+        case LevelWithinWander(ratio, least):
+            return (
+                f"It mainly adds a constant to each training run. The constant is {ratio:.2g} times what slow drift, "
+                f"like that of the residual, can add to the mean of a run; at least {least:g} times are required."
+            )
+        case TrainingRunAgainst(run):
+            return f"Fitted on the other training runs, it makes the error of {run} larger."
+        case LargerOnHeldOut(run, growth):
+            where = "all held-out runs together" if run is None else run
+            error = "error" if run is None else "held-out error"
+            return f"It makes the {error} of {where} larger, by {100 * growth:.2g} %."
+        case UncertainOnHeldOut(run, gain, certain, least):
+            return (
+                f"It lowers the held-out error{'' if run is None else f' of {run}'} by {100 * gain:.1f} %, but in "
+                f"{100 * certain:.0f} % of the block resamples only; {100 * least:g} % are required."
+            )
+        case LittleGainAlone(gain, least):
+            return (
+                "Without the withdrawn effects, it lowers the cross-validated training error by "
+                f"{100 * max(gain, 0.0):.1f} %, less than the {100 * least:g} % that are required."
+            )
+        case NotFoundAgain():
+            return (
+                "Beside links that were fitted without the effects that did not hold, the search does not find it "
+                "again."
+            )
+        case LargerThanDeclared(part, growth):
+            return (
+                f"With the same drive gain in both models, the {part} error of the model with all effects is "
+                f"{100 * growth:.1f} % larger than that of the declared model."
+            )
+        case _:
+            return _of_values(objection)
+
+
+def _of_values(objection: _OfValues) -> str:
+    """Against the values themselves, whatever they explain."""
+    match objection:
+        case ImpossibleValues(statement):
+            return statement
+        case CorrectsCurve(periods, coefficients):
+            return (
+                f"The positions span {periods:.3g} periods of it. The curve over the position beside it has "
+                f"{coefficients} coefficients and takes the form of waves of up to {coefficients / 2:g} periods: the "
+                "ripple corrects its form."
+            )
+        case NotSeenToRepeat(periods, least, cycles):
+            return (
+                f"The positions span {periods:.3g} periods of a ripple of {cycles:.3g} cycles a turn, fewer than "
+                f"{least:g}: it was not seen to repeat, so it is a load curve over the position."
+            )
+        case NoiseOfEffort():
+            return (
+                "Played backwards in time, the same filter explains almost as much: the effort is noisy, or answers a "
+                "torque that no column records."
+            )
+        case BelowEncoderStep(quantity, size, step):
+            return f"{quantity} is {size:.2g} rad; the encoder resolves {step:.2g} rad."
+        case BelowLeastAmplitude(amplitude, least):
+            return f"amplitude is {amplitude:.2g} rad; these logs resolve {least:.2g} rad."
+        case _:
+            assert_never(objection)
