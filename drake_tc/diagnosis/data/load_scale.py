@@ -42,7 +42,7 @@ def load_scale(rig: Rig, joint: str) -> LoadScale:
     if declared is not None:
         return LoadScale(declared, inertia, fitted_inertia=True)
     if rig.drive[joint] == "torque":
-        note = "The load is unknown, so the drive is taken to give the torque that it is asked for (drive_gain: 1)."
+        note = "The load is unknown, so the drive is assumed to produce the commanded torque (drive_gain: 1)."
         return LoadScale(1.0, inertia, fitted_inertia=True, notes=(note,))
     if form == "smooth" and inertia > 0.0:
         note = (
