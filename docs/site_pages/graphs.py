@@ -24,7 +24,7 @@ def overview() -> str:
 
 def _part(name: str, title: str) -> str:
     picture = f"images/graph_{name}.svg"
-    text = f"{title[:1].upper()}{title[1:]}. The picture scrolls sideways, and leads to its full size."
+    text = f"{title[:1].upper()}{title[1:]}. A wide picture can be scrolled sideways; a click opens it at full size."
     return f"### {name}\n\n{text}\n\n[![Block graph of {name}]({picture})]({picture})"
 
 

@@ -178,7 +178,7 @@ class JointEffects:
             around: Temperature [deg C] and supply voltage [V].
 
         Returns:
-            Effort asked for, effort, level, damping and rest, as they go into `work`.
+            Commanded effort, effective effort, level, damping and rest, as they go into `work`.
         """
         q, v, tau, command = work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE], work[at.ACTED]
         for kernel, place in (*self._command, *self._effort):

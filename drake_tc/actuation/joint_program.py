@@ -29,7 +29,7 @@ class JointInput(NamedTuple):
 
 
 class JointOutput(NamedTuple):
-    """Torque to the plant, motor and friction torque [N m], effort asked for, 1 when an input was not finite."""
+    """Torque to the plant, motor and friction torque [N m], commanded effort, 1 when an input was not finite."""
 
     actuation: float
     motor_torque: float

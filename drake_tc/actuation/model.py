@@ -20,10 +20,10 @@ class Drive:
 
     Attributes:
         kind: `position_servo` (y = q_d - q [rad]), `current` (y = i [A]), `voltage` (y = V [V]) or
-            `torque` (y = the torque asked for [N m]).
+            `torque` (y = the commanded torque [N m]).
         gain: K > 0 [effort/(N m)]: K_tau of a servo, 1/K1 of a current drive, Rm/(kt N) of a voltage drive
-            (Del Prete et al., 2016, eq. 6; Faraji et al., 2015, section II.A), 1 of a torque drive that gives what it
-            is asked for; the back-EMF is part of the viscous friction.
+            (Del Prete et al., 2016, eq. 6; Faraji et al., 2015, section II.A), 1 of a torque drive whose torque
+            is the commanded one; the back-EMF is part of the viscous friction.
 
     Raises:
         ParamsError: another kind, or a gain that is not positive and finite.

@@ -29,7 +29,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
         actuation: for the MultibodyPlant [N m].
         motor_torque: y*/K [N m].
         friction_torque: dry and viscous [N m], positive against positive motion.
-        effort: y, asked of the drive [rad | A | V | N m].
+        effort: y, commanded effort of the drive [rad | A | V | N m].
         fault: 1 where the command (the last finite one is held) or the state (no torque) is not finite.
         step (5n + memory): those five of the first joint, of the second, and so on; then x[n+1].
     Outputs at a tick, of the state x[n] and the input `state` alone:

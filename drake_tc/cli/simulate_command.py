@@ -93,7 +93,7 @@ def simulate_command(
 def _pictures(
     simulated: "Simulated", plot: Path | None, html: Path | None, scenario_file: Path | None, *, force: bool
 ) -> list[str]:
-    """Write the plot and the page of the motion, those that were asked for."""
+    """Write the requested plot and page of the motion."""
     from drake_tc.loops.motion import motion_html
     from drake_tc.report.run_plot import run_figure
 

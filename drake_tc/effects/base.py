@@ -6,10 +6,10 @@ load need.
 
     y*/K = tau + J qddot + sum_k theta_k phi_k(signals; shape)                                  (balance)
 
-    y    effort that the drive was asked for: q_d - q [rad], current [A], voltage [V] or torque asked for [N m]
+    y    commanded effort of the drive: q_d - q [rad], current [A], voltage [V] or commanded torque [N m]
     y*   effort that the drive acted on: y after dead zone, delay, lag, saturation ... (`DriveEffect.transform`)
     K    drive gain [effort/(N m)]: K_tau of a position servo, 1/K1 of a current drive, Rm/(kt N) of a voltage drive,
-         1 of a torque drive that gives what it is asked for
+         1 of a torque drive whose torque is the commanded one
     tau  load torque on the link side [N m]; J: declared reflected rotor inertia [kg m^2]
     phi_k, theta_k   an effect's columns and coefficients [N m = unit(phi) unit(theta)]
 

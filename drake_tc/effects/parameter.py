@@ -37,7 +37,7 @@ class Parameter:
 
     Attributes:
         name: As it stands in YAML files and reports.
-        unit: SI, as text; "effort" stands for the drive's own unit.
+        unit: SI, as text; "effort" means the unit of the drive's effort.
         lower, upper: Bounds of the fit, inclusive; an estimate that rests on one is reported `at_bound`.
         default: Value of a model that names the effect without this parameter.
         description: One line for reports and docs.

@@ -32,7 +32,8 @@ RUN_IN_TIME_RANGE = Plausible(
 class RunInFriction(EquationEffect):
     """(F_c0 sign(qdot) + F_v0 qdot) exp(-t/T) [N m], t since the start of the run.
 
-    What friction has more (or less) at the start. It stands for the lubricant's temperature where none was recorded.
+    Friction that is added (or missing) at the start of a run. It models a lubricant that warms up while no temperature
+    is recorded.
     A simulation at one instant (period 0) has no start: there the effect has settled to 0.
     """
 

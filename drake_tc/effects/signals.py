@@ -21,7 +21,7 @@ class Signals:
             motion and the fitted load alone where the effort is the target of the regression.
         slow_torque: tau low-passed three times as hard [N m], for effects that differentiate it: the sensor's noise,
             differentiated, would explain itself. The same as `load_torque` where nothing was filtered.
-        effort: y, what the drive was asked for [rad | A | V | N m].
+        effort: y, the commanded effort of the drive [rad | A | V | N m].
         command: The recorded command itself: q_d [rad], i [A], V [V] or tau_d [N m].
         direction: sign of the last resolved motion, in [-1, 1]; between them while it turns over.
         travel: distance moved since the last reversal [rad], >= 0.

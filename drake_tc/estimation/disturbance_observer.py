@@ -1,6 +1,6 @@
 """`DisturbanceObserver`: joint motion without delay, and the torque that the drives lose beyond their models.
 
-With A = M_jj(q) + J (links and rotors), u the torque that the drives were asked for, friction as modelled taken off,
+With A = M_jj(q) + J (links and rotors), u the commanded torque of the drives, friction as modelled taken off,
 and p the link torque that the reference needs beside M qddot_d,
 
     A qddot = u - p - w - d                  d: friction, dead zone, gain errors ... that the drive's model lacks
@@ -100,7 +100,7 @@ class DisturbanceObserver(PortMethods, LeafSystem):
     Inputs:
         position (n): q as the encoders read it now [rad].
         commanded_torque (n): u of `TorqueControl` [N m], J_m qddot_d of the rotor inertia in the drives' models apart.
-        command (n), sent_command (n): what TorqueControl asked for, what left the guard [rad | A | V | N m]; the
+        command (n), sent_command (n): commands of TorqueControl and of the guard [rad | A | V | N m]; the
             difference over K goes to u.
         feedforward_torque (n): tau_ff of InverseDynamics [N m].
         reference (3n): [q_d; qdot_d; qddot_d].
@@ -112,7 +112,7 @@ class DisturbanceObserver(PortMethods, LeafSystem):
     Outputs, of the state alone unless said otherwise:
         motion (3n): [q^; v^; a] now.
         disturbance (n): d^ [N m].
-        compensation (n): d^ + (J - J_m) qddot_d [N m], to be added to the torque that is asked of the drives; follows
+        compensation (n): d^ + (J - J_m) qddot_d [N m], to be added to the commanded torque of the drives; follows
             `reference` at the same instant.
         link_torque (n): u - J a - d^ [N m], what the links get.
         fault (1): 1 before the first tick, and where an input of the last one was not finite (or beyond `LARGEST`).

@@ -57,7 +57,7 @@ def saturated_position(values: FloatArray, command: FloatArray | None, step: flo
 
     Args:
         values: (T,) [rad]; NaN where missing.
-        command: (T,) what a position servo is asked for [rad]; None for other drives.
+        command: (T,) commanded position of a position servo [rad]; None for other drives.
         step: Of the encoder, 0 where it has none.
     """
     limits = _limits(values)

@@ -134,7 +134,7 @@ def wrong_signs(runs: Sequence[Run], rig: Rig) -> Sequence[Mapping[str, str]]:
     """For each run, the channels to be turned: canonical name to the reason, in words.
 
     A run that is clear decides for itself; one that is not follows the others of the same rig. Which of torque and
-    current (or voltage) is turned is asked of all turned runs together: friction must take power.
+    current (or voltage) has the wrong sign is decided from all such runs together: friction must dissipate power.
     """
     _require_friction(runs, rig)
     flips: list[dict[str, str]] = [{} for _ in runs]

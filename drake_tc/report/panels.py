@@ -44,7 +44,7 @@ def quantities(joint: JointResult, split: DataSplit) -> Sequence[Quantity]:
 
 @dataclass(frozen=True)
 class CardDrawing:
-    """A card that is being drawn: its panels come when they are asked for."""
+    """A card that is being drawn: its panels are drawn on request."""
 
     title: str
     before: Callable[[], str]
@@ -65,7 +65,7 @@ def residual_cards(
         split: Of its runs.
         prefix: Of the plots' names.
         look: Of the clouds.
-        executor: Draws the panels beside the caller; None draws each when it is asked for.
+        executor: Draws the panels beside the caller; None draws each on request.
     """
     rows = rows_of(split)
     same = bool(np.array_equal(split.before, split.after))

@@ -55,7 +55,7 @@ def _fall(pair: tuple[float, float] | None) -> str:
 
 
 def refinement_section(joint: JointResult) -> RefinementSection | None:
-    """The section of one joint; None where no free run was asked for."""
+    """The section of one joint; None where no free run was requested."""
     found = joint.refinement
     if found is None:
         return None

@@ -49,7 +49,7 @@ class Expectation:
         how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
         tolerance: In the value's unit; allowed beyond `expected` for "min" and "max" too.
         unit: Of value, expected and tolerance.
-        source: Page, table or figure it comes from, or the reason why it is asked for.
+        source: Page, table or figure it comes from, or the reason for the requirement.
         reason: Why it is not met, where it is known not to be; `reached` then says by how much.
         reached: The value that was last computed with seed 0 and put on record, as texts quote it.
         reached_tolerance: How far a newly computed value may be from `reached`, to either side.

@@ -82,7 +82,7 @@ class FaultOutcome:
         flag: That flag.
         early: Flags that were up before the fault.
         base, joint: How far the base [m] and a joint [rad] were off the run without the fault.
-        desired, torque: Largest torque asked for, and at a joint, over its limit [-].
+        desired, torque: Largest commanded torque, and largest joint torque, over its limit [-].
         fallback: Ticks in which the controller had no answer.
         finite: Whether all signals are.
     """
@@ -247,7 +247,7 @@ def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]
         "cases that fell": float(sum(one.fell is not None and not case.sinks for case, one in pairs)),
         "cases with anything that is not finite": float(sum(not one.finite for one in found)),
         "flags up in runs without a fault": float(sum(len(flags) for flags in alarms.values())),
-        "largest torque asked for, over its limit": max(one.desired for one in found),
+        "largest commanded torque, over its limit": max(one.desired for one in found),
         "largest torque of a robot that stands, over its limit": max(
             (one.torque for one in found if one.fell is None), default=0.0
         ),

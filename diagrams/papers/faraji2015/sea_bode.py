@@ -49,7 +49,7 @@ NOTES = (
     " sensitivity peak breaks the rule. The paper's PI is its maker's, with gains of its own.",
     "Bandwidths are of 2 N m on 3 N m of dry friction; by the linear prediction, without that friction, PI is faster."
     " A bandwidth of 50 Hz is a floor: the response has not dropped at the highest frequency.",
-    "The feedforwards share the speed that was asked for and the winding of the spring, which the printed law lacks.",
+    "The feedforward laws share the desired speed and the deflection of the spring, which the printed law lacks.",
 )
 
 

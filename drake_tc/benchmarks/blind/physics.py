@@ -44,7 +44,7 @@ class Record:
         spec: The rig.
         run: The run.
         channels: `CHANNELS` by name. `position`, `velocity`, `acceleration` are on the side whose encoder is
-            logged; `command` is q_d [rad] or the effort; `effort` what the drive was asked for, before any cause
+            logged; `command` is q_d [rad] or the effort; `effort` the commanded effort, before any cause
             inside the drive; `torque` the torque transmitted to the link [N m].
     """
 

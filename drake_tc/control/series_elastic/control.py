@@ -35,7 +35,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
     Outputs (n each), with direct feedthrough of every input:
         voltage: v [V], within the motors' limits.
         friction: the friction that it overcomes [N m].
-        shaped_reference: r, the desired torque as it is asked of the motor [N m].
+        shaped_reference: r, the desired torque after shaping, which the motor gets [N m].
         fault: 1 where an input is not finite (or beyond 1e9): its last good value stands in.
 
     State x: that of the law (`SeriesElasticLaw`). With L the law,

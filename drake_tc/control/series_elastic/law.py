@@ -10,10 +10,10 @@ With D the loop delay in ticks, K = Rm/(kt N), F_v = tau_v + ke kt N^2/Rm, J = J
     g        = the growth of theta'_ref = q'_ref + r'/Ks in a tick
     theta'+  = theta' + all g under way: of the last D ticks, and of those since the middle of what theta' is taken over
 
-theta'+ is the speed when the voltage arrives: what is measured, and what was asked for since and is still under way.
+theta'+ is the speed when the voltage arrives: the measured speed, and the commanded changes that are still under way.
 The printed law has F_v theta'. D ticks late, that takes the motor its own damping by back-EMF and gives it an inertia
 of F_v D dt instead (15 ms: several times J): the joint rings on its spring, and neither P nor observer can be closed
-around it. So the speed that was asked for is fed forward, and what is measured corrects it slowly.
+around it. So the desired speed is fed forward, and the measured speed corrects it slowly.
 r~ is what the torque should be *now*: P then corrects errors of the model and leaves the delay alone; against r it
 would fight the delay.
 

@@ -18,7 +18,7 @@ class MemoryRow(IntEnum):
     LINK = 5
     FASTER = 6
     DRY = 7
-    """Voltage sent [V]; motor angle [rad] and torque [N m] as read; desired torque [N m]; the same as it was asked of
+    """Voltage sent [V]; motor angle [rad] and torque [N m] as read; desired torque [N m]; the same after shaping, for
     the motor; the link's desired acceleration [rad/s^2]; growth of the motor's desired speed in a tick [rad/s]; its dry
     friction by the model, in the direction in which it will move [N m]."""
 

@@ -21,7 +21,7 @@ class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
         robot, sensors: Of the loop.
         models: The drives as the controller takes them, in the order of the joints.
         gains: Feedback gains.
-        force_reference: (6k) f_d at the contacts; None: no contact force is asked for.
+        force_reference: (6k) f_d at the contacts; None: no contact force is commanded.
         free: Whether nothing may touch the robot: a contact wrench is then a fault.
     """
 

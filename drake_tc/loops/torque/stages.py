@@ -86,7 +86,7 @@ def _torque_control(
 def _inverse_dynamics(
     parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], inputs: dict[str, OutputPort]
 ) -> None:
-    """The inverse dynamics, with a force task where a force is asked for or its share of the command is recorded."""
+    """The inverse dynamics, with a force task where a force is commanded or its share of the command is recorded."""
     scenario, robot = parts.scenario, parts.controller_robot
     asked = parts.force_reference if robot.force_torque else None
     if asked is not None:

@@ -83,7 +83,7 @@ def add_torque_loop(
         spec: How the loop is controlled; None: the defaults.
         gains: Feedback gains; None: `TorqueGains.from_servo` of the controller's models.
         controller_models: What the controller takes the drives for; None: what they are.
-        force_reference: (6k) forces and torques at the F/T sensors' contacts [N, N m]; None: none is asked for, or
+        force_reference: (6k) forces and torques at the F/T sensors' contacts [N, N m]; None: no force is commanded, or
             0 where the gains feed forces back.
         free: Whether nothing may touch the robot; a contact wrench then counts as a fault.
         stages: Stage to a system of your own in its place. It needs the stage's output ports that others read; of its

@@ -100,7 +100,7 @@ def _scale_sentence(note: ScaleNote) -> str:
     """What fixes the scale of the torques of an unknown load."""
     match note:
         case TorqueAsCommanded():
-            return "The load is unknown, so the drive is taken to give the torque that it is asked for (drive_gain: 1)."
+            return "The load is unknown, so the drive is assumed to produce the commanded torque (drive_gain: 1)."
         case ScaleOfRotorInertia(rotor_inertia):
             return (
                 f"The load is unknown; the declared rotor inertia of {rotor_inertia:.4g} kg m^2 fixes the scale of the "

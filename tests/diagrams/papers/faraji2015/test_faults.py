@@ -59,7 +59,7 @@ def test_rows_count_what_fell_and_what_was_flagged():
     assert rows["largest torque of a robot that stands, over its limit"].value == 0.5
     assert rows["largest torque of one that sinks, over its limit"].value == 0.7
     assert rows["largest distance of the base, standing [m]"].value == 0.001
-    assert rows["largest torque asked for, over its limit"].met is False
+    assert rows["largest commanded torque, over its limit"].met is False
 
 
 def test_a_motion_that_stops_keeps_to_its_path_and_its_rates_are_those_of_its_places():
