@@ -130,7 +130,7 @@ print(f"widest 95 % interval of p: {100 * (found.high - found.low).max():.2f} po
 
 # %% [markdown]
 # An approximation that is far off may still pull in the right direction. So the controllers are asked again at the same
-# states, with each measure traded off against the tasks, and judged by the integrated $p$:
+# states, with each measure traded off against the tasks, and evaluated by the integrated $p$:
 
 # %%
 asked = {}

@@ -1,7 +1,7 @@
 """Puts computed values on record: `python -m drake_tc.diagrams.papers.record_reached RESULT.json ...`.
 
 RESULT.json is what `drake-tc reproduce ID --json` printed, of one id or of all. In `PAPER/expected/*.yaml` every
-judged row, and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A
+evaluated row, and every row under `quoted`, gets the value that was computed as `reached`, to four digits. A
 `reached_tolerance` that a row has stays. A row without one gets 2 % of the value (`--share 0.05`: 5 %), 0.1 % of the
 expected value at least; a whole number, which may be a count, gets 0.1 % of it and never as much as one. Comments,
 order and everything else of the file stay. What the record then contradicts is printed.
@@ -25,7 +25,7 @@ NAME = re.compile(r'name: "([^"]*)"')
 REACHED = re.compile(r", reached: [^,}]+")
 TOLERANCE = re.compile(r", reached_tolerance: ([^,}]+)")
 AFTER = re.compile(r'how: \w+(?:, tolerance: [^,}]+)?|name: "[^"]*"(?!.*\bhow:)')
-"""Where the fields go: behind what is expected, or behind the name of a row that is not judged."""
+"""Where the fields go: behind what is expected, or behind the name of a row that is not evaluated."""
 
 
 def recorded_text(text: str, values: Mapping[str, float], share: float = SHARE) -> str:

@@ -39,7 +39,7 @@ class LimitCycle:
 
 
 def find_limit_cycle(signal: FloatArray, dt: float, floor: float = 0.0) -> LimitCycle | None:
-    """The steady oscillation that a recording ends in, judged from its second half; None where there is none.
+    """The steady oscillation that a recording ends in, evaluated from its second half; None where there is none.
 
     The period is the first high peak of the autocorrelation; confidence is that peak times the ratio of the smaller to
     the larger swing of the two quarters, so that a decaying or growing oscillation gets little.

@@ -41,7 +41,7 @@ class JointTask:
         extra: (T,) y_extra, what the controller compensates beyond K_tau' tau + K_v' qdot [effort].
         encoder_noise: [rad] a sample.
         torque_noise: Of the estimated torque a sample, before the filter [N m].
-        begin: Errors are judged from this row on.
+        begin: Errors are evaluated from this row on.
 
     Raises:
         ParamsError: rows that do not agree, or no loop.

@@ -2,8 +2,9 @@
 
 Two figures bound what a model can reach, whatever its form:
 
-- `judged_errors`: models from least squares on friction columns to gradient-boosted trees are fitted on some logs and
-  judged on another one. The smallest of these errors is chosen in view of the judged log, so it is an optimistic bound.
+- `evaluated_errors`: models from least squares on friction columns to gradient-boosted trees are fitted on some logs
+  and evaluated on another one. The smallest of these errors is chosen in view of that log, so it is an optimistic
+  bound.
 - `repeatability`: rows of equal signals, at least a second apart, have torques y_a and y_b. A function of these signals
   gives both the same prediction, so the RMS of its error on such pairs is at least sqrt(E[(y_a - y_b)^2]/4); where the
   scatter about the best function is independent in both rows, it is sqrt(E[(y_a - y_b)^2]/2), which is returned.
@@ -92,7 +93,7 @@ def log_rows(samples: Samples) -> LogRows:
     )
 
 
-def judged_errors(train: Sequence[LogRows], judged: LogRows) -> dict[str, float]:
+def evaluated_errors(train: Sequence[LogRows], evaluated: LogRows) -> dict[str, float]:
     """RMS [N m] on a log of each kind of fit, by its name; `PUBLISHED` is the published model, fitted anew."""
     torque = np.concatenate([log.torque for log in train])
     seen = np.concatenate([log.signals for log in train])
@@ -101,13 +102,13 @@ def judged_errors(train: Sequence[LogRows], judged: LogRows) -> dict[str, float]
     for name, kept in LINEAR.items():
         features = columns[:, kept]
         theta = np.linalg.lstsq(features, torque, rcond=None)[0]
-        left = judged.torque - judged.columns[:, kept] @ theta
+        left = evaluated.torque - evaluated.columns[:, kept] @ theta
         out[name] = _rms(left)
         for trees, count in TREES.items() if name in (PUBLISHED, BENEATH) else ():
             model = HistGradientBoostingRegressor(
                 max_iter=150, learning_rate=0.06, max_leaf_nodes=16, min_samples_leaf=40, l2_regularization=1.0
             ).fit(seen[:, :count], torque - features @ theta)
-            out[f"{name}, then trees of {trees}"] = _rms(left - model.predict(judged.signals[:, :count]))
+            out[f"{name}, then trees of {trees}"] = _rms(left - model.predict(evaluated.signals[:, :count]))
     return out
 
 

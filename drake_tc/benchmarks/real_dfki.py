@@ -123,17 +123,17 @@ def rows(data: Path) -> list[FigureRow]:
 
 
 def run_fits(data: Path) -> dict[str, RunFit]:
-    """The declared model fitted to each good run, and to the other three, and judged on that run."""
+    """The declared model fitted to each good run, and to the other three, and evaluated on that run."""
     runs, rig = good_runs(data)
     (joint,) = rig.joints
     declared = [Term(effect("viscous")), Term(effect("coulomb"))]
     out = {}
     for name, run in runs.items():
-        judged = Columns(build_samples([run], rig, joint, WIDTH))
+        evaluated = Columns(build_samples([run], rig, joint, WIDTH))
         others = at_common_period([each for other, each in runs.items() if other != name])
-        fits = [fit(c, declared) for c in (judged, Columns(build_samples(others, rig, joint, WIDTH)))]
-        own, of_others = (float(np.sqrt(np.mean(predict(judged, f) ** 2))) * TORQUE_PER_AMPERE for f in fits)
-        floor = fits[0].gain * judged.samples.floor.torque(*(float(x) for x in fits[0].beta[:2])) * TORQUE_PER_AMPERE
+        fits = [fit(c, declared) for c in (evaluated, Columns(build_samples(others, rig, joint, WIDTH)))]
+        own, of_others = (float(np.sqrt(np.mean(predict(evaluated, f) ** 2))) * TORQUE_PER_AMPERE for f in fits)
+        floor = fits[0].gain * evaluated.samples.floor.torque(*(float(x) for x in fits[0].beta[:2])) * TORQUE_PER_AMPERE
         own_share, others_share = (1.0 / (f.gain * TORQUE_PER_AMPERE) for f in fits)
         out[name] = RunFit(own, of_others, own_share, others_share, floor)
     return out
@@ -151,12 +151,12 @@ def one_effect_more(data: Path) -> dict[str, list[tuple[float, str]]]:
         others = at_common_period([each for other, each in runs.items() if other != name])
         sides = [Columns(build_samples(each, rig, joint, WIDTH)) for each in (others, [run])]
         plain = fit(sides[0], declared)
-        train, judged = (c.with_model(plain.terms, plain.beta, servo=False) for c in sides)
+        train, evaluated = (c.with_model(plain.terms, plain.beta, servo=False) for c in sides)
         context = context_of(train.samples, rig, joint)
 
-        def left(added: list[Term], train: Columns = train, judged: Columns = judged) -> float:
+        def left(added: list[Term], train: Columns = train, evaluated: Columns = evaluated) -> float:
             found = fit(train, [*declared, RIPPLE, *added])
-            residual = judged.target - judged.design(found.terms) @ found.beta
+            residual = evaluated.target - evaluated.design(found.terms) @ found.beta
             return float(np.sqrt(np.mean(residual**2))) * found.gain * TORQUE_PER_AMPERE
 
         usable = [

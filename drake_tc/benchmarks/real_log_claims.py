@@ -208,8 +208,8 @@ def _joint_claims(name: str, report: Report, by_run: Mapping[str, Report]) -> Jo
         not_held += [f"{name}: the error grew from {run.before:.3g} to {run.after:.3g} on {run.name}" for run in grown]
     disagreements = []
     if report["verdict"] == "no_missing_effect":
-        judged = {run["run"]: _figure(run["after"]["rms"]) for run in joint.get("runs", ()) if run["heldout"]}
-        for run, after in ({train.name: train.after} | judged).items():
+        evaluated = {run["run"]: _figure(run["after"]["rms"]) for run in joint.get("runs", ()) if run["heldout"]}
+        for run, after in ({train.name: train.after} | evaluated).items():
             if not after <= FLOORS * floor:
                 shown = f"{after / floor:.1f}" if floor > 0.0 else "infinitely many"
                 disagreements.append(f"{name}: {shown} noise floors are left on {run}")

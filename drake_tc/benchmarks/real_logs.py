@@ -68,8 +68,8 @@ def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]
 
     The search sees the training runs only, but confirmation withdraws an effect that some held-out run speaks against.
     The model of a call with one held-out run can therefore have effects that the model of the first call lacks, and the
-    error of a run is that of its own call. What is left is only judged in the first call. A run that is too short to be
-    held out alone is judged together with the others.
+    error of a run is that of its own call. What is left is only evaluated in the first call. A run that is too short to
+    be held out alone is evaluated together with the others.
     """
     whole = result_json(close_loop(files.rig, files.log, files.holdout))
     names = _distinct_names(files.holdout)

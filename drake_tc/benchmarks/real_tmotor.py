@@ -15,7 +15,7 @@ import numpy as np
 from drake_tc.benchmarks.flexible_fits import (
     PUBLISHED,
     LogRows,
-    judged_errors,
+    evaluated_errors,
     log_rows,
     offset_of,
     repeatability,
@@ -95,7 +95,7 @@ def rows(data: Path) -> list[FigureRow]:
     logs = {name: each.rows for name, each in results.items()}
     out: list[FigureRow] = []
     for name, each in results.items():
-        errors = judged_errors([log for other, log in logs.items() if other != name], logs[name])
+        errors = evaluated_errors([log for other, log in logs.items() if other != name], logs[name])
         published = errors[PUBLISHED]
         found = ", ".join(effect.key for effect in each.result.effects) or "nothing"
         note = f"{each.rows.torque.size} rows; {found}"
@@ -120,8 +120,8 @@ def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows])
         if pairs >= LEAST_PAIRS:
             yield FigureRow(f"{name}/repeats_{what}", value, "N*m", note=f"{pairs} pairs of rows with equal signals")
     yield FigureRow(f"{name}/offset", offset_of(logs[name]), "N*m", note="constant torque fitted to this log alone")
-    for judged, log in others.items():
-        trained = judged_errors([each for other, each in others.items() if other != judged], log)
+    for evaluated, log in others.items():
+        trained = evaluated_errors([each for other, each in others.items() if other != evaluated], log)
         best, error = smallest(trained)
         note = f"one log predicts the other: {best}"
-        yield FigureRow(f"{name}/training/{judged}", error / trained[PUBLISHED], "-", note=note)
+        yield FigureRow(f"{name}/training/{evaluated}", error / trained[PUBLISHED], "-", note=note)

@@ -180,7 +180,7 @@ HELDOUT_CERTAIN = 0.90
 """Share of block resamples of each held-out run, and of all together, in which an effect that acts there must lower the
 error."""
 MOSTLY_LEVEL = 0.5
-"""Share of what an effect changes that its means over the runs hold, from which on it is judged as a level."""
+"""Share of what an effect changes that its means over the runs hold, from which on it is evaluated as a level."""
 LEAST_OVER_WANDER = 3.0
 """Standard deviations of a mean under noise that wanders as what is left does, which a level must reach. On calibration
 seed 100 weak torque sensor biases reach 67 and more."""

@@ -102,7 +102,7 @@ def separate_risk(value: FloatArray, lower: FloatArray, upper: FloatArray, certa
 
 
 @kernel(VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, INDEX, MATRIX, VECTOR)
-def judged(
+def evaluated(
     x: FloatArray,
     scale: FloatArray,
     matrix: FloatArray,

@@ -123,7 +123,7 @@ class Reproduction:
     figures: Mapping[str, Callable[[Any], None]] | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, as `reproduce --json` prints it: judged rows, and the other values beside them."""
+        """Plain data, as `reproduce --json` prints it: evaluated rows, and the other values beside them."""
         return {
             "id": self.id,
             "rows": [row_json(row) for row in self.rows if row.expected is not None],
@@ -143,19 +143,19 @@ def read_expectations(path: Path) -> dict[str, Expectation]:
 
 
 def read_on_record(path: Path) -> dict[str, OnRecord]:
-    """The values on record in a YAML file, by name: of judged rows, and of the rows under `quoted`.
+    """The values on record in a YAML file, by name: of evaluated rows, and of the rows under `quoted`.
 
-    Rows under `quoted` are not judged, but a text quotes them.
+    Rows under `quoted` are not evaluated, but a text quotes them.
 
     Raises:
         ParamsError: as `_read` and `_by_name`, or a name that is under `rows` and under `quoted`.
     """
     rows, quoted = _read(path)
-    judged_rows = _by_name(Expectation, rows, path, "rows")
+    with_goal = _by_name(Expectation, rows, path, "rows")
     others = _by_name(OnRecord, quoted, path, "quoted")
-    if twice := sorted(set(judged_rows) & set(others)):
-        raise ParamsError(f"{path}: judged and under `quoted`: {', '.join(twice)}")
-    return {name: row.on_record for name, row in judged_rows.items() if row.on_record} | others
+    if twice := sorted(set(with_goal) & set(others)):
+        raise ParamsError(f"{path}: evaluated and under `quoted`: {', '.join(twice)}")
+    return {name: row.on_record for name, row in with_goal.items() if row.on_record} | others
 
 
 def _read(path: Path) -> tuple[list[object], list[object]]:
@@ -187,7 +187,7 @@ def _by_name(kind: type[Named], listed: list[object], path: Path, key: str) -> d
     return named
 
 
-def judged(values: Mapping[str, float], expected: Mapping[str, Expectation]) -> tuple[FigureRow, ...]:
+def evaluated(values: Mapping[str, float], expected: Mapping[str, Expectation]) -> tuple[FigureRow, ...]:
     """Rows of `values`, in order, each with its expectation where there is one.
 
     Raises:

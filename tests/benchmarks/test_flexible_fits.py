@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.flexible_fits import LogRows, judged_errors, offset_of, repeatability, smallest
+from drake_tc.benchmarks.flexible_fits import LogRows, evaluated_errors, offset_of, repeatability, smallest
 
 NOISE = 0.1
 OFFSET = 0.3
@@ -54,14 +54,14 @@ def test_the_offset_of_a_log_is_its_constant() -> None:
 
 
 def test_a_fit_with_the_right_columns_leaves_the_noise() -> None:
-    errors = judged_errors([made_up(1)], made_up(0))
+    errors = evaluated_errors([made_up(1)], made_up(0))
     name = "load-dependent friction, inertia"
     assert_allclose(errors[name], NOISE, rtol=0.05)
     assert errors["friction"] > NOISE
 
 
 def test_trees_find_a_function_that_no_column_has() -> None:
-    errors = judged_errors([made_up(1, bend=0.3)], made_up(0, bend=0.3))
+    errors = evaluated_errors([made_up(1, bend=0.3)], made_up(0, bend=0.3))
     linear = errors["all columns"]
     trees = min(value for key, value in errors.items() if "trees" in key)
     assert trees < 0.5 * linear

@@ -19,7 +19,7 @@ ROWS = (
         Expectation("missed with a reason", 1.0, "max", 0.5, reason="too [warm] a day", reached=3.0),
     ),
     reproduced_row("missed without", float("nan"), Expectation("missed without", 1.0, "within", 0.1)),
-    reproduced_row("not judged", 4.0),
+    reproduced_row("not evaluated", 4.0),
 )
 HEADINGS = ("joint", "servo", "K6 = 1", "K6 = 0.5", "K6 = 0.25")
 TABLE = TextTable("Table 9 [mrad]", HEADINGS, (("r_ankle_pitch", "12.3456", "1.2345", "2.3456", "3.4567"),))
@@ -62,7 +62,7 @@ def test_json_is_the_contract(invoke, asked):
     assert [row["value"] for row in found["rows"]] == [2.5, 3.0, None]
     assert [row["met"] for row in found["rows"]] == [True, False, False]
     assert [row["reason"] for row in found["rows"]] == ["", "too [warm] a day", ""]
-    assert found["others"] == [{"name": "not judged", "value": 4.0}]
+    assert found["others"] == [{"name": "not evaluated", "value": 4.0}]
     assert found["notes"] == ["Simulated [so far]."]
 
 
@@ -80,8 +80,8 @@ def test_tables_on_stdout_progress_on_stderr_and_no_miss_hidden(invoke, asked):
     assert lines[0].strip() == "Table 9 [mrad]"
     assert lines[1].split() == ["joint", "servo", "K6", "=", "1", "K6", "=", "0.5", "K6", "=", "0.25"]
     assert lines[2].split() == list(TABLE.rows[0])
-    judged = {line.rsplit(maxsplit=1)[0].split("  ")[0].strip(): line.split()[-1] for line in lines[5:9]}
-    assert judged == {"met [1]": "yes", "missed with a reason": "NO", "missed without": "NO", "figure": "met"}
+    evaluated = {line.rsplit(maxsplit=1)[0].split("  ")[0].strip(): line.split()[-1] for line in lines[5:9]}
+    assert evaluated == {"met [1]": "yes", "missed with a reason": "NO", "missed without": "NO", "figure": "met"}
     assert ">= 2 N" in outcome.out and "<= 1" in outcome.out and "0.9 to 1.1" in outcome.out
     assert "not met: missed with a reason: too [warm] a day" in lines
     assert "not met: missed without: no reason known" in lines

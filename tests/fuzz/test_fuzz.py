@@ -57,12 +57,12 @@ def test_twenty_thousand_damaged_inputs(share):
 def test_what_is_wrong_with_an_outcome_is_seen(tmp_path):
     """The judge itself: good outcomes pass, each kind of bad one is named."""
     from .cases import Case
-    from .worker import judged
+    from .worker import evaluated
 
     each = Case(0, "log", ("identify", "--log", "run.csv"))
     (tmp_path / "run.csv").write_text("")
-    assert judged(each, 2, "", "drake-tc: run.csv: no rows\n", tmp_path) == []
-    assert judged(each, 0, "{}", "", tmp_path) == []
+    assert evaluated(each, 2, "", "drake-tc: run.csv: no rows\n", tmp_path) == []
+    assert evaluated(each, 0, "{}", "", tmp_path) == []
     bad = {
         "exit code 70": (70, "", "drake-tc: unexpected error\n"),
         "lines of ours": (2, "", "drake-tc: run.csv: a\ndrake-tc: run.csv: b\n"),
@@ -73,7 +73,7 @@ def test_what_is_wrong_with_an_outcome_is_seen(tmp_path):
         "a warning": (0, "", "x.py:3: RuntimeWarning: overflow\n"),
     }
     for what, (code, out, err) in bad.items():
-        assert any(what in wrong for wrong in judged(each, code, out, err, tmp_path)), what
+        assert any(what in wrong for wrong in evaluated(each, code, out, err, tmp_path)), what
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "model.yaml").write_text("a: [1")
-    assert any("cut" in wrong for wrong in judged(each, 0, "", "", tmp_path))
+    assert any("cut" in wrong for wrong in evaluated(each, 0, "", "", tmp_path))

@@ -53,7 +53,7 @@ def captured(folder: Path) -> Iterator[tuple[Path, Path]]:
             os.close(copy)
 
 
-def judged(each: Case, code: int, out: str, err: str, folder: Path) -> list[str]:
+def evaluated(each: Case, code: int, out: str, err: str, folder: Path) -> list[str]:
     """What is wrong with the outcome of a case; nothing if it is right."""
     wrong = [] if code in (0, 2) else [f"exit code {code}"]
     lines = err.splitlines()
@@ -120,7 +120,7 @@ def run_case(number: int, files: "object", folder: Path) -> dict[str, object]:
             print(f"Traceback: {type(error).__name__}: {error}", file=sys.stderr)
             code = -1
     texts = [path.read_text(encoding="utf-8", errors="replace") for path in (out, err)]
-    wrong = judged(each, code, texts[0], texts[1], place)
+    wrong = evaluated(each, code, texts[0], texts[1], place)
     return {
         "number": number,
         "kind": each.kind,

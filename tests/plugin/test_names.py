@@ -18,9 +18,9 @@ def test_a_diagram_is_drawn_simulated_and_judged_by_its_name(command, tmp_path):
     ran = command("simulate", "decay", "--duration", "0.1", "--out", tmp_path / "run", "--json")
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout)["diagram"] == "decay"
-    judged = command("stability", "decay", "--open-at", "drain:y0", "--json")
-    assert judged.returncode == 0, judged.stderr
-    assert json.loads(judged.stdout)["spectral_radius"] == pytest.approx(0.9, abs=1e-6)
+    evaluated = command("stability", "decay", "--open-at", "drain:y0", "--json")
+    assert evaluated.returncode == 0, evaluated.stderr
+    assert json.loads(evaluated.stdout)["spectral_radius"] == pytest.approx(0.9, abs=1e-6)
 
 
 def test_a_reproduction_is_computed_by_its_id(command):

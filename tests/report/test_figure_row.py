@@ -53,10 +53,10 @@ def test_what_programs_read():
     document = rows_json(
         "x", [FigureRow("a", float("nan"), "s", n=0), FigureRow("b", 2.0, "s", 1.0, "max", note="why")]
     )
-    bare, judged = json.loads(json.dumps(document))["rows"]
+    bare, evaluated = json.loads(json.dumps(document))["rows"]
     assert bare == {"name": "a", "unit": "s", "median": None, "p99": None, "n": 0}
-    assert judged["median"] == judged["p99"] == 2.0
-    assert (judged["expected"], judged["how"], judged["met"], judged["note"]) == (1.0, "max", False, "why")
+    assert evaluated["median"] == evaluated["p99"] == 2.0
+    assert (evaluated["expected"], evaluated["how"], evaluated["met"], evaluated["note"]) == (1.0, "max", False, "why")
 
 
 def test_a_table_has_no_empty_columns():

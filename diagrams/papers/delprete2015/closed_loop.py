@@ -23,7 +23,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
 from drake_tc.loops.whole_body.violations import contact_misses, joint_misses
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
@@ -193,7 +193,7 @@ def reproduction(found: list[tuple[Outcome, ...]], swept: list[tuple[Outcome, ..
         (form, *(f"{100.0 * outcomes[number].force:.2f}" for outcomes in swept)) for number, form in enumerate(FORMS)
     ]
     wide = TextTable("right masses: contact missed [%] by amplitude", ("", *amplitudes), tuple(misses))
-    return Reproduction("B.closed_loop", judged(values, expectations("b_closed_loop")), (table, wide), NOTES)
+    return Reproduction("B.closed_loop", evaluated(values, expectations("b_closed_loop")), (table, wide), NOTES)
 
 
 def _kept(swept: list[tuple[Outcome, ...]], number: int) -> list[tuple[float, bool]]:

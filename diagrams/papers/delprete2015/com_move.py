@@ -27,7 +27,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow, solve_again
 from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES, TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
@@ -150,7 +150,7 @@ def approximations_of_p(seed: int = 0, progress: Progress | None = None) -> Repr
         "largest CoM task error": max(state.task_error(3) for state in states),
         "largest slip of a foot": max(_slip(state) for state in states[:: len(states) // 50]),
     }
-    return Reproduction("B.test1", judged(values, expectations("b_test1")), (), NOTES1, {"fig4": _fig4(found)})
+    return Reproduction("B.test1", evaluated(values, expectations("b_test1")), (), NOTES1, {"fig4": _fig4(found)})
 
 
 def five_ways(seed: int = 0, progress: Progress | None = None) -> Reproduction:
@@ -181,7 +181,7 @@ def five_ways(seed: int = 0, progress: Progress | None = None) -> Reproduction:
         values[f"largest CoM task error, {name}"] = float(one.error.max())
         values[f"states without solution, {name}"] = float(np.count_nonzero(~one.solved))
     tables = (table2(found),)
-    return Reproduction("B.test2", judged(values, expectations("b_test2")), tables, NOTES2, {"fig5": _fig5(found)})
+    return Reproduction("B.test2", evaluated(values, expectations("b_test2")), tables, NOTES2, {"fig5": _fig5(found)})
 
 
 def table2(found: dict[str, TorqueSafety]) -> TextTable:

@@ -27,7 +27,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, follow
 from drake_tc.diagrams.papers.delprete2015.torque_safety import MISSED, miss, torque_safety, wilson
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.capture_point import CapturePointLimit
 from drake_tc.tsid.model import TsidModel
@@ -41,8 +41,8 @@ COMPARED = (CLASSIC, INDIVIDUAL)
 CAPTURE = CapturePointLimit.group
 NOTES = (
     SETTING,
-    "The motion of B.test3. The controller has the wrong masses, the robot the right ones; limits are judged with the"
-    " robot's, without any torque error: missed means by more than 1e-6 standard deviations.",
+    "The motion of B.test3. The controller has the wrong masses, the robot the right ones; limits are evaluated with"
+    " the robot's, without any torque error: missed means by more than 1e-6 standard deviations.",
 )
 
 
@@ -162,7 +162,7 @@ def wrong_masses(seed: int = 0, progress: Progress | None = None, executor: Exec
         headings,
         tuple(lines),
     )
-    return Reproduction("B.test5", judged(values, expectations("b_test5")), (table,), NOTES)
+    return Reproduction("B.test5", evaluated(values, expectations("b_test5")), (table,), NOTES)
 
 
 def _share(hits: int, runs: int) -> str:

@@ -34,7 +34,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow
 from drake_tc.diagrams.papers.delprete2015.torque_safety import TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.capture_point import CapturePointLimit, half_planes
 from drake_tc.tsid.model import TsidModel
@@ -127,7 +127,7 @@ def reach_scene(of: TsidModel | None = None, goal: Goal = GOAL) -> Scene:
 def reach(
     way: Way, weight: float = W_REACH, *, share: float = SIGMA, seed: int = 0, duration: float = GOAL.duration
 ) -> "Reach":
-    """One motion, judged with the true torque error."""
+    """One motion, evaluated with the true torque error."""
     watched = _Watch()
     moments = watched.passing(follow(reach_scene(), way, weight, torque_error(share), duration))
     found = torque_safety(moments, torque_error(), seed, every=EVERY)
@@ -139,12 +139,12 @@ class Reach:
     """What one motion comes to.
 
     Attributes:
-        judged: Its probabilities.
+        evaluated: Its probabilities.
         distance: Of the hand from its goal at the end [m].
         beyond: How far the capture point ever was outside the feet's hull [m]; negative inside.
     """
 
-    judged: TorqueSafety
+    evaluated: TorqueSafety
     distance: float
     beyond: float
 
@@ -181,20 +181,20 @@ def far_reach(seed: int = 0, progress: Progress | None = None) -> Reproduction:
         if progress:
             progress(name, number / len(PLANNED))
         found[name] = reach(way, weight, seed=seed)
-    values = {f"p, {name}": 100.0 * float(one.judged.p.mean()) for name, one in found.items()}
+    values = {f"p, {name}": 100.0 * float(one.evaluated.p.mean()) for name, one in found.items()}
     for name in ROBUST:
         values[f"p of {name} minus p of classic"] = values[f"p, {name}"] - values[f"p, {CLASSIC.name}"]
     for name, one in found.items():
         values[f"capture point beyond the feet, {name}"] = 100.0 * max(one.beyond, 0.0)
-        values[f"states without solution, {name}"] = float(np.count_nonzero(~one.judged.solved))
+        values[f"states without solution, {name}"] = float(np.count_nonzero(~one.evaluated.solved))
         values[f"hand from its goal, {name}"] = 100.0 * one.distance
-    judged_values = judged(values, expectations("b_test3"))
-    return Reproduction("B.test3", judged_values, (_table3(found),), NOTES3, {"fig7": _fig7(found)})
+    evaluated_rows = evaluated(values, expectations("b_test3"))
+    return Reproduction("B.test3", evaluated_rows, (_table3(found),), NOTES3, {"fig7": _fig7(found)})
 
 
 def _table3(found: Mapping[str, Reach]) -> TextTable:
     """The paper's Table III."""
-    runs = [one.judged for one in found.values()]
+    runs = [one.evaluated for one in found.values()]
     lines = [
         ("probability p [%]", [cell(one.p, 100.0) for one in runs]),
         *((f"{label} p [%]", [cell(one.groups[name], 100.0) for one in runs]) for name, label in GROUPS.items()),
@@ -212,14 +212,14 @@ def wrong_sigma(seed: int = 0, progress: Progress | None = None) -> Reproduction
     """B.test4: sigma in the controller from a third to twice the true one."""
     if progress:
         progress(CLASSIC.name, 0.0)
-    classic = 100.0 * float(reach(CLASSIC, seed=seed).judged.p.mean())
+    classic = 100.0 * float(reach(CLASSIC, seed=seed).evaluated.p.mean())
     values, lines = {f"p, {CLASSIC.name}": classic}, []
     for number, share in enumerate(SHARES):
         line = [f"{share:g} tau_max"]
         for name in ROBUST:
             if progress:
                 progress(f"sigma {share:g} tau_max, {name}", (1 + number) / (1 + len(SHARES)))
-            p = 100.0 * float(reach(*PLANNED[name], share=share, seed=seed).judged.p.mean())
+            p = 100.0 * float(reach(*PLANNED[name], share=share, seed=seed).evaluated.p.mean())
             values[f"p, sigma {share:g}, {name}"] = p
             line.append(f"{p:.2f}")
         lines.append(tuple(line))
@@ -227,14 +227,14 @@ def wrong_sigma(seed: int = 0, progress: Progress | None = None) -> Reproduction
         least = min(values[f"p, sigma {share:g}, {name}"] for share in SHARES)
         values[f"least p over that of classic, {name}"] = least / classic
     table = TextTable("p [%] with the true sigma of 0.003 tau_max", ("controller's sigma", *ROBUST), tuple(lines))
-    return Reproduction("B.test4", judged(values, expectations("b_test4")), (table,), NOTES4)
+    return Reproduction("B.test4", evaluated(values, expectations("b_test4")), (table,), NOTES4)
 
 
 def _fig7(found: Mapping[str, Reach]) -> Any:
     def draw(figure: Any) -> None:
         axis = figure.subplots()
         for name in (CLASSIC.name, *ROBUST):
-            axis.plot(found[name].judged.time, 100.0 * found[name].judged.p, label=name)
+            axis.plot(found[name].evaluated.time, 100.0 * found[name].evaluated.p, label=name)
         axis.set_xlabel("time [s]")
         axis.set_ylabel("p [%]")
         axis.legend()

@@ -17,7 +17,7 @@ from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import BoolArray, FloatArray
 
@@ -46,7 +46,7 @@ NOTES = (
     " (the position in command = q + y included), IMU and F/T sensors all 5 ms later than the controller knows.",
     "Suspended: the waist hangs in springs and swings by 0.3 rad. `taken as fixed` is the same controller without the"
     " IMU, its base assumed to stand still. The torque error is that of the loop's estimate, its delay taken out, and"
-    " judged against the torque's range, as in A.torque_estimate: the swinging waist makes that several times larger.",
+    " relative to the torque's range, as in A.torque_estimate: the swinging waist makes that several times larger.",
 )
 
 
@@ -189,7 +189,7 @@ def beyond(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     values = figures(runs, seed, [name for name, _ in variants(stiff(listed[0][2], SOFT))])
     force = touched(seed)
     values["force error without over with, K6 = 0.1"] = force["without"] / force["with"]
-    return Reproduction("A.beyond", judged(values, expectations("a_beyond")), _tables(runs), NOTES)
+    return Reproduction("A.beyond", evaluated(values, expectations("a_beyond")), _tables(runs), NOTES)
 
 
 def figures(runs: Mapping[str, Run], seed: int, wrong: list[str]) -> dict[str, float]:

@@ -13,12 +13,12 @@ from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.summary import estimated
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import BoolArray, FloatArray
 
 SETTLED = 3.0
-"""The sine is judged from here on [s]: half a period after the force has risen."""
+"""The sine is evaluated from here on [s]: half a period after the force has risen."""
 AXES = ("fx", "fy", "fz")
 FIG5_NOTES = (
     "Simulated: foot on a rigid box, K6 = 0.1, Kf = 1, Kp = 2 as in the paper; an integral of the torque error"
@@ -57,7 +57,7 @@ def fig5(seed: int = 0, progress: Progress | None = None) -> Reproduction:
         axes[0].legend(loc="upper right")
         axes[-1].set_xlabel("time [s]")
 
-    return Reproduction("A.fig5", judged(values, expectations("a_fig5")), (), FIG5_NOTES, {"fig5": draw})
+    return Reproduction("A.fig5", evaluated(values, expectations("a_fig5")), (), FIG5_NOTES, {"fig5": draw})
 
 
 def _delay(time: FloatArray, desired: FloatArray, force: FloatArray) -> float:
@@ -92,7 +92,7 @@ def fig6(seed: int = 0, progress: Progress | None = None) -> Reproduction:
         for title, shares in (("in motion, K6 = 1", in_motion), ("in force control, K6 = 0.1", in_force))
     )
     figures = {"fig6_motion": _drawing(motion, knee), "fig6_force": _drawing(force, knee)}
-    return Reproduction("A.fig6", judged(values, expectations("a_fig6")), tables, FIG6_NOTES, figures)
+    return Reproduction("A.fig6", evaluated(values, expectations("a_fig6")), tables, FIG6_NOTES, figures)
 
 
 def _run(diagram: str, name: str, seed: int, progress: Progress | None, share: float = 0.0) -> TorqueRecording:

@@ -11,7 +11,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 
@@ -78,12 +78,12 @@ def swings(seed: int = 0, progress: Progress | None = None) -> Swings:
         if progress:
             progress(name, number / len(runs))
         recording = simulate_scenario(scenario)
-        joints, errors[name] = recording.robot.joints, _judged(recording)
+        joints, errors[name] = recording.robot.joints, _evaluated(recording)
     torque = {k6: errors[f"K6 = {k6:g}"] for k6 in STIFFNESSES}
     return Swings(joints, errors["servo"], torque, errors["complete model"])
 
 
-def _judged(recording: TorqueRecording) -> FloatArray:
+def _evaluated(recording: TorqueRecording) -> FloatArray:
     """The tracking error over the swing."""
     inside = (recording.time >= FROM) & (recording.time <= UNTIL)
     return np.asarray(recording.tracking_error[inside])
@@ -103,7 +103,7 @@ def table2(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     )
     columns.append(complete)
     shown = _table("Table 2: mean squared tracking error [10^-3 rad^2]", found.joints, columns, ".4f")
-    return Reproduction("A.table2", judged(values, expectations("a_table2")), (shown,), NOTES)
+    return Reproduction("A.table2", evaluated(values, expectations("a_table2")), (shown,), NOTES)
 
 
 def table3(seed: int = 0, progress: Progress | None = None) -> Reproduction:
@@ -113,7 +113,7 @@ def table3(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     values = _ratios("largest error ratio", found.joints, columns)
     columns.append(found.largest(found.complete))
     shown = _table("Table 3: largest tracking error [10^-3 rad]", found.joints, columns, ".2f")
-    return Reproduction("A.table3", judged(values, expectations("a_table3")), (shown,), NOTES)
+    return Reproduction("A.table3", evaluated(values, expectations("a_table3")), (shown,), NOTES)
 
 
 def _ratios(what: str, joints: tuple[str, ...], columns: list[FloatArray]) -> dict[str, float]:

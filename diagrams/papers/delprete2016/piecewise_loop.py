@@ -45,7 +45,7 @@ SWITCHING_SPEED = 0.01
 KICK = 0.05
 """Speed with which the joint is let go [rad/s]: a tenth of what the logs hold, soon stopped by its friction."""
 DURATION, LATE = 3.0, 1.5
-"""The joint floats for so long, and is judged from `LATE` on [s]."""
+"""The joint floats for so long, and is evaluated from `LATE` on [s]."""
 
 
 @dataclass(frozen=True)

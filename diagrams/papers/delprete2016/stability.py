@@ -18,7 +18,7 @@ from drake_tc.loops.torque.parts import loop_robot
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import make_plant
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
@@ -130,7 +130,7 @@ def stability(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     tables = (_table(runs), _piecewise_table(turned))
     return Reproduction(
         "A.stability",
-        judged(values, expectations("a_stability")),
+        evaluated(values, expectations("a_stability")),
         tables,
         NOTES,
         {"stability": lambda figure: _draw(figure, runs)},

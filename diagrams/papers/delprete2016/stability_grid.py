@@ -26,7 +26,7 @@ from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 
 JOINT = "r_hip_yaw"
@@ -188,5 +188,5 @@ def stability_grid(seed: int = 0, progress: Progress | None = None, points: Sequ
         axis.set_xlabel("spectral radius of the linear loop")
         axis.set_ylabel("late over early speed in simulation")
 
-    rows_judged = judged(values, expectations("a_stability_grid")) if not points else judged(values, {})
-    return Reproduction("A.stability_grid", rows_judged, tables, NOTES, {"stability_grid": draw})
+    rows_evaluated = evaluated(values, expectations("a_stability_grid")) if not points else evaluated(values, {})
+    return Reproduction("A.stability_grid", rows_evaluated, tables, NOTES, {"stability_grid": draw})

@@ -22,7 +22,7 @@ from drake_tc.diagrams.papers.delprete2016.complete_model import (
 )
 from drake_tc.diagrams.papers.delprete2016.identification import Experiment, linear_models, record_experiment
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 
 HIDDEN = ("deadzone", "velocity_sign_switch")
@@ -108,7 +108,7 @@ def identify_table1(
 def table1(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     """Table 1 anew."""
     data = identify_table1(seed, progress)
-    rows = judged(figures(data), expectations("a_table1"))
+    rows = evaluated(figures(data), expectations("a_table1"))
     tables = (_drive_table(data), *(_hidden_table(data, effect) for effect in data.hidden))
     return Reproduction("A.table1", rows, tables, (*NOTES, *_more_notes(data)))
 

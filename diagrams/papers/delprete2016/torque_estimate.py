@@ -10,13 +10,13 @@ from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.summary import estimated
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.sensing.suite import SensorSuiteSpec
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 
 MOTIONS = {"identify_motion": (1.0, 13.5), "stairs_swing": (0.75, 2.3)}
-"""Scenario to the span in which it is judged [s]."""
+"""Scenario to the span in which it is evaluated [s]."""
 NOTES = (
     "Simulated sensors of a humanoid's class. RMS error over the span, divided by the span of the true torque in it.",
     "Windows of 41 samples around each instant, F/T sensors zeroed at the start: what identification uses. In the loop"
@@ -52,7 +52,7 @@ def torque_estimate(seed: int = 0, progress: Progress | None = None) -> Reproduc
     if progress:
         progress("error budget", len(MOTIONS) / (1 + len(MOTIONS)))
     tables.append(_budget(seed))
-    return Reproduction("A.torque_estimate", judged(values, expectations("a_torque_estimate")), tuple(tables), NOTES)
+    return Reproduction("A.torque_estimate", evaluated(values, expectations("a_torque_estimate")), tuple(tables), NOTES)
 
 
 def _rms(error: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from drake_tc.analysis.tuning import Tuning, tune
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 
 BEGIN = 0.28
@@ -94,7 +94,7 @@ def tuning(seed: int = 0, progress: Progress | None = None) -> Reproduction:
         late = latencies_held(found, seed, executor)
     return Reproduction(
         "A.tune",
-        judged(values(found, confirmed) | _late(late), expectations("a_tune")),
+        evaluated(values(found, confirmed) | _late(late), expectations("a_tune")),
         tables(found, confirmed),
         NOTES,
         {"pareto": lambda figure: draw_fronts(figure, found), "plants": lambda figure: _draw_plants(figure, confirmed)},
@@ -102,7 +102,7 @@ def tuning(seed: int = 0, progress: Progress | None = None) -> Reproduction:
 
 
 def values(found: Tuning, confirmed: Confirmed) -> dict[str, float]:
-    """The figures that are judged, by name."""
+    """The figures that are evaluated, by name."""
     nominal, other = (pair[1] / pair[0] for pair in confirmed.nominal)
     before = [joint.before for joint in found.joints if joint.before is not None]
     after = [joint.after for joint in found.joints]

@@ -20,7 +20,7 @@ from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.summary import task_errors
 from drake_tc.loops.whole_body.violations import contact_wrenches
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
@@ -28,7 +28,7 @@ from drake_tc.types import FloatArray
 
 SCENARIOS = Path(__file__).parents[2] / "coman.scenario.yaml"
 FACTORS = (1.0, 1.5, 2.0, 3.0)
-"""On the scenario's pushes; 1 is judged, the others show how much larger they may be."""
+"""On the scenario's pushes; 1 is evaluated, the others show how much larger they may be."""
 WORKERS = 2
 EVERY = 5
 """One sample in so many is looked at."""
@@ -206,7 +206,7 @@ def reproduction(case: Case, found: Mapping[float, Outcome]) -> Reproduction:
         }
     file = case.id.lower().replace(".", "_")
     figures = {file: _drawing(case, found)}
-    return Reproduction(case.id, judged(values, expectations(file)), (_table(case, found),), NOTES, figures)
+    return Reproduction(case.id, evaluated(values, expectations(file)), (_table(case, found),), NOTES, figures)
 
 
 def _survived(found: Mapping[float, Outcome]) -> float:

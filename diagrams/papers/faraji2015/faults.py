@@ -16,7 +16,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.chain_specs import SpringDrivesSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensor_validation.detection_limits import bias_resolved_after
@@ -294,7 +294,7 @@ def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]
     told = [f"without a fault, {name}: {', '.join(flags)}" for name, flags in alarms.items() if flags]
     return Reproduction(
         "C.faults",
-        judged(values, expectations(FILE)),
+        evaluated(values, expectations(FILE)),
         (TextTable("sensors that fail", headings, rows),),
         (*NOTES, drift_bound(), *told),
     )

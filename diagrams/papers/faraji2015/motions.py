@@ -17,7 +17,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 
@@ -29,7 +29,7 @@ SINCE = 0.5
 ABOVE_HZ = 5.0
 """What joints do faster than this is no part of the motion."""
 SEEDS = 3
-"""Base errors are judged by the worst of so many."""
+"""Base errors are evaluated by the worst of so many."""
 EVERY = 10
 """One sample in so many is looked at for the trunk."""
 NOTES = (
@@ -203,7 +203,7 @@ def motion(scenario: str, id_: str, seed: int, progress: Progress | None, *, dam
     )
     file = id_.lower().replace(".", "_")
     notes = (*NOTES, ON_DAMPING) if damped else NOTES
-    return Reproduction(id_, judged(values, expectations(file)), (table,), notes, {file: _spectra(runs)})
+    return Reproduction(id_, evaluated(values, expectations(file)), (table,), notes, {file: _spectra(runs)})
 
 
 def _spectra(runs: Mapping[str, TsidRecording]) -> Any:

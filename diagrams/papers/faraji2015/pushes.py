@@ -16,7 +16,7 @@ from drake_tc.errors import SimulationError
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 
@@ -186,7 +186,7 @@ def reproduction(found: dict[tuple[str, str], Border]) -> Reproduction:
     headings = ("controller", *DIRECTIONS, *(f"tilt, {d} [mrad]" for d in DIRECTIONS))
     table = TextTable("impulse survived / not [N s], and the feet's largest tilt at the former", headings, lines)
     return Reproduction(
-        "C.pushes", judged(values, expectations("c_pushes")), (table,), NOTES, {"c_pushes": _figure(found)}
+        "C.pushes", evaluated(values, expectations("c_pushes")), (table,), NOTES, {"c_pushes": _figure(found)}
     )
 
 

@@ -24,7 +24,7 @@ from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.series_elastic.sliding import sliding_sea
 from drake_tc.registry import sea_entry
 from drake_tc.report.bode_plot import draw_bode
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 
@@ -103,7 +103,7 @@ def bode(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     def draw(figure: Any) -> None:
         draw_bode(figure, curves, "spring torque over desired torque, clamped joint", delay=scenario.delay)
 
-    return Reproduction("C.bode", judged(values, expectations("c_bode")), tables, NOTES, {"c_bode": draw})
+    return Reproduction("C.bode", evaluated(values, expectations("c_bode")), tables, NOTES, {"c_bode": draw})
 
 
 def bode_values(

@@ -14,7 +14,7 @@ from drake_tc.diagrams.papers.faraji2015.sea_motor import true_motor
 from drake_tc.loops.series_elastic.running import SeaRecording, simulate_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 
 MOVED = ((1.0, 2.2), (3.0, 4.2))
@@ -135,7 +135,7 @@ def held(seed: int = 0, progress: Progress | None = None) -> Reproduction:
             axis.legend(loc="upper right")
         axes[-1].set_xlabel("time [s]")
 
-    return Reproduction("C.held", judged(values, expectations("c_held")), tables, NOTES, {"c_held": draw})
+    return Reproduction("C.held", evaluated(values, expectations("c_held")), tables, NOTES, {"c_held": draw})
 
 
 def hand_torque(run: SeaRecording) -> float:

@@ -11,7 +11,7 @@ from drake_tc.identification.motor_prior import UNKNOWNS, MotorFit, identify_mot
 from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 
 JOINTS = ("r_knee", "r_shoulder_roll", "r_elbow")
@@ -90,7 +90,7 @@ def motor(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     headings = ("joint, parameter", "data sheet", "identified", "from", "to", "true", "simulated", "from the logs")
     columns = [told, found, low, high, true, in_steps, share]
     table = TextTable("motors, SI; 95 % intervals", headings, text_rows(names, columns, ".4g"))
-    return Reproduction("C.motor", judged(values, expectations("c_motor")), (table,), NOTES)
+    return Reproduction("C.motor", evaluated(values, expectations("c_motor")), (table,), NOTES)
 
 
 def _holds(interval: tuple[float, float], value: float) -> bool:

@@ -6,7 +6,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import SCENARIOS, BaseErrors, base_errors, rmse_values
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, judged
+from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 
 KNOWN = {
@@ -55,4 +55,4 @@ def soles(seed: int = 0, progress: Progress | None = None) -> Reproduction:
     columns: list[Any] = [[getattr(one, what) for one in shown.values()] for what in ("position", "velocity", "yaw")]
     headings = ("told", "position [m]", "velocity [m/s]", "yaw [rad]")
     table = TextTable("RMS errors of the base", headings, text_rows(list(shown), columns, ".3g"))
-    return Reproduction("C.soles", judged(values, expectations("c_soles")), (table,), NOTES)
+    return Reproduction("C.soles", evaluated(values, expectations("c_soles")), (table,), NOTES)

@@ -25,7 +25,7 @@ def function_tasks(entry: FunctionEntry, scenario: FunctionScenario, begin: floa
     Args:
         entry: Of the function.
         scenario: How long the motion lasts.
-        begin: Errors are judged from here on [s].
+        begin: Errors are evaluated from here on [s].
 
     Raises:
         ParamsError: a function that does not return its torque loop, a loop without a reference, one that cannot be
@@ -43,7 +43,7 @@ def confirm_function(entry: FunctionEntry, scenario: FunctionScenario, tuning: T
         entry: Of the function; it takes `spec` and `gains`.
         scenario: How long the simulations last.
         tuning: Of the joints.
-        begin: Errors are judged from here on [s].
+        begin: Errors are evaluated from here on [s].
 
     Raises:
         ParamsError: a function without these arguments.

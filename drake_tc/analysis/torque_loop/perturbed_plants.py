@@ -43,7 +43,7 @@ class Compared:
     Attributes:
         scenarios: Settings of one and the same experiment.
         spread: How far the plant may be off.
-        begin: Errors are judged from here on [s].
+        begin: Errors are evaluated from here on [s].
     """
 
     scenarios: tuple[Scenario, ...]

@@ -70,7 +70,7 @@ def confirm(
     """Simulate the present and the tuned setting beside each other.
 
     Args:
-        motions: Scenarios, each with the time from which its errors are judged [s].
+        motions: Scenarios, each with the time from which its errors are evaluated [s].
         tuning: Of the joints.
         plants: Perturbed plants, on the first of the motions.
         spread: How far these are off; None: the default.

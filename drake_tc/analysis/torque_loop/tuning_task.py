@@ -35,7 +35,7 @@ def joint_tasks(scenario: Scenario, begin: float | None = None) -> list[JointTas
 
     Args:
         scenario: As `joint_loops` wants it, with position servos.
-        begin: Errors are judged from here on [s]; None: `SETTLED`, or the second half of a run shorter than twice that.
+        begin: Errors count from here on [s]; None: `SETTLED`, or the second half of a run shorter than twice that.
 
     Raises:
         ParamsError: another loop or other drives, or a scenario that cannot be built.
@@ -54,7 +54,7 @@ def design_tasks(design: LoopDesign, time: FloatArray, motion: FloatArray, begin
         design: As `joint_loops` wants it, with position servos.
         time: (T,) ticks of the control [s].
         motion: (T, 3, n) q_d, qdot_d, qddot_d [rad, rad/s, rad/s^2].
-        begin: Errors are judged from here on [s].
+        begin: Errors are evaluated from here on [s].
 
     Raises:
         ParamsError: another loop or other drives.

@@ -276,7 +276,7 @@ class Columns:
     def _effort_noise(self, terms: Sequence[Term]) -> float:
         """Share of the variance of the effort's white noise that passes the filters among the drive effects.
 
-        1 where the effort is the target: a lag is then judged by the residual before its smoothing (`noise_smoothed`).
+        1 where the effort is the target: the residual before its smoothing then counts for a lag (`noise_smoothed`).
         """
         if self.effort_is_target:
             return 1.0

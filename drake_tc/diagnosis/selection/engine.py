@@ -146,7 +146,7 @@ def select(
             break
         if size > 1 and proposals[0].error > (1.0 - thresholds.worth_refining) * problem.error(chosen):
             break
-        found = _judged(problem, _refined(problem, proposals, thresholds), baseline, chosen, thresholds)
+        found = _evaluated(problem, _refined(problem, proposals, thresholds), baseline, chosen, thresholds)
         passed_over |= found.passed_over
         real = found.real
         if waited:
@@ -188,7 +188,7 @@ class _Round(Generic[F]):
         return max((float(self.comparisons[i].gain.max()) for i in self.by_error), default=0.0)
 
 
-def _judged(
+def _evaluated(
     problem: Problem[F], refined: tuple[list[F], list[int]], baseline: F, chosen: F, thresholds: SearchThresholds
 ) -> _Round[F]:
     """Which of the refined models are possible, and which of these are real improvements."""

@@ -23,7 +23,7 @@ TWO_TURNS = 4.0 * np.pi
 WINDOW = 0.2
 """Over which the change of gravity's direction is held against the gyro [s]."""
 FAST = 1.0
-"""Below this a gyro is not judged [rad/s]."""
+"""Below this a gyro is not evaluated [rad/s]."""
 CERTAIN = 4.0
 """Deviations."""
 

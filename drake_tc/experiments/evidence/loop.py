@@ -3,8 +3,8 @@
 For each pair of effects and each of the two as the truth, a joint is drawn and simulated by the independent simulator
 with short, slow first runs. A diagnosis of these is followed by one more run of 30 s within the same limits: the
 designed motion, or a growing sinusoid. That run is fitted and a first run is held out: fitted together, the first runs
-would be asked to predict what only the new one shows. Both are judged by the same rule: the true effect is named, the
-other one is not, and the report does not list the two as indistinguishable.
+would be asked to predict what only the new one shows. Both are evaluated by the same rule: the true effect is named,
+the other one is not, and the report does not list the two as indistinguishable.
 """
 
 from collections.abc import Callable, Sequence

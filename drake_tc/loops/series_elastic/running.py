@@ -20,7 +20,7 @@ from drake_tc.types import FloatArray
 RUNAWAY_SPEED = 100.0
 """A motor that is faster [rad/s], over the gear, has run away."""
 SETTLED = 1.0
-"""Torques are judged from here on [s], or over the second half of a run shorter than twice that."""
+"""Torques are evaluated from here on [s], or over the second half of a run shorter than twice that."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,7 +43,7 @@ class SeaRecording(Recording):
         return values[:, 0] if values.shape[1] == 1 else values
 
     @property
-    def judged(self) -> slice:
+    def evaluated(self) -> slice:
         """Samples that count."""
         begin = min(SETTLED, 0.5 * float(self.time[-1]))
         return slice(int(np.searchsorted(self.time, begin)), None)
@@ -62,8 +62,8 @@ class SeaRecording(Recording):
         return np.asarray(late - self["spring_torque"])
 
     def rms(self, values: FloatArray) -> float:
-        """Over the judged samples."""
-        return float(np.sqrt(np.mean(values[self.judged] ** 2)))
+        """Over the evaluated samples."""
+        return float(np.sqrt(np.mean(values[self.evaluated] ** 2)))
 
 
 def simulate_sea(scenario: SeaScenario, progress: Progress | None = None, *, meshcat: bool = False) -> SeaRecording:
@@ -107,7 +107,7 @@ def summarise_sea(recording: SeaRecording) -> dict[str, Any]:
         "joint": recording.scenario.joint,
         "rms_error": recording.rms(error),
         "rms_error_but_for_delay": recording.rms(recording.delayed_torque_error),
-        "max_error": float(np.abs(error[recording.judged]).max()),
+        "max_error": float(np.abs(error[recording.evaluated]).max()),
         "max_torque": float(np.abs(recording["spring_torque"]).max()),
         "max_voltage": float(np.abs(recording["voltage"]).max()),
     }

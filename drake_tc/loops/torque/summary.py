@@ -14,7 +14,7 @@ from drake_tc.loops.torque.recording import TorqueRecording, log_columns, rig_of
 from drake_tc.robot.robot import Robot
 
 SETTLED = 0.7
-"""Tracking is judged from here on [s]: the guard has let go of the start."""
+"""Tracking is evaluated from here on [s]: the guard has let go of the start."""
 ZEROED = (0.05, 0.5)
 """The F/T sensors are zeroed within these times [s]."""
 
@@ -22,7 +22,7 @@ ZEROED = (0.05, 0.5)
 def summarise(recording: TorqueRecording) -> dict[str, Any]:
     """Tracking errors [rad], largest torque of each joint's drive [N m], and faults, as plain data.
 
-    Errors are judged from `SETTLED` on, or over the second half of a run that is shorter than twice that.
+    Errors are evaluated from `SETTLED` on, or over the second half of a run that is shorter than twice that.
     """
     late = recording.time >= min(SETTLED, 0.5 * recording.time[-1])
     error, torque = recording.tracking_error[late], np.abs(recording["actuation"])

@@ -107,7 +107,7 @@ def within_risk(
             if turn == PATIENCE:
                 end = _beyond(program, problem, found.guess, exact, unsafe=math.isnan(high))
                 if (end.risk > minimum) == math.isnan(high):
-                    return _counted(_judged(end, minimum), steps, programs), 0.0
+                    return _counted(_evaluated(end, minimum), steps, programs), 0.0
             here, stride = (high - stride if math.isnan(low) else low + stride), 2.0 * stride
             if abs(here) > FARTHEST:
                 break
@@ -115,8 +115,8 @@ def within_risk(
     if best is not None:
         return best[0]._replace(iterations=steps, programs=programs), best[1]
     if found.outcome is Outcome.SOLVED and means.spending.late():
-        return _judged(found, minimum)._replace(converged=False, iterations=steps, programs=programs), 0.0
-    safest = _judged(most_robust(program, problem, found.guess, exact), minimum)
+        return _evaluated(found, minimum)._replace(converged=False, iterations=steps, programs=programs), 0.0
+    safest = _evaluated(most_robust(program, problem, found.guess, exact), minimum)
     return _counted(safest, steps, programs), 0.0
 
 
@@ -127,7 +127,7 @@ def _beyond(
     return (most_robust if unsafe else in_null_space)(program, problem, guess, means)
 
 
-def _judged(found: ProgramResult, minimum: float) -> ProgramResult:
+def _evaluated(found: ProgramResult, minimum: float) -> ProgramResult:
     """RISKY where it keeps the limits, but not R <= minimum."""
     risky = found.outcome is Outcome.SOLVED and not found.risk <= minimum
     return found._replace(outcome=Outcome.RISKY) if risky else found

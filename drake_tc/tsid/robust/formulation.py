@@ -21,7 +21,7 @@ from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.robust.torque_error import TorqueError
 
-_JUDGED = Kernel("scaling", "judged")
+_EVALUATED = Kernel("scaling", "evaluated")
 
 MeasureName = Literal["classic", "individual", "rectangle", "box"]
 Use = Literal["trade_off", "null_space", "constraint"]
@@ -141,7 +141,7 @@ def _packed(found: ProgramResult, weight: float, problem: ScaledProblem) -> Robu
     if not math.isfinite(float(found.x.sum())):
         zero, active = np.zeros(len(problem.scale)), np.zeros(len(limits.lower), dtype=np.int64)
         return RobustSolution(zero, math.inf, 0.0, math.inf, active, Outcome.FAILED, False, *counts, None)
-    torque, active, chance, price = _JUDGED(
+    torque, active, chance, price = _EVALUATED(
         found.x,
         problem.scale,
         limits.matrix,

@@ -9,7 +9,7 @@ from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, nothing, scaled
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.types import FloatArray, IntArray
 
-_JUDGED = Kernel("scaling", "judged")
+_EVALUATED = Kernel("scaling", "evaluated")
 
 
 def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
@@ -20,7 +20,7 @@ def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
     problem = scaled(nothing(error.joints), polytope, error)
     limits, cost = problem.limits, problem.cost
     rows = limits.matrix, limits.lower, limits.upper, problem.certain
-    return float(_JUDGED(torque / problem.scale, problem.scale, *rows, cost.matrix, cost.target)[2])
+    return float(_EVALUATED(torque / problem.scale, problem.scale, *rows, cost.matrix, cost.target)[2])
 
 
 def certain_miss(rows: Rows, certain: IntArray, x: FloatArray, tolerance: float = FEASIBLE) -> bool:

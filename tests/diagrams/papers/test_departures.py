@@ -66,7 +66,7 @@ def test_a_met_row_and_one_that_is_not_judged_keep_to_the_record_too():
     for expectation in (GOAL, None):
         (text,) = said(1.7, expectation)
         assert "1.5 +/- 0.1 is on record" in text
-    assert departures([reproduced_row("y", np.nan)], {}) == []  # neither judged nor quoted
+    assert departures([reproduced_row("y", np.nan)], {}) == []  # neither evaluated nor quoted
 
 
 def test_a_row_on_record_that_is_not_computed_is_told():
@@ -111,7 +111,7 @@ def test_a_name_is_judged_or_quoted_and_not_both(tmp_path, monkeypatch):
     (tmp_path / "own.yaml").write_text(text % "b")
     assert on_record("own") == {"b": OnRecord("b", 2.0)}
     (tmp_path / "own.yaml").write_text(text % "a")
-    with pytest.raises(ParamsError, match="judged and under `quoted`: a"):
+    with pytest.raises(ParamsError, match="evaluated and under `quoted`: a"):
         on_record("own")
 
 

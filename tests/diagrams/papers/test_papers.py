@@ -21,7 +21,7 @@ from drake_tc.diagrams.papers.expected_values import expectations, expected_file
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry, reproductions
-from drake_tc.report.reproduction import Expectation, judged, reproduced_row, row_json
+from drake_tc.report.reproduction import Expectation, evaluated, reproduced_row, row_json
 from drake_tc.robot.plant import make_plant
 
 from .expected_files import expected_files
@@ -77,9 +77,9 @@ def test_a_row_without_expectation_is_neither():
 
 def test_an_expectation_without_a_value_is_refused():
     wanted = {"a": Expectation("a", 1.0, "min"), "b": Expectation("b", 1.0, "min")}
-    assert [row.met for row in judged({"a": 2.0, "b": 0.0, "c": 3.0}, wanted)] == [True, False, None]
+    assert [row.met for row in evaluated({"a": 2.0, "b": 0.0, "c": 3.0}, wanted)] == [True, False, None]
     with pytest.raises(ParamsError, match="without a computed one: b"):
-        judged({"a": 2.0}, wanted)
+        evaluated({"a": 2.0}, wanted)
 
 
 @pytest.mark.parametrize("path", expected_files(), ids=lambda path: path.stem)

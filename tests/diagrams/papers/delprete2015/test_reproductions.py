@@ -168,10 +168,10 @@ def test_robust_torques_are_safer_at_the_same_states(sway):
 
 def test_the_reach_moves_the_hand_and_keeps_the_capture_point():
     found = tsid_reach.reach(INDIVIDUAL, duration=0.3)
-    assert found.judged.p.size == round(0.3 / DT)
-    assert found.judged.p.min() > 0.99
+    assert found.evaluated.p.size == round(0.3 / DT)
+    assert found.evaluated.p.min() > 0.99
     assert found.beyond < 0.0
-    assert set(found.judged.groups) == set(tsid_reach.GROUPS)
+    assert set(found.evaluated.groups) == set(tsid_reach.GROUPS)
 
 
 def test_wrong_masses_are_those_of_the_links():

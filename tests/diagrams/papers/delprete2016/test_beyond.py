@@ -16,7 +16,7 @@ from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import judged
+from drake_tc.report.reproduction import evaluated
 
 ENTRY = diagram_entry("hrp2_leg")
 QUICK = (
@@ -131,6 +131,6 @@ def test_every_expected_row_is_computed():
     }
     values["force error without over with, K6 = 0.1"] = 1.0
     assert all(
-        row.expected is not None for row in judged(values, expectations("a_beyond")) if row.name.endswith("r_knee")
+        row.expected is not None for row in evaluated(values, expectations("a_beyond")) if row.name.endswith("r_knee")
     )
     assert "A.beyond" in REPRODUCTIONS
