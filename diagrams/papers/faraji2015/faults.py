@@ -136,6 +136,14 @@ def cases() -> tuple[FaultCase, ...]:
     for scenario in ("stand", "turn_1hz"):
         for sensor in ("motor_encoder", "gauge", "imu", "force_torque"):
             found += [_case(scenario, sensor, "frozen", "frozen"), _case(scenario, sensor, "dropped", "dropped")]
+        found += [
+            _case(scenario, "imu", "NaN in the yaw rate", "nan", channels=(YAW,)),
+            _case(scenario, "imu", "spikes of 1 rad/s in the yaw rate", "spikes", channels=(YAW,), value=1.0),
+            _case(scenario, "imu", "20 ms late", "late", value=0.02),
+            _case(scenario, "force_torque", "NaN in a load", "nan", channels=(FZ,)),
+            _case(scenario, "force_torque", "spikes of 50 N in a load", "spikes", channels=(FZ,), value=50.0),
+            _case(scenario, "force_torque", "20 ms late", "late", value=0.02),
+        ]
     stand, turn = "stand", "turn_1hz"
     found += [
         _case(stand, "motor_encoder", "dropped for 20 ms", "dropped", duration=0.02),
