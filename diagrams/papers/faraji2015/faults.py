@@ -36,6 +36,31 @@ DRIFT = float(np.deg2rad(1.0))
 """Of the gyro about the vertical [rad/s]."""
 KNEE, FZ, YAW, FORWARDS = 3, 2, 2, 3
 """Channels: a knee's encoder, the right ankle's load, the gyro's yaw rate, the accelerometer forwards."""
+Kind = tuple[str, str, Mapping[str, object]]
+"""Of a fault: what is said of it, its kind, and the other fields of a `SensorFault`."""
+WHOLE_SENSOR: tuple[Kind, ...] = (
+    ("frozen", "frozen", {}),
+    ("dropped", "dropped", {}),
+    ("20 ms late", "late", {"value": 0.02}),
+)
+
+
+def _of_one_channel(where: str, channel: int, off: float, spike: float, unit: str) -> tuple[Kind, ...]:
+    """A bias, NaN and spikes of one channel."""
+    return (
+        (f"off by {off:g} {unit} in {where}", "biased", {"channels": (channel,), "value": off}),
+        (f"NaN in {where}", "nan", {"channels": (channel,)}),
+        (f"spikes of {spike:g} {unit} in {where}", "spikes", {"channels": (channel,), "value": spike}),
+    )
+
+
+ONE_CHANNEL: Mapping[str, tuple[Kind, ...]] = {
+    "motor_encoder": _of_one_channel("a knee", KNEE, 0.05, 0.05, "rad"),
+    "encoder": _of_one_channel("a knee", KNEE, 0.05, 0.05, "rad"),
+    "gauge": _of_one_channel("a knee", KNEE, 5.0, 5.0, "N m"),
+    "imu": _of_one_channel("the acceleration forwards", FORWARDS, 3.0, 3.0, "m/s^2"),
+    "force_torque": _of_one_channel("the load of a foot", FZ, 10.0, 50.0, "N"),
+}
 NOTES = (
     "Simulated: models/coman_like as in C.turn1hz; a sensor fails and the run goes on for 2 s. All channels fail where"
     " nothing else is said: all joints' encoders or gauges at once, both F/T sensors.",
@@ -131,35 +156,20 @@ def _blind() -> FaultCase:
 
 
 def cases() -> tuple[FaultCase, ...]:
-    """All cases, in the order of the table."""
-    found = []
-    for scenario in ("stand", "turn_1hz"):
-        for sensor in ("motor_encoder", "gauge", "imu", "force_torque"):
-            found += [_case(scenario, sensor, "frozen", "frozen"), _case(scenario, sensor, "dropped", "dropped")]
-        found += [
-            _case(scenario, "imu", "NaN in the yaw rate", "nan", channels=(YAW,)),
-            _case(scenario, "imu", "spikes of 1 rad/s in the yaw rate", "spikes", channels=(YAW,), value=1.0),
-            _case(scenario, "imu", "20 ms late", "late", value=0.02),
-            _case(scenario, "force_torque", "NaN in a load", "nan", channels=(FZ,)),
-            _case(scenario, "force_torque", "spikes of 50 N in a load", "spikes", channels=(FZ,), value=50.0),
-            _case(scenario, "force_torque", "20 ms late", "late", value=0.02),
-        ]
+    """All cases, in the order of the table: every sensor with every kind of fault in both scenarios, then the others."""
+    found = [
+        _case(scenario, sensor, what, kind, **fields)
+        for scenario in ("stand", "turn_1hz")
+        for sensor, of_one in ONE_CHANNEL.items()
+        for what, kind, fields in (*WHOLE_SENSOR, *of_one)
+    ]
     stand, turn = "stand", "turn_1hz"
     found += [
         _case(stand, "motor_encoder", "dropped for 20 ms", "dropped", duration=0.02),
-        _case(stand, "motor_encoder", "off by 0.05 rad in a knee", "biased", channels=(KNEE,), value=0.05),
-        _case(stand, "motor_encoder", "NaN in a knee", "nan", channels=(KNEE,)),
-        _case(stand, "motor_encoder", "spikes of 0.05 rad", "spikes", value=0.05),
-        _case(turn, "motor_encoder", "spikes of 0.05 rad", "spikes", value=0.05),
-        _case(stand, "gauge", "off by 5 N m in a knee", "biased", channels=(KNEE,), value=5.0),
-        _case(stand, "encoder", "dropped", "dropped"),
         _case(stand, "imu", "dropped for 20 ms", "dropped", duration=0.02),
-        _case(stand, "imu", "off by 3 m/s^2 forwards", "biased", channels=(FORWARDS,), value=3.0),
         _case(stand, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=DRIFT),
         _case(turn, "imu", "yaw drift of 1 deg/s", "biased", channels=(YAW,), value=DRIFT),
         _case(stand, "force_torque", "dropped for 20 ms", "dropped", duration=0.02),
-        _case(stand, "force_torque", "off by 10 N", "biased", channels=(FZ,), value=10.0),
-        _case(turn, "force_torque", "off by 10 N", "biased", channels=(FZ,), value=10.0),
         _case(stand, "force_torque", "off by 150 N", "biased", channels=(FZ,), value=150.0),
         _blind(),
         _lost_contact(),
