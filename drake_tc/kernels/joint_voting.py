@@ -6,8 +6,9 @@ With theta before the spring, q behind it, tau in it, and d its deflection as `L
 
 Nothing that the robot does moves r, so |r| > `TOLERANCE` + `SHARE` |d| says that one of the three is wrong. Which:
     the one that jumps most against its own line through the last two samples, in units of r, where that is more than
-    half of what is allowed; else the encoder that has repeated itself for `STILL` ticks, and longer than the other (a
-    frozen one); else the gauge, as encoders do not drift.
+    half of what is allowed; else, where both encoders move, the one that is late (`late_sensor`); else the one whose
+    kind is late at another joint; else the encoder that has repeated itself for `STILL` ticks, and longer than the
+    other (a frozen one); else the gauge, as encoders do not drift.
 A reading that is not finite, a gauge that repeats itself `GAUGE_REPEATS` times and an encoder behind the spring that
 does `LINK_REPEATS` times are wrong at once: both have noise. The encoder before the spring has none, and stands still
 whenever its motor does. What is wrong is replaced from the other two, until it has agreed with them for `AGREED` ticks,
@@ -15,31 +16,36 @@ the encoder before the spring for ticks at which it moved, as a frozen one too i
 
     theta = q + d,   tau = (d' + (d[k] - d')/s)/c with d[k] = theta - q, d' = d[k-1],   q = theta - d
 
-Where two of three are wrong, each keeps its last good value. Source: our own; the paper has no faults.
+Where two of three are wrong, each keeps its last good value.
+
+A late sensor is believed again after it has agreed for `LATE_AGREED` ticks, as it is right whenever the joint stands.
+Source: our own; the paper has no faults.
 """
 
 import numpy as np
 
 from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, helper, kernel
+from drake_tc.kernels.late_sensor import HISTORY, LARGEST, TAU, THETA, Q, late_of, past_of
 from drake_tc.types import FloatArray
 
 TOLERANCE, SHARE = 1e-3, 0.05
 """Of |r|: [rad], six deviations of a gauge of 0.02 N m at 120 N m/rad; and of the deflection, as stiffness is known."""
-STILL, AGREED = 2, 20
+STILL, AGREED, LATE_AGREED = 2, 20, 500
 """Ticks."""
-LARGEST = 1e9
-"""No reading in SI units is as large."""
-THETA, TAU, Q = 0, 1, 2
-_LAST, _BEFORE, _RAW, _SAME, _DOUBT, DEFLECTION = 0, 3, 6, 9, 12, 15
+LATE_MOVES = 5
+"""Ticks after which an encoder that has not changed stands or is frozen, and no delay is looked for."""
+_LAST, _BEFORE, _RAW, _SAME, _DOUBT, DEFLECTION, _PAST = 0, 3, 6, 9, 12, 15, 16
+ROWS = _PAST + 3 * HISTORY
 """Rows of the memory: values given at the last tick and the one before, raw readings, ticks that these have not
-changed, ticks until a sensor is believed again (three rows each, theta, tau, q); d."""
+changed, ticks until a sensor is believed again (three rows each, theta, tau, q); d; theta, d and q by the raw readings,
+`HISTORY` ticks of each, the latest first."""
 MISSING, FROZEN, ODD, LOST = 0, 3, 6, 9
 """Rows of what is found."""
 
 
 @helper
 def begin(memory: FloatArray, y: FloatArray, compliance: FloatArray) -> None:
-    """The memory (16, n) that a first sample y (3, n) leaves; what is not finite is taken for 0."""
+    """The memory (ROWS, n) that a first sample y (3, n) leaves; what is not finite is taken for 0."""
     memory[:] = 0.0
     for j in range(y.shape[1]):
         for row in range(3):
@@ -47,27 +53,42 @@ def begin(memory: FloatArray, y: FloatArray, compliance: FloatArray) -> None:
             memory[_LAST + row, j] = memory[_BEFORE + row, j] = value
             memory[_RAW + row, j] = np.nan
         memory[DEFLECTION, j] = compliance[j] * memory[_LAST + TAU, j]
+        for row in range(3):
+            value = memory[DEFLECTION, j] if row == TAU else memory[_LAST + row, j]
+            memory[_PAST + row * HISTORY : _PAST + (row + 1) * HISTORY, j] = value
 
 
 @helper
-def blamed_of(memory: FloatArray, j: int, y: FloatArray, same: FloatArray, d: float, unit: float) -> int:
-    """Which one of joint j is wrong, of three that are at odds for no other reason.
+def jumped_of(memory: FloatArray, j: int, y: FloatArray, d: float, unit: float) -> int:
+    """Which one of joint j jumps by more than half of what is allowed, and the most; -1 where none does.
 
     Args:
-        memory: (16, n) of the tick before.
+        memory: (ROWS, n) of the tick before.
         j: Joint.
         y: (3,) its readings.
-        same: (3,) ticks that these have not changed.
         d: Deflection [rad].
         unit: Of the gauge, in r [rad/(N m)].
     """
-    which, most = 0, -1.0
+    which, most = -1, 0.5 * (TOLERANCE + SHARE * abs(d))
     for row in range(3):
         jump = abs(y[row] - 2.0 * memory[_LAST + row, j] + memory[_BEFORE + row, j]) * (unit if row == TAU else 1.0)
         if jump > most:
             which, most = row, jump
-    if most > 0.5 * (TOLERANCE + SHARE * abs(d)):
-        return which
+    return which
+
+
+@helper
+def suspect_of(same: FloatArray, known: FloatArray) -> int:
+    """Which one is at odds where none jumps and no delay is told.
+
+    The kind that is late at another joint; the encoder that has repeated itself longer; else the gauge.
+
+    Args:
+        same: (3,) ticks without a change.
+        known: (3,) 1 for a kind of sensor that is late at some joint.
+    """
+    if known.sum() == 1.0:
+        return int(np.argmax(known))
     if max(same[THETA], same[Q]) >= STILL and same[THETA] != same[Q]:
         return THETA if same[THETA] > same[Q] else Q
     return TAU
@@ -75,25 +96,27 @@ def blamed_of(memory: FloatArray, j: int, y: FloatArray, same: FloatArray, d: fl
 
 @helper
 def vote_of(
-    memory: FloatArray, j: int, y: FloatArray, c: float, s: float, repeats: FloatArray, after: FloatArray,
-    found: FloatArray,
+    memory: FloatArray, j: int, y: FloatArray, c: float, s: float, repeats: FloatArray, known: FloatArray,
+    after: FloatArray, found: FloatArray,
 ) -> None:  # fmt: skip
     """The vote at joint j: its column of `after` and `found`.
 
     Args:
-        memory: (16, n) of the tick before.
+        memory: (ROWS, n) of the tick before.
         j: Joint.
         y: (3,) its readings.
         c: Compliance [rad/(N m)].
         s: Share of a new deflection in d [-].
         repeats: (3,) ticks from which one that repeats itself is frozen.
-        after: (16, n) written.
+        known: (3,) 1 for a kind of sensor that is late at some joint.
+        after: (ROWS, n) written.
         found: (10, n) written.
     """
     same, bad, left, held = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
     before = memory[DEFLECTION, j]
     d = before + s * (c * y[TAU] - before)
-    within = abs(y[THETA] - y[Q] - d) <= TOLERANCE + SHARE * abs(d)
+    allowed = TOLERANCE + SHARE * abs(d)
+    within = abs(y[THETA] - y[Q] - d) <= allowed
     any_bad = doubted = False
     for row in range(3):
         same[row] = memory[_SAME + row, j] + 1.0 if y[row] == memory[_RAW + row, j] else 0.0
@@ -103,14 +126,21 @@ def vote_of(
         any_bad = any_bad or bad[row] > 0.0
         doubted = doubted or memory[_DOUBT + row, j] > 0.0
     agreed = within and not any_bad
-    blamed = -1
-    if not (agreed or any_bad or doubted):
-        blamed = blamed_of(memory, j, y, same, d, c * s)
+    past = past_of(memory[_PAST:, j].copy().reshape(3, HISTORY), y, c, s)
+    blamed = late = -1
+    if not (agreed or any_bad):
+        if max(same[THETA], same[Q]) < LATE_MOVES:
+            late = late_of(past, allowed, known)
+        if not doubted:
+            jumped = jumped_of(memory, j, y, d, c * s)
+            blamed = jumped if jumped >= 0 else suspect_of(same, known)
     good = 0
     for row in range(3):
         doubt = memory[_DOUBT + row, j]
         forgiven = agreed and (row != THETA or same[row] == 0.0)
         left[row] = AGREED if bad[row] or blamed == row else max(doubt - (1.0 if forgiven else 0.0), 0.0)
+        if late >= 0:
+            left[row] = LATE_AGREED if row == late else 0.0
         held[row] = memory[_LAST + row, j] if left[row] else y[row]
         good += 0 if left[row] else 1
         found[ODD + row, j] = 1.0 if left[row] and not bad[row] and not agreed else 0.0
@@ -127,6 +157,7 @@ def vote_of(
         after[_LAST + row, j], after[_BEFORE + row, j] = held[row], memory[_LAST + row, j]
         after[_RAW + row, j], after[_SAME + row, j], after[_DOUBT + row, j] = y[row], same[row], left[row]
     after[DEFLECTION, j] = d
+    after[_PAST:, j] = past.reshape(3 * HISTORY)
 
 
 @kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, OUT_VECTOR, OUT_MATRIX, OUT_MATRIX)
@@ -147,23 +178,26 @@ def vote(
         motor_angle: (n,) theta as it came [rad].
         torque: (n,) tau [N m].
         link_angle: (n,) q [rad].
-        state: (16 n + 1,) memory, and 1 once there was a tick.
+        state: (ROWS n + 1,) memory, and 1 once there was a tick.
         springs: (2, n) compliance c [rad/(N m)] and share s.
         repeats: (3,) ticks from which one that repeats itself is frozen.
-        after: (16 n + 1,) the state after it; written.
+        after: (ROWS n + 1,) the state after it; written.
         given: (4, n) theta, tau, q that can be believed, and theta - d; written.
         found: (10, n) 1 where a reading is missing, frozen, odd (three rows each), and where two of three are wrong;
             written.
     """
     n = motor_angle.size
-    y, memory, written = np.empty((3, n)), np.empty((16, n)), after[:-1].reshape(16, n)
+    y, memory, written = np.empty((3, n)), np.empty((ROWS, n)), after[:-1].reshape(ROWS, n)
     y[THETA], y[TAU], y[Q] = motor_angle, torque, link_angle
     if state[-1]:
-        memory[:] = state[:-1].reshape(16, n)
+        memory[:] = state[:-1].reshape(ROWS, n)
     else:
         begin(memory, y, springs[0])
+    known = np.zeros(3)
+    for row in range(3):
+        known[row] = 1.0 if memory[_DOUBT + row].max() > AGREED else 0.0
     for j in range(n):
-        vote_of(memory, j, y[:, j].copy(), springs[0, j], springs[1, j], repeats, written, found)
+        vote_of(memory, j, y[:, j].copy(), springs[0, j], springs[1, j], repeats, known, written, found)
         for row in range(3):
             given[row, j] = written[_LAST + row, j]
         given[3, j] = written[_LAST + THETA, j] - written[DEFLECTION, j]

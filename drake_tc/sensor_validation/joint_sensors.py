@@ -25,8 +25,8 @@ HOLD = 0.1
 """How long a flag stays up after its cause [s]."""
 GAUGE_REPEATS, LINK_REPEATS = 6, 20
 """Ticks from which a gauge, and an encoder behind a spring, is frozen."""
-ROWS = 16
-"""Of the vote's memory."""
+ROWS = 256
+"""Of the vote's memory, `drake_tc.kernels.joint_voting.ROWS`."""
 _VOTE = Kernel("joint_voting", "vote")
 
 

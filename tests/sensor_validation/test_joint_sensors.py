@@ -247,3 +247,59 @@ def test_the_joint_that_has_lost_two_sensors_is_named_and_no_other():
     lost = np.array(lost)
     assert_array_equal(lost[:, 0], np.zeros(len(y)))
     assert_array_equal(lost[:, 1], np.arange(len(y)) > 300)
+
+
+def from_rest(hertz: float, seconds=1.5):
+    """(T, 3, 2) true theta, tau, q: both joints stand until `START`, then swing ever faster up to a frequency."""
+    t = np.maximum(DT * np.arange(round(seconds / DT)) - START, 0.0)
+    phase = 2.0 * np.pi * hertz * np.minimum(t, 0.5) * t
+    q = np.outer(np.sin(phase), [0.1, 0.05])
+    d = 0.04 + np.outer(np.sin(1.3 * phase), [0.02, -0.03])
+    rate = np.diff(d, axis=0, prepend=d[:1]) / DT
+    return np.stack([q + d, (d + TIME * rate) / C, q], axis=1)
+
+
+@pytest.mark.parametrize("hertz", [2.0, 8.0])
+@pytest.mark.parametrize("delay", [0.01, 0.02, 0.03])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_late_sensor_is_told_from_the_two_that_are_not(name, delay, hertz):
+    """What is given is the truth from then on, but for what may go unseen: 1 mrad and 5 % of the deflection.
+
+    A gauge shows its spring's damping too.
+    """
+    truth = from_rest(hertz)
+    votes, given_ = voted(readings(truth, **{name: [SensorFault("late", 0.1, value=delay)]}))
+    row = NAMES[name]
+    odd = np.array([vote.odd for vote in votes])
+    found = np.flatnonzero(odd[:, row].any(axis=1))[0]
+    settled = slice(found + 100, None)
+    # at 10 Hz and 30 ms, two radians of phase, another sensor is suspected for less than a period of the doubt
+    assert np.delete(odd[settled], row, axis=1).any(axis=(1, 2)).sum() < 20
+    wrong = np.abs(given_ - truth)[settled]
+    assert wrong[:, [THETA, Q]].max() < 1.5e-3 + 0.05 * 0.07
+    assert (C * wrong[:, TAU]).max() < 1.5 * (1.5e-3 + 0.05 * 0.07)
+
+
+@pytest.mark.parametrize("hertz", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("name", ["motor_encoder", "encoder"])
+def test_an_encoder_that_freezes_in_a_swing_is_not_taken_for_another_one_that_is_late(name, hertz):
+    truth = from_rest(hertz)
+    votes, given_ = voted(readings(truth, **{name: [SensorFault("frozen", 0.8)]}))
+    odd = np.array([vote.odd | vote.frozen for vote in votes])
+    assert odd[:, NAMES[name]].any(axis=0).all()
+    assert not np.delete(odd, NAMES[name], axis=1).any()
+    assert np.abs(given_ - truth)[:, [THETA, Q]].max() < 7e-3
+
+
+def test_a_gauge_that_drifts_at_a_joint_of_constant_speed_is_not_called_a_late_encoder():
+    """At constant speed an offset and a delay look the same; encoders are believed then."""
+    t = DT * np.arange(1200)
+    q, d = np.outer(t, [0.5, 0.5]), np.full((t.size, 2), 0.04)
+    truth = np.stack([q + d, d / C, q], axis=1)
+    y = readings(truth)
+    y[:, TAU] += np.outer(np.maximum(t - START, 0.0), [6.0, -6.0])
+    votes, given_ = voted(y)
+    odd = np.array([vote.odd for vote in votes])
+    assert odd[:, TAU].any(axis=0).all()
+    assert not odd[:, [THETA, Q]].any()
+    assert np.abs(given_ - truth)[:, [THETA, Q]].max() < 1e-3 + 0.05 * 0.09

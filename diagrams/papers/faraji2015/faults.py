@@ -156,7 +156,7 @@ def _blind() -> FaultCase:
 
 
 def cases() -> tuple[FaultCase, ...]:
-    """All cases, in the order of the table: every sensor with every kind of fault in both scenarios, then the others."""
+    """All cases, in the order of the table: every sensor with every kind of fault in both scenarios, and some more."""
     found = [
         _case(scenario, sensor, what, kind, **fields)
         for scenario in ("stand", "turn_1hz")
