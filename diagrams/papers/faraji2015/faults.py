@@ -265,7 +265,7 @@ def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]
         "cases that fell": float(sum(one.fell is not None and not case.sinks for case, one in pairs)),
         "cases with anything that is not finite": float(sum(not one.finite for one in found)),
         "flags up in runs without a fault": float(sum(len(flags) for flags in alarms.values())),
-        "largest commanded torque, over its limit": max(one.desired for one in found),
+        "largest commanded torque, over its limit": round(max(one.desired for one in found), 9),
         "largest torque of a robot that stands, over its limit": max(
             (one.torque for one in found if one.fell is None), default=0.0
         ),
@@ -283,7 +283,8 @@ def reproduction(found: list[FaultOutcome], alarms: Mapping[str, tuple[str, ...]
     }
     for case, one in pairs:
         values[f"{case.label}: fell"] = float(one.fell is not None)
-        values[f"{case.label}: flagged after [s]"] = one.flagged
+        if np.isfinite(one.flagged):
+            values[f"{case.label}: flagged after [s]"] = one.flagged
     rows = tuple(
         (
             case.scenario,
