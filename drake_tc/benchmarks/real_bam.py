@@ -12,6 +12,7 @@ The published models in the terms of `drake_tc.effects`; back-EMF goes into the 
         Stribeck 0.044, load_external 0.196, load_external_stribeck 0.418, dq_s 0.0587, alpha 1.59
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.free_running import FreeRun
 from drake_tc.diagnosis.result.run_errors import position_errors
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.errors import IdentificationError
 from drake_tc.logs.importers.bam import JOINT
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
@@ -118,7 +120,7 @@ def real_bam_rows(
     trajectories: Sequence[str] = TRAJECTORIES,
     sets: Sequence[str] = (XL330, STS3250),
 ) -> list[FigureRow]:
-    """The tables: each trajectory held out in turn.
+    """The tables: each trajectory held out in turn. A case that `close-loop` refuses is a row with the reason.
 
     Args:
         data: The folder of public data sets, or the one set's own.
@@ -132,14 +134,18 @@ def real_bam_rows(
         LogError: a data set is not there.
     """
     found: list[HeldOutRun] = []
+    refused: list[FigureRow] = []
     for chosen in chosen_sets(sets):
         with TemporaryDirectory() as place:
             logs = import_set(chosen, data, Path(place))
             cases = [c for c in chosen.cases if c.name.removeprefix("motor/").removesuffix(SUFFIX) in trajectories]
             for number, case in enumerate(cases):
                 progress(f"{chosen.name}/{case.name}", number / len(cases))
-                found += held_out_runs(chosen, case, logs, Path(place), free_run, executor)
-    return [*_means(found), *_single(found)]
+                try:
+                    found += held_out_runs(chosen, case, logs, Path(place), free_run, executor)
+                except IdentificationError as error:
+                    refused.append(FigureRow(f"{chosen.name}/{case.name}/refused", math.nan, note=str(error)))
+    return [*_means(found), *_single(found), *refused]
 
 
 def _means(found: Sequence[HeldOutRun]) -> Iterator[FigureRow]:

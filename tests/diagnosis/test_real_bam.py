@@ -12,10 +12,11 @@ from readme_quotes_real import differing_cells
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.recorded_run import in_plant
+from drake_tc.benchmarks import real_bam
 from drake_tc.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
 from drake_tc.benchmarks.real_log_cases import RIGS
 from drake_tc.diagnosis.data.recordings import longest_stretch, loop_of, recording_of
-from drake_tc.errors import LogError
+from drake_tc.errors import IdentificationError, LogError
 from drake_tc.logs.importers.bam import JOINT, convert
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
@@ -110,3 +111,21 @@ def test_the_loop_saturates_near_full_duty(recorded: dict[int, Run], rig: Rig) -
     assert loop is not None
     full = 2.0 * math.pi * 256.0 * 885.0 / (800.0 * 4096.0)
     assert math.isclose(loop.limit / loop.gain, full, rel_tol=0.05)  # by the run's own median of the supply
+
+
+def test_a_case_that_is_refused_is_a_row_with_the_reason_and_the_others_are_run(monkeypatch, tmp_path):
+    def alone(chosen, case, *others):
+        if "lift_and_drop" in case.name:
+            raise IdentificationError("joint servo, lift_and_drop: too little motion")
+        return [
+            real_bam.HeldOutRun(chosen.name, "sts3250_kp32", case.name, dict.fromkeys(real_bam.MODELS, 0.01), "none")
+        ]
+
+    monkeypatch.setattr(real_bam, "held_out_runs", alone)
+    monkeypatch.setattr(real_bam, "import_set", lambda *others: tmp_path)
+    rows = {row.name: row for row in real_bam_rows(tmp_path, rig_free_run, sets=[real_bam.STS3250])}
+    refused = rows.pop("bam-sts3250-pendulum/motor/lift_and_drop_held_out/refused")
+    assert math.isnan(refused.value)
+    assert "too little motion" in refused.note
+    assert rows["sts3250_kp32/refined"].value == pytest.approx(0.01)
+    assert not any("lift_and_drop" in name for name in rows)
