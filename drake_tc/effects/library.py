@@ -20,6 +20,7 @@ from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
 from drake_tc.effects.encoder_offset import EncoderOffset
 from drake_tc.effects.encoder_ripple import EncoderRipple
+from drake_tc.effects.linear_friction import LinearPositionFriction
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
@@ -89,6 +90,7 @@ LIBRARY: tuple[Effect, ...] = (
     WindingTemperature(),
     PreslidingHysteresis(),
     TorqueRipple(),
+    LinearPositionFriction(),
     PositionDependentFriction(),
     Backlash(),
     Elasticity(),
@@ -187,11 +189,9 @@ def effect(key: str) -> Effect:
         >>> effect("stribeck").kind
         'friction'
     """
-    for candidate in BUILT_IN:
-        if key in (candidate.key, candidate.id):
-            return candidate
-    for candidate in registered_effects():
-        if key in (candidate.key, candidate.id):
-            return candidate
+    every = (*BUILT_IN, *registered_effects())
+    named = next((e for e in every if e.key == key), None) or next((e for e in every if e.id == key), None)
+    if named is not None:
+        return named
     ids = sorted({e.id for e in all_effects()})
     raise ParamsError(f"no effect {quoted(key)}{did_you_mean(key, ids)}; effects: {', '.join(ids)}")

@@ -1,4 +1,4 @@
-"""Friction whose level varies with the angle."""
+"""Friction whose level repeats with the angle."""
 
 from collections.abc import Mapping
 
@@ -19,6 +19,9 @@ CYCLES_PER_TURN_RANGE = Plausible(
     400.0,
     "seals, bearings and gear teeth repeat with a turn of a shaft of the gear",
 )
+
+LEAST_PERIODS = 0.5
+"""Periods that the positions span. Of less, amplitude and mean friction cannot be told apart: that is a line."""
 
 
 class PositionDependentFriction(EquationEffect):
@@ -60,7 +63,14 @@ class PositionDependentFriction(EquationEffect):
         return [{"cycles_per_turn": float(n)} for n in np.arange(max(0.5, 0.4 / turns), finest, 0.35 / turns)]
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
-        """Friction stays positive at every position: its wave is no larger than its mean, the Coulomb friction."""
+        """The positions span half a period, and friction is positive everywhere: no wave is larger than the mean."""
+        cycles = parameters["cycles_per_turn"]
+        periods = cycles * context.turns
+        if periods < LEAST_PERIODS:
+            return (
+                f"The positions span {periods:.3g} of a period of friction with {cycles:.3g} cycles a turn: at least "
+                f"{LEAST_PERIODS:g} is expected, as less of a wave tells neither its amplitude nor its period."
+            )
         amplitude = float(np.hypot(parameters["friction_cosine"], parameters["friction_sine"]))
         mean = context.scale("coulomb")
         if amplitude <= mean:

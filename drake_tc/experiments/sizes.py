@@ -149,6 +149,7 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
         "presliding_hysteresis": 2.0 * friction,
         "torque_ripple": friction,
         "position_dependent_friction": friction,
+        "position_dependent_friction.linear": 2.0 * friction / max(n.span, 1e-9),
         "backlash": min(1e-3, n.gain * 2.0 * part) if context.drive == "position_servo" else 1e-3,
         "elasticity": 0.1 * n.gain,
         "encoder_eccentricity.shared": n.gain * part if context.drive == "position_servo" else 2e-3,

@@ -60,6 +60,11 @@ def friction_wave(q: Any, v: Any, direction: Any, tau: Any, celsius: Any, z: Any
     return n[0] * np.cos(n[2] * q) + n[1] * np.sin(n[2] * q), 0.0, 0.0
 
 
+def friction_line(q: Any, v: Any, direction: Any, tau: Any, celsius: Any, z: Any, n: Any) -> Any:
+    """Level n0 (q - n1), with q - n1 kept within [-n2, n2]."""
+    return n[0] * np.maximum(-n[2], np.minimum(n[2], q - n[1])), 0.0, 0.0
+
+
 def thermal(q: Any, v: Any, direction: Any, tau: Any, celsius: Any, z: Any, n: Any) -> Any:
     """Level n0 w and damping n1 w; w = (1 - exp(-n2 (T - 25)))/n2."""
     warmth = -np.expm1(-n[2] * (celsius - REFERENCE_CELSIUS)) / n[2]
@@ -100,6 +105,7 @@ EQUATIONS: tuple[Callable[..., Any], ...] = (
     load_friction,
     load_stribeck,
     friction_wave,
+    friction_line,
     thermal,
     hysteresis,
     wave,
@@ -117,6 +123,7 @@ EQUATIONS: tuple[Callable[..., Any], ...] = (
     LOAD_FRICTION,
     LOAD_STRIBECK,
     FRICTION_WAVE,
+    FRICTION_LINE,
     THERMAL,
     HYSTERESIS,
     WAVE,

@@ -10,7 +10,8 @@ from drake_tc.types import FloatArray
 
 _constant, _stribeck, _power, _quadratic = map(inlined, (of.constant, of.stribeck, of.power, of.quadratic))
 _asymmetry, _load_friction, _load_stribeck = map(inlined, (of.asymmetry, of.load_friction, of.load_stribeck))
-_friction_wave, _thermal, _hysteresis = map(inlined, (of.friction_wave, of.thermal, of.hysteresis))
+_friction_wave, _friction_line = map(inlined, (of.friction_wave, of.friction_line))
+_thermal, _hysteresis = map(inlined, (of.thermal, of.hysteresis))
 _wave, _spring, _pendulum, _load_share = map(inlined, (of.wave, of.spring, of.pendulum, of.load_share))
 
 
@@ -34,6 +35,8 @@ def parts_of(
         parts = _load_stribeck(q, v, direction, tau, celsius, z, n)
     elif kind == of.FRICTION_WAVE:
         parts = _friction_wave(q, v, direction, tau, celsius, z, n)
+    elif kind == of.FRICTION_LINE:
+        parts = _friction_line(q, v, direction, tau, celsius, z, n)
     elif kind == of.THERMAL:
         parts = _thermal(q, v, direction, tau, celsius, z, n)
     elif kind == of.HYSTERESIS:

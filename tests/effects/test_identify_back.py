@@ -97,6 +97,7 @@ CASES: dict[str, Case] = {
     ),
     "presliding_hysteresis": Case("position_servo", {"presliding": 2.0, "presliding_travel": 0.03}),
     "torque_ripple": Case("current", {"ripple_cosine": 0.8, "ripple_sine": -0.5, "cycles_per_turn": 18.0}),
+    "position_dependent_friction.linear": Case("current", {"friction_slope": -0.8, "middle": 0.0, "half_travel": 3.0}),
     "position_dependent_friction": Case(
         "voltage", {"friction_cosine": 0.7, "friction_sine": 0.5, "cycles_per_turn": 3.0}
     ),

@@ -69,6 +69,11 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         {"cycles_per_turn": 2.27},
         "three times or more",
     ),
+    "position_dependent_friction.linear": (
+        {"friction_slope": -2.0, "middle": 0.3, "half_travel": 1.4},
+        {"friction_slope": -2.2},
+        "3.08 N*m towards one end exceeds",
+    ),
     "position_dependent_friction": (
         {"friction_cosine": 2.0, "friction_sine": 2.0, "cycles_per_turn": 3.0},
         {"friction_cosine": 2.5, "friction_sine": 2.5},
@@ -168,6 +173,13 @@ def test_what_the_rig_does_not_know_limits_nothing(key):
 def test_a_value_that_is_not_a_number_is_implausible(key):
     name = effect(key).parameters[0].name
     assert "not a finite number" in implausible(effect(key), CASES[key][0] | {name: math.nan}, RIG)
+
+
+def test_less_than_half_a_period_of_friction_is_a_line():
+    wave = {"friction_cosine": 0.5, "friction_sine": 0.0, "cycles_per_turn": 1.5}
+    told = implausible(effect("position_dependent_friction"), wave, RIG)
+    assert "0.477 of a period" in told and "at least 0.5" in told  # 0.318 turns
+    assert implausible(effect("position_dependent_friction"), wave, replace(RIG, position_span=(-1.5, 1.5))) == ""
 
 
 def test_less_than_one_period_of_a_wave_is_a_curve():
