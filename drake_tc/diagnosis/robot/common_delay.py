@@ -81,9 +81,7 @@ class DelayProblem(AllJoints):
         thresholds = replace(COMMON_DELAY, least_joints=max(2, (len(self.rows) + 1) // 2))
         if not self.is_better(fitted, self.fitted, thresholds):
             return False
-        own, spread = self.own_delays(delay, fitted)
-        allowed = np.maximum(ALIKE * delay, 2.0 * spread)
-        return bool((np.abs(own - delay) <= allowed).mean() >= MOST and (own >= delay - allowed).all())
+        return agree(delay, *self.own_delays(delay, fitted))
 
     def own_delays(self, delay: float, fitted: StackedFit) -> tuple[FloatArray, FloatArray]:
         """(n,) the delay that each joint tells by itself beside the common links, and its standard deviation [s].
@@ -103,6 +101,12 @@ class DelayProblem(AllJoints):
             spread = np.sqrt(float(residual @ residual) / (fitted.effective[j] * residual.size * squares))
             own.append((delay - float(residual @ slope) / squares, spread))
         return np.array([each[0] for each in own]), np.array([each[1] for each in own])
+
+
+def agree(delay: float, own: FloatArray, spread: FloatArray) -> bool:
+    """Whether most joints' own delays (n,) are the common `delay`, and none is clearly shorter; all in seconds."""
+    allowed = np.maximum(ALIKE * delay, 2.0 * spread)
+    return bool((np.abs(own - delay) <= allowed).mean() >= MOST and (own >= delay - allowed).all())
 
 
 def term_of(delay: float) -> Term:

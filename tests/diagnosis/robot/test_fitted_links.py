@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from fitted_arm import COULOMB, GAIN, JOINTS, NOISE, PAYLOAD, PLACE, RIG, ROTOR, URDF, VISCOUS, record, rig_file
 from numpy.testing import assert_allclose
-from pydrake.multibody.tree import MultibodyForces, SpatialInertia, UnitInertia
-from robot_files import joint_tag, link_tag, urdf, write_robot
+from robot_files import write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -18,78 +18,7 @@ from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
-from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
-
-URDF = urdf(
-    link_tag("column", (0, 0, 0.1), 4, (0.05, 0.05, 0.03)),
-    link_tag("boom", (0.2, 0, 0), 2, (0.005, 0.03, 0.03)),
-    link_tag("fore", (0.15, 0.01, 0), 1.2, (0.002, 0.012, 0.012)),
-    joint_tag("turn", "base", "column", axis=(0, 0, 1)),
-    joint_tag("lift", "column", "boom", xyz=(0.3, 0, 0.2), axis=(0, 1, 0)),
-    joint_tag("fold", "boom", "fore", xyz=(0.4, 0, 0), axis=(0, 1, 0)),
-)
-JOINTS = ("turn", "lift", "fold")
-GAIN, ROTOR = np.array([0.1, 0.2, 0.15]), np.array([0.4, 0.3, 0.1])
-VISCOUS, COULOMB = np.array([1.5, 1.0, 0.6]), np.array([1.0, 0.8, 0.5])
-NOISE, STEP, PERIOD, SECONDS = 0.02, 1e-5, 0.01, 15.0
-PAYLOAD, PLACE = 1.2, np.array([0.35, 0.05, 0.0])
-"""Mass [kg] and place in the last link [m] of a point mass."""
-RIG = {
-    "robot": "arm.yaml",
-    "drive": "current",
-    "load": {"robot": "fitted", "tolerance": 0.3},
-    "declared": ["rotor_inertia"],
-    "drive_gain": dict(zip(JOINTS, GAIN.tolist(), strict=True)),
-}
-
-
-def torques(robot, q, v, vdot, payload):
-    """(T, 3) by Drake."""
-    plant = make_plant(robot, 0.0)
-    context = plant.CreateDefaultContext()
-    if payload:
-        fore = plant.GetBodyByName("fore")
-        total = fore.CalcSpatialInertiaInBodyFrame(context)
-        total += SpatialInertia(payload, PLACE, UnitInertia.PointMass(PLACE))
-        fore.SetSpatialInertiaInBodyFrame(context, total)
-    out = np.empty_like(q)
-    for row, (a, b, c) in enumerate(zip(q, v, vdot, strict=True)):
-        plant.SetPositions(context, a)
-        plant.SetVelocities(context, b)
-        forces = MultibodyForces(plant)
-        plant.CalcForceElementsContribution(context, forces)
-        out[row] = plant.CalcInverseDynamics(context, c, forces)
-    return out
-
-
-def record(folder, robot, name, seed, payload=0.0, late=(0.0, 0.0, 0.0), behind=(0.0, 0.0, 0.0)):
-    """A run in which each drive acts `late` [s]: the current is that of the torque so much later.
-
-    Each encoder tells the angle of `behind` [s] ago.
-    """
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, SECONDS, PERIOD)
-    omega = 2.0 * np.pi * np.array([0.15, 0.35, 0.8])
-    angle = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (3, 3))
-    size = np.array([0.5, 0.3, 0.08])
-
-    def motion(shift):
-        later = angle + shift * omega
-        return np.sin(later) @ size, np.cos(later) @ (size * omega), -np.sin(later) @ (size * omega**2)
-
-    q = motion(0.0)[0]
-    drive = np.empty_like(q)
-    for shift in set(late):
-        at, v, a = motion(shift)
-        asked = torques(robot, at, v, a, payload) + ROTOR * a + VISCOUS * v + COULOMB * np.tanh(v / 1e-3)
-        drive[:, np.array(late) == shift] = asked[:, np.array(late) == shift]
-    columns = {"time": time}
-    for i, joint in enumerate(JOINTS):
-        columns[f"{joint}/position"] = np.round(motion(-behind[i])[0][:, i] / STEP) * STEP
-        columns[f"{joint}/current"] = GAIN[i] * (drive[:, i] + NOISE * rng.standard_normal(time.size))
-    np.savez(folder / f"{name}.npz", **columns)
-    return folder / f"{name}.npz"
 
 
 @pytest.fixture(scope="module")
@@ -98,12 +27,6 @@ def arm(tmp_path_factory):
     loaded = load_robot(write_robot(folder, URDF, JOINTS))
     logs = [record(folder, loaded, f"run_{k}", k) for k in range(2)]
     return folder, [*logs, record(folder, loaded, "carrying", 2, PAYLOAD)], record(folder, loaded, "held", 3)
-
-
-def rig_file(folder, **changes):
-    path = folder / "rig.yaml"
-    path.write_text(yaml.safe_dump(RIG | changes), encoding="utf-8")
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -248,44 +171,3 @@ def test_columns_of_the_links_give_the_load_at_every_sample(arm, tmp_path):
         assert_allclose(
             found, run.columns[f"{joint}/torque"], atol=1e-6 * float(np.std(run.columns[f"{joint}/torque"]))
         )
-
-
-@pytest.mark.parametrize("late", [(0.02, 0.02, 0.02), (0.0, 0.02, 0.0)])
-def test_a_delay_of_all_joints_is_named_once_and_that_of_one_joint_is_its_own(tmp_path, late):
-    loaded = load_robot(write_robot(tmp_path, URDF, JOINTS))
-    runs = [record(tmp_path, loaded, name, k, late=late) for k, name in enumerate(("one", "two", "held"))]
-    found = close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
-    own = {name: [effect.id for effect in joint.effects] for name, joint in found.joints.items()}
-    if len(set(late)) > 1:
-        assert found.shared == () and own == {"turn": [], "lift": ["delay"], "fold": []}
-        return
-    (delay,) = found.shared
-    assert (delay.id, delay.where) == ("delay", "all joints") and own == {joint: [] for joint in JOINTS}
-    low, high = delay.parameters["delay"].ci95
-    assert low <= 0.02 <= high and high - low < 0.25 * PERIOD
-    for joint in found.joints.values():
-        assert joint.after.heldout < 0.5 * joint.before.heldout
-        assert [t.shape for t in joint.final.terms if t.effect.id == "delay"] == [delay_shape(delay)]
-
-
-def delay_shape(delay):
-    return {"delay": delay.parameters["delay"].value}
-
-
-def test_a_late_encoder_is_told_from_a_late_drive_by_the_other_joints(tmp_path):
-    """The encoder of `lift` tells the angle of 30 ms ago, which `fold` feels: gravity is taken at the wrong angle."""
-    loaded = load_robot(write_robot(tmp_path, URDF, JOINTS))
-    behind = (0.0, 0.03, 0.0)
-    runs = [record(tmp_path, loaded, name, k, behind=behind) for k, name in enumerate(("one", "two", "held"))]
-    found = close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
-    (delay,) = found.shared
-    assert (delay.id, delay.where, delay.title) == ("delay", "lift", "delay of the encoder")
-    assert {name: [effect.id for effect in joint.effects] for name, joint in found.joints.items()} == {
-        joint: [] for joint in JOINTS
-    }
-    low, high = delay.parameters["delay"].ci95
-    assert low <= 0.03 <= high and high - low < 0.1 * PERIOD
-    assert delay.joints["fold"] > 0.0
-    for base in found.links.base:
-        low, high = base.estimate.ci95
-        assert low <= base.declared <= high, base.name
