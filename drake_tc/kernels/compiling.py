@@ -8,7 +8,8 @@ command that needs none of them does not pay for Numba's import. Rules for a com
 - What entries share are plain functions on arrays and scalars (`helper`), compiled into each entry. Arrays that differ
   in layout or in being read-only compile a helper once more, which costs seconds.
 - The cache's folder has in its name the hash of all sources that an entry is made of: Numba itself does not notice
-  that a helper in another file has changed. Where no cache can be written, every process compiles for itself.
+  that a helper in another file has changed. Where no cache can be written, every process compiles for itself; so does
+  one whose sources are edited while it runs, as it may have loaded them before.
 
 With the environment variable NUMBA_DISABLE_JIT=1 all of them run as Python, for coverage and for debuggers.
 """
@@ -25,6 +26,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+
+from drake_tc.kernels import AT_IMPORT, states
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -133,8 +136,13 @@ def cache_folder(module: str) -> Path | None:
         module: Of the compiled functions.
 
     Returns:
-        The folder of these sources below it; None where it cannot be written.
+        The folder of these sources below it; None where it cannot be written, or where a source was edited since this
+        process started.
     """
+    now = states(_SOURCES)
+    if any(AT_IMPORT.get(path, now[path]) != now[path] for path in sources_of(module, _SOURCES)):
+        _LOG.info("compiled kernels are not cached: their sources have changed since this process started")
+        return None
     root = os.environ.get("NUMBA_CACHE_DIR")
     try:
         base = Path(root) if root else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drake_tc"

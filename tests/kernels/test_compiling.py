@@ -68,10 +68,21 @@ print(Kernel("one", "entry")(1.5))
 """
 
 
-def run(folder: Path, home: Path) -> subprocess.CompletedProcess[str]:
+EDIT = RUN.replace(
+    "from drake_tc.kernels.lazy",
+    """folder = compiling._SOURCES
+drake_tc.kernels.AT_IMPORT |= drake_tc.kernels.states(folder)
+import drake_tc.kernels.other
+text = (folder / "other.py").read_text(encoding="utf-8")
+(folder / "other.py").write_text(text.replace("2.0", "40.0"), encoding="utf-8")
+from drake_tc.kernels.lazy""",
+)
+
+
+def run(folder: Path, home: Path, code: str = RUN) -> subprocess.CompletedProcess[str]:
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     environment |= {"XDG_CACHE_HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-c", RUN, str(folder)]
+    command = [sys.executable, "-c", code, str(folder)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
 
 
@@ -88,6 +99,16 @@ def test_an_edited_helper_is_compiled_again_and_compilation_is_told(tmp_path):
     changed = run(sources, home)
     assert float(changed.stdout) == 6.0
     assert changed.stderr == first.stderr
+
+
+@NEEDS_COMPILER
+def test_what_a_process_compiles_from_sources_that_were_edited_since_is_not_kept(tmp_path):
+    """It has loaded the helper before: kept under the hash of the new file, it would be found by all others."""
+    sources, home = tmp_path / "sources", tmp_path / "home"
+    sources.mkdir()
+    write(sources, 2.0)
+    assert float(run(sources, home, EDIT).stdout) == 3.0
+    assert float(run(sources, home).stdout) == 60.0
 
 
 @NEEDS_COMPILER
