@@ -76,14 +76,19 @@ class DelayProblem(AllJoints):
         """All joints together with this delay [s]."""
         return fit_stacked(self.late(delay), self.fitted.columns, self.fitted.tolerance, pooled=True)
 
-    def is_real(self, delay: float, fitted: StackedFit) -> bool:
-        """Whether the training runs show the delay [s], which `fitted` has: see the module."""
-        thresholds = replace(COMMON_DELAY, least_joints=max(2, (len(self.rows) + 1) // 2))
-        if not self.is_better(fitted, self.fitted, thresholds):
-            return False
-        return agree(delay, *self.own_delays(delay, fitted))
+    def is_improved(self, fitted: StackedFit) -> bool:
+        """Whether the errors of the training runs ask for the delay that `fitted` has: see the module."""
+        return self.is_better(
+            fitted, self.fitted, replace(COMMON_DELAY, least_joints=max(2, (len(self.rows) + 1) // 2))
+        )
 
-    def own_delays(self, delay: float, fitted: StackedFit) -> tuple[FloatArray, FloatArray]:
+    def around(self, delay: float) -> tuple[StackedFit, StackedFit]:
+        """Fits with a little less and a little more than this delay [s], for derivatives."""
+        return self.fit((1.0 - STEP) * delay), self.fit((1.0 + STEP) * delay)
+
+    def own_delays(
+        self, delay: float, fitted: StackedFit, around: tuple[StackedFit, StackedFit]
+    ) -> tuple[FloatArray, FloatArray]:
         """(n,) the delay that each joint tells by itself beside the common links, and its standard deviation [s].
 
         One Gauss-Newton step from the common delay d. With r the residual of a joint at d and r' its derivative by the
@@ -91,11 +96,11 @@ class DelayProblem(AllJoints):
         RMS(r)/(sqrt(n) RMS(r')), n the rows that are independent.
         """
         step = STEP * delay
-        around = [(self.late(each), self.fit(each)) for each in (delay - step, delay + step)]
+        rows = self.late(delay - step), self.late(delay + step)
         own = []
         for j, late in enumerate(self.late(delay)):
             residual = fitted.residual(late, j)
-            below, above = (fit.residual(rows[j], j) for rows, fit in around)
+            below, above = (fit.residual(each[j], j) for each, fit in zip(rows, around, strict=True))
             slope = (above - below) / (2.0 * step)
             squares = max(float(slope @ slope), 1e-300)
             spread = np.sqrt(float(residual @ residual) / (fitted.effective[j] * residual.size * squares))
@@ -131,16 +136,21 @@ def common_delay(problem: DelayProblem) -> SharedDelay | None:
     )
     delay = float(found.x) if found.fun < problem.error(fits[best]) else float(grid[best])
     fitted = problem.fit(delay)
-    if not problem.is_real(delay, fitted):
+    if not problem.is_improved(fitted):
         return None
-    effect = _told(problem, delay, fitted)
+    around = problem.around(delay)
+    if not agree(delay, *problem.own_delays(delay, fitted, around)):
+        return None
+    effect = _told(problem, delay, fitted, around)
     return SharedDelay(term_of(delay), effect, problem.error(fitted)) if effect.stability >= HELDOUT_CERTAIN else None
 
 
-def _told(problem: DelayProblem, delay: float, fitted: StackedFit) -> SharedEffect:
+def _told(
+    problem: DelayProblem, delay: float, fitted: StackedFit, around: tuple[StackedFit, StackedFit]
+) -> SharedEffect:
     late = problem.late(delay, held=True)
     gain, stability, by_joint = on_held_out((late, fitted), (problem.held, problem.fitted))
-    half = _half_width(problem, delay, fitted)
+    half = _half_width(problem, delay, fitted, around)
     value = Estimate(delay, "s", (delay - half, delay + half), at_bound=delay >= 0.999 * LONGEST)
     return SharedEffect(
         id=CommonDelay.id,
@@ -153,7 +163,9 @@ def _told(problem: DelayProblem, delay: float, fitted: StackedFit) -> SharedEffe
     )
 
 
-def _half_width(problem: DelayProblem, delay: float, fitted: StackedFit) -> float:
+def _half_width(
+    problem: DelayProblem, delay: float, fitted: StackedFit, around: tuple[StackedFit, StackedFit]
+) -> float:
     """Half width [s] of the 95 % interval: by the curvature of the log likelihood -sum_j n_j log sigma_j(delay).
 
     n_j are the effective rows of joint j. The links' and joints' own parameters are fitted anew at each delay. What
@@ -161,7 +173,7 @@ def _half_width(problem: DelayProblem, delay: float, fitted: StackedFit) -> floa
     """
     period = max(p.context.period for p in problem.prepared.values())
     count, step = fitted.effective * problem.counts, STEP * delay
-    spreads = [np.log(each.sigma) for each in (problem.fit(delay - step), fitted, problem.fit(delay + step))]
+    spreads = [np.log(each.sigma) for each in (around[0], fitted, around[1])]
     curvature = float(count @ (spreads[0] - 2.0 * spreads[1] + spreads[2])) / step**2
     variance = 1.0 / curvature if curvature > 0.0 else float("inf")
     return float(norm.ppf(0.975) * np.sqrt(variance + (OF_SAMPLE * period) ** 2))

@@ -38,7 +38,8 @@ def test_each_joint_tells_its_own_delay(tmp_path, monkeypatch):
     loaded = load_robot(write_robot(tmp_path, URDF, JOINTS))
     runs = [record(tmp_path, loaded, name, k, late=tuple(late)) for k, name in enumerate(("one", "two", "held"))]
     close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
-    own, spread = problems[0].own_delays(0.025, problems[0].fit(0.025))
+    (problem,) = problems
+    own, spread = problem.own_delays(0.025, problem.fit(0.025), problem.around(0.025))
     assert (spread < 0.002).all()
     assert_allclose(own, late, atol=0.002)
 
