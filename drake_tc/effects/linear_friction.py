@@ -25,7 +25,7 @@ class LinearPositionFriction(EquationEffect):
     nothing was measured there. The Coulomb friction beside it is that in the middle.
 
     A linkage whose ratio changes with the angle, or a cable or seal that is pressed harder towards one end, acts like
-    this; so does friction with a period much longer than the travel, of which only a straight line can be told.
+    this; so does friction whose period is much longer than the travel, as the log shows only a straight part of it.
     """
 
     id = PositionDependentFriction.id

@@ -21,7 +21,7 @@ CYCLES_PER_TURN_RANGE = Plausible(
 )
 
 LEAST_PERIODS = 0.5
-"""Periods that the positions span. Of less, amplitude and mean friction cannot be told apart: that is a line."""
+"""Periods that the positions span. With less, amplitude and mean friction cannot be separated: it is a line."""
 
 
 class PositionDependentFriction(EquationEffect):
@@ -69,7 +69,7 @@ class PositionDependentFriction(EquationEffect):
         if periods < LEAST_PERIODS:
             return (
                 f"The positions span {periods:.3g} of a period of friction with {cycles:.3g} cycles a turn: at least "
-                f"{LEAST_PERIODS:g} is expected, as less of a wave tells neither its amplitude nor its period."
+                f"{LEAST_PERIODS:g} is expected, as less of a wave determines neither its amplitude nor its period."
             )
         amplitude = float(np.hypot(parameters["friction_cosine"], parameters["friction_sine"]))
         mean = context.scale("coulomb")
