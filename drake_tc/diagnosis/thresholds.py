@@ -57,6 +57,8 @@ class SearchThresholds:
     Attributes:
         beam: Models kept at each size. refined: candidates whose shapes are refined. most: largest number added.
         near: Error of a candidate over that of the best, up to which it is refined.
+        least_refined: Candidates that are refined however far from the best one: a coarse grid of shapes can leave the
+            true effect with a larger error than another effect whose form fits it roughly.
         worth_refining: Relative drop of the error that the best candidate must bring after the first round.
         same: Relative difference of error below which models are as good as each other: the smaller one is taken.
         least_gain: Smallest relative drop of a joint's cross-validated RMS that one more effect must bring.
@@ -77,6 +79,7 @@ class SearchThresholds:
     refined: int = 6
     most: int = 4
     near: float = 1.5
+    least_refined: int = 3
     worth_refining: float = 0.01
     same: float = 0.02
     least_gain: float = 0.05

@@ -237,21 +237,31 @@ def _refined(
     """The best proposals, refined, and the indices of those whose values are possible.
 
     Impossible ones do not count: as many others are refined, near to the best possible one. A search that keeps a
-    single model looks at values only where an improvement is real, and takes all for possible here.
+    single model looks at values only where an improvement is real, and takes all for possible here. The first few are
+    refined however far they are; those that stay far are left out.
     """
     fits: list[F] = []
     possible: list[int] = []
     least = np.inf
-    waiting = iter([p for p in proposals if p.error <= thresholds.near * proposals[0].error])
+
+    def is_far(number: int, proposal: Proposal[F], best: float) -> bool:
+        return proposal.error > thresholds.near * best and number >= thresholds.least_refined
+
+    waiting = iter([p for number, p in enumerate(proposals) if not is_far(number, p, proposals[0].error)])
     for proposal in islice(waiting, thresholds.refined):  # those are refined whatever comes of the others
         proposal.begin()
-    for proposal in proposals:
-        if len(possible) == thresholds.refined or proposal.error > thresholds.near * least:
+    for number, proposal in enumerate(proposals):
+        if len(possible) == thresholds.refined or is_far(number, proposal, least):
             break
         if len(fits) == MOST_IMPOSSIBLE + thresholds.refined:
             break
-        fits.append(proposal.refined())
-        if thresholds.beam == 1 or problem.is_possible(fits[-1]):
+        fit = proposal.refined()
+        if proposal.error > thresholds.near * least:
+            best = min(problem.error(fits[i]) for i in possible)
+            if problem.error(fit) > thresholds.near * best:
+                continue
+        fits.append(fit)
+        if thresholds.beam == 1 or problem.is_possible(fit):
             possible.append(len(fits) - 1)
             least = min(least, proposal.error)
         elif (another := next(waiting, None)) is not None:

@@ -137,3 +137,15 @@ def test_what_is_begun_beside_the_search_is_what_the_search_refines(impossible):
     assert len(begun) == len(set(begun))
     assert begun[:2] == ["a", "b"], "the best proposals come first"
     assert ("c" in begun) == bool(impossible), "one more for each that cannot be"
+
+
+@pytest.mark.parametrize(("when_refined", "chosen"), [(0.1, "b"), (0.6, "a"), (0.9, "a")])
+def test_an_effect_that_a_coarse_grid_hides_behind_another_is_refined_too(when_refined, chosen):
+    class Coarse(Letters):
+        def proposals(self, parent, known):
+            for each in super().proposals(parent, known):
+                yield replace(each, error=0.65) if each.key == "b" else each
+
+    found = select(Coarse({"": 1.0, "a": 0.4, "b": when_refined, "c": 0.7, "d": 0.7}), "", PLAIN)
+    assert found.chosen == chosen
+    assert ("b" in found.alternatives) == (0.1 < when_refined <= 0.6), "what stays far is no alternative"
