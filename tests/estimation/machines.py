@@ -157,7 +157,7 @@ class Truth:
             imu=np.concatenate([R_WI.T @ moving.rotational(), R_WI.T @ proper]),
             gyro_dot=R_WI.T @ speeding.rotational(),
             readings=np.concatenate([np.zeros(0), *(self.reading(mount, reactions) for mount in robot.force_torque)]),
-            torque=np.array([self.along(joint, reactions[int(joint.index())]) for joint in joints]),
+            torque=np.array([self.along(joint, q, reactions[int(joint.index())]) for joint in joints]),
             base_reaction=self.weld(reactions),
         )
 
@@ -173,11 +173,15 @@ class Truth:
         force = reactions[int(weld.index())]
         return np.concatenate([force.translational(), force.rotational()])
 
-    @staticmethod
-    def along(joint, force: SpatialForce) -> float:
-        if joint.type_name() == "prismatic":
-            return float(joint.translation_axis() @ force.translational())
-        return float(joint.revolute_axis() @ force.rotational())
+    def along(self, joint, q: np.ndarray, force: SpatialForce) -> float:
+        """Power of a joint's reaction at unit speed: the force along its axis, whatever kind of joint it is."""
+        context = self.plant.CreateDefaultContext()
+        v = np.zeros(self.plant.num_velocities())
+        v[joint.velocity_start()] = 1.0
+        self.plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
+        child, parent = joint.frame_on_child(), joint.frame_on_parent()
+        unit = child.CalcSpatialVelocity(context, parent, child)
+        return float(unit.rotational() @ force.rotational() + unit.translational() @ force.translational())
 
     def reading(self, mount: ForceTorqueMount, reactions) -> np.ndarray:
         joint = self.plant.GetJointByName(mount.joint)
