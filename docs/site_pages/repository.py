@@ -13,6 +13,7 @@ SHOWN = {
     "README.md": "index.md",
     "CHANGELOG.md": "changelog.md",
     "drake_tc/diagnosis/README.md": "methods/diagnosis.md",
+    "drake_tc/experiments/README.md": "methods/experiments.md",
     "drake_tc/analysis/README.md": "methods/analysis.md",
     "drake_tc/tsid/README.md": "methods/tsid.md",
     "drake_tc/tsid/qp/README.md": "methods/qp.md",

@@ -25,7 +25,7 @@ FILES = ("estimate.csv", "estimate.json")
 
 def estimate_base_command(
     rig: Annotated[Path, typer.Option(help="Rig file: robot, contacts, columns.")],
-    log: Annotated[Path, typer.Option(help="Log file: CSV, Parquet, NPZ or MAT.")],
+    log: Annotated[Path, typer.Option(help="A log: CSV, Parquet, NPZ, MAT, JSON, LeRobot, MCAP or a ROS bag.")],
     out: Annotated[Path | None, typer.Option(help="Folder for estimate.csv and estimate.json.")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def inspect_command(
-    log: Annotated[Path, typer.Argument(help="A log: CSV, Parquet, NPZ, MAT, JSON, MCAP or a ROS bag.")],
+    log: Annotated[Path, typer.Argument(help="A log: CSV, Parquet, NPZ, MAT, JSON, LeRobot, MCAP or a ROS bag.")],
     rig: Annotated[Path | None, typer.Option(help="Write a rig file to start from here.")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,

@@ -22,7 +22,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             "URDF",
             frozenset({"frictionloss", "torque_limit"}),
             {
-                "armature": "URDF has no rotor inertia; export to drake-urdf or mjcf",
+                "armature": "export to drake-urdf or mjcf, which have it",
                 "delay": _NO_DELAY,
                 "backlash": _NO_BACKLASH,
             },
@@ -41,7 +41,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             "SDFormat",
             frozenset({"frictionloss", "torque_limit"}),
             {
-                "armature": "SDFormat has no rotor inertia; add it to the link's inertia about the axis by hand",
+                "armature": "add it to the link's inertia about the axis by hand",
                 "delay": _NO_DELAY,
                 "backlash": _NO_BACKLASH,
             },

@@ -14,7 +14,9 @@ _BLOCK_PER_KERNEL = 16
 
 @dataclass(frozen=True, eq=False)
 class BlockConvolution:
-    """y_t = sum_i h_i x_{t-i} for a symmetric range of i, by overlap-save (Oppenheim and Schafer, section 8.7).
+    """y_t = sum_i h_i x_{t-i} for a symmetric range of i, by overlap-save.
+
+    Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1999), section 8.7.
 
     Attributes:
         weights: (2 m + 1,) h_{-m} ... h_m, which add up to 1: a low-pass.

@@ -22,7 +22,7 @@ from drake_tc.loops.recording import write_log
 from drake_tc.loops.run_panels import RunPlot, TimePanel
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.loops.scenarios.files import changes_in
-from drake_tc.loops.simulated import Simulated, Tell
+from drake_tc.loops.simulated import Simulated, Tell, speed_line
 from drake_tc.loops.torque.spec import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.text_table import TextTable
@@ -225,7 +225,7 @@ def _simulated(loop: FunctionLoop, progress: Progress | None) -> Simulated:
         "joints": [],
         "faults": [],
     }
-    lines = (f"{scenario.duration:g} s simulated at {scenario.duration / seconds:.1f} x real time",)
+    lines = (speed_line(scenario.duration, scenario.duration / seconds),)
 
     def write(folder: Path, ending: str, tell: Tell) -> list[Path]:
         if not logs:

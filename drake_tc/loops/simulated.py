@@ -120,8 +120,19 @@ def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, m
     return Simulated(summary, table, lines, partial(write_sea, recording), partial(sea_plot, recording))
 
 
+def speed_line(duration: float, real_time_factor: float) -> str:
+    """How fast a run was, in words; a run slower than real time keeps two digits.
+
+    Args:
+        duration: Simulated time [s].
+        real_time_factor: Simulated time over elapsed time.
+    """
+    factor = f"{real_time_factor:.1f}" if real_time_factor >= 1.0 else f"{real_time_factor:.2g}"
+    return f"{duration:g} s simulated at {factor} x real time"
+
+
 def _speed(summary: dict[str, Any]) -> str:
-    return f"{summary['duration']:g} s simulated at {summary['real_time_factor']:.1f} x real time"
+    return speed_line(summary["duration"], summary["real_time_factor"])
 
 
 def _raised(word: str, flags: Sequence[dict[str, Any]]) -> list[str]:

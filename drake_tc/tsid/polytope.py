@@ -10,7 +10,7 @@ from drake_tc.types import FloatArray
 
 
 class LeastSquares(NamedTuple):
-    """||D tau - d||^2 (B, eq. 11), row weights multiplied in.
+    """||D tau - d||^2 (Del Prete and Mansard, 2015, eq. 11), row weights multiplied in.
 
     Attributes:
         matrix: (r, n) D.

@@ -10,6 +10,7 @@ from drake_tc.cli import progress
 from drake_tc.cli.progress import progress_bar
 from drake_tc.loops.motion import motion_html, torque_motion
 from drake_tc.loops.run_panels import RunPlot, TimePanel, torque_plot
+from drake_tc.loops.simulated import speed_line
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.run_plot import run_figure
@@ -100,3 +101,8 @@ def test_one_stage_is_told_once_in_ten_seconds_and_at_its_end(capsys, monkeypatc
             report(f"{0.1 * step:.1f} of 25 s", step / 250)
     told = capsys.readouterr().err.splitlines()
     assert told == ["simulate: building", *(f"simulate: {t} of 25 s" for t in ("0.1", "10.1", "20.1", "25.0"))]
+
+
+@pytest.mark.parametrize(("factor", "told"), [(0.034, "0.034"), (0.5, "0.5"), (3.21, "3.2"), (125.4, "125.4")])
+def test_a_slow_run_is_not_told_as_zero_times_real_time(factor, told):
+    assert speed_line(0.5, factor) == f"0.5 s simulated at {told} x real time"

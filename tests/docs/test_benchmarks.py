@@ -29,6 +29,13 @@ def test_every_command_is_one_of_the_program():
         known[" ".join(words[:2])].make_context("bench", words[2:])
 
 
+def test_the_page_knows_every_benchmark_of_the_program():
+    from site_pages.commands import commands
+
+    listed = {" ".join(said["command"].split()[1:3]) for said in COMMANDS.values()}
+    assert listed == {name for name in commands() if name.startswith("bench ")}
+
+
 def test_the_table_shows_every_stored_row(monkeypatch, tmp_path):
     stored = {
         "title": "Time of a tick",

@@ -6,7 +6,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from .conftest import DOCS, ROOT
+from .conftest import ROOT
 
 FETCHING = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "video": "src"}
 """Elements that make a browser fetch something, and where they say what."""
@@ -80,9 +80,15 @@ LONGEST = 900
 
 
 def sources():
-    from site_pages.repository import SHOWN
+    folders = ("docs", "drake_tc", "diagrams", "models")
+    return sorted({*ROOT.glob("*.md"), *(path for folder in folders for path in (ROOT / folder).rglob("*.md"))})
 
-    return sorted({*DOCS.glob("*.md"), *(ROOT / path for path in SHOWN)})
+
+def test_every_page_of_the_repository_is_on_the_site():
+    from site_pages.repository import page_of
+
+    paths = [path.relative_to(ROOT).as_posix() for path in sources()]
+    assert [path for path in paths if page_of(path) is None] == []
 
 
 @pytest.mark.parametrize("path", sources(), ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -44,6 +44,37 @@ def test_names(name, joint, quantity):
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "joint", "quantity", "unit"),
+    [
+        ("q_deg", "", "position", "deg"),
+        ("knee_q_cmd_deg", "knee", "position_command", "deg"),
+        ("knee/position_deg", "knee", "position", "deg"),
+        ("Joint Velocity (deg/s)", "", "velocity", "deg/s"),
+        ("vel_rad_s", "", "velocity", "rad/s"),
+        ("elbow current [A]", "elbow", "current", "A"),
+        ("i_mA", "", "current", "mA"),
+        ("tau [N m]", "", "torque", "N*m"),
+        ("q (3)", "joint_3", "position", ""),
+        ("q_ma", "ma", "position", ""),
+        ("t_ms", "", "time", ""),
+    ],
+)
+def test_units_in_names(name, joint, quantity, unit):
+    """A number in brackets and a unit of another quantity belong to the joint; the rate tells that of time."""
+    told = meaning(name)
+    assert told is not None and (told.joint, told.quantity, told.unit) == (joint, quantity, unit)
+
+
+def test_a_name_tells_degrees_of_a_motion_that_could_be_in_rad(tmp_path):
+    turn = 180.0 / np.pi
+    table = renamed(q_meas=turn, q_ref=turn).rename(columns={"q_meas": "q_deg", "q_ref": "q_ref_deg"})
+    path = write(table.assign(q_deg=table["q_deg"] / 20.0, q_ref_deg=table["q_ref_deg"] / 20.0), tmp_path / "run.csv")
+    found = inspect_log(path)
+    assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg"}
+    assert next(column.why for column in found.columns if column.name == "q_deg") == "called q; its name states deg"
+
+
 @pytest.mark.parametrize("name", ["foo", "status", "pi", "mass_kg", "error"])
 def test_names_that_tell_nothing(name):
     assert meaning(name) is None

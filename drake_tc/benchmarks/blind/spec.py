@@ -119,7 +119,7 @@ class RigSpec:
         group: `single`, `pair`, `null` or `outside`.
         kind: The effect, `a+b`, the kind of null, or the outside cause.
         strength: `weak`, `middle`, `strong`; empty for nulls.
-        targets: Wanted strength of each cause [N m RMS beyond refitting gain, viscous, Coulomb].
+        targets: Intended strength of each cause [N m RMS beyond refitting gain, viscous, Coulomb].
         joint: The true joint.
         causes: Cause id to its parameters; the amplitude is still a guess until `calibrate` has set it.
         sensors: The sensors.

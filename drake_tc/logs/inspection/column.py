@@ -81,7 +81,9 @@ def describe(name: str, values: FloatArray | None, told: Meaning | None, time_un
         return Column(name, "", "", "the name is not recognised", low, high, step, missing)
     whole = bool((finite == np.round(finite)).all())
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
-    if told.quantity != "time":
+    if told.unit:
+        unit, why = told.unit, f"its name states {told.unit}"
+    elif told.quantity != "time":
         unit, why = ("rpm", "") if "rpm" in told.by else _unit(told.quantity, low, high, whole=whole)
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
     by = "canonical name" if name == canonical else f"called {told.by}"

@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -59,6 +59,22 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 _BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names}
 _NOISE = ("joint", "joints", "state", "states", "actual", "meas", "measured", "data", "observation", "value", "link")
 """Words that name neither a joint nor a quantity, where others do."""
+UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("deg", "degs", "degree", "degrees"), "deg"),
+        **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+        **dict.fromkeys(("deg_s", "degs_s", "deg_per_s", "deg/s", "dps"), "deg/s"),
+        **dict.fromkeys(("rad_s", "rads_s", "rad_per_s", "rad/s"), "rad/s"),
+        **dict.fromkeys(("nm", "n_m", "n*m", "n·m", "n m"), "N*m"),
+        "mrad": "mrad",
+        "ma": "mA",
+        "mv": "mV",
+        "mnm": "mN*m",
+    }
+)
+"""Units as the ends of names write them, in small letters, to units of rig files."""
+_IN_BRACKETS = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")
+_AT_THE_END = re.compile(rf"(.+?)[\s_.\-]+({'|'.join(map(re.escape, UNITS))})", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -69,11 +85,13 @@ class Meaning:
         joint: Its name; empty for the time, and where the column names none.
         quantity: A key of `QUANTITIES`.
         by: The words that told.
+        unit: That the name states, as rig files write it; empty where it states none.
     """
 
     joint: str
     quantity: str
     by: str
+    unit: str = ""
 
 
 def words(name: str) -> list[str]:
@@ -89,8 +107,22 @@ def meaning(name: str) -> Meaning | None:
     """What a column seems to be; None where nothing tells.
 
     A canonical name means itself, and so does the owner before a slash. Otherwise the longest run of words that is
-    called like a quantity tells it, at the end of the name before the beginning; what is left names the joint.
+    called like a quantity tells it, at the end of the name before the beginning; what is left names the joint. A unit
+    of that quantity at the end of a name, as in `knee_deg` or `current [mA]`, is no part of the joint's name.
     """
+    for form in (_IN_BRACKETS, _AT_THE_END):
+        found = form.fullmatch(name)
+        told = None if found is None else _meaning(found[1])
+        if found is not None and told is not None and told.quantity != "time":
+            units = allowed_units(told.quantity)
+            unit = UNITS.get(found[2].lower(), found[2])
+            if unit in units:
+                return replace(told, unit=unit)
+    return _meaning(name)
+
+
+def _meaning(name: str) -> Meaning | None:
+    """What a name that states no unit seems to mean."""
     owner, _, suffix = name.rpartition("/")
     if owner and (suffix in JOINT_SUFFIXES or (suffix in SENSOR_SUFFIXES and owner.startswith(("imu_", "ft_")))):
         return Meaning(owner, suffix, suffix)

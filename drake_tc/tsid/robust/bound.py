@@ -1,4 +1,4 @@
-"""min J subject to R <= R_min (eq. 5), by the weight at which the trade-off meets it."""
+"""min J subject to R <= R_min (Del Prete and Mansard, 2015, eq. 5), by the weight at which the trade-off meets it."""
 
 import math
 

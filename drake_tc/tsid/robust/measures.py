@@ -1,4 +1,7 @@
-"""min ||D x - d||^2 + w R(x) inside the limits, for each measure R: what every use of robustness repeats."""
+"""min ||D x - d||^2 + w R(x) inside the limits, for each measure R: what every use of robustness repeats.
+
+Source: Del Prete and Mansard, 2015, eq. 11 to 17.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple

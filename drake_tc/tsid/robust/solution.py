@@ -32,7 +32,8 @@ class RobustSolution(NamedTuple):
     Attributes:
         torque: (n,) [N m]; finite whatever the outcome.
         robustness: R = -log p of the formulation's own approximation of p (R_ind, R_rect, R_box); 0 for "classic".
-        p_ind: Product of the probabilities of all sides (eq. 7) at the torque, whatever the formulation's measure.
+        p_ind: Product of the probabilities of all sides (Del Prete and Mansard, 2015, eq. 7) at the torque,
+            whatever the formulation's measure.
         cost: ||D tau - d||^2.
         active: (m,) 1 at the upper side, -1 at the lower side, 0 elsewhere.
         outcome: SOLVED where the torque keeps every limit, and R <= R_min where that was asked for; RISKY where it
