@@ -46,7 +46,9 @@ class ExportTarget(StrEnum):
     """Simulators in which an export can be tried."""
 
     mjcf = "mjcf"
+    urdf = "urdf"
     drake_urdf = "drake-urdf"
+    sdf = "sdf"
     bam = "bam"
 
 
@@ -80,8 +82,8 @@ def close_loop_command(
         ExportTarget | None,
         typer.Option(
             help="Also run the model's export to this simulator on the held-out runs: in MuJoCo (mjcf), Drake"
-            " (drake-urdf) or by BAM's equations (bam). The report compares its error with that of the model and of"
-            " the file of --declared, and says what is lost."
+            " (drake-urdf, urdf, sdf) or by BAM's equations (bam). The report compares its error with that of the model"
+            " and of the file of --declared, and says what is lost."
         ),
     ] = None,
     force: Force = False,

@@ -50,8 +50,8 @@ def export_command(
     holdout: Annotated[
         list[Path] | None,
         typer.Option(
-            help="A run to try the export on: in MuJoCo (mjcf), Drake (drake-urdf), BAM's equations (bam); repeat for"
-            " more."
+            help="A run to try the export on: in MuJoCo (mjcf), Drake (drake-urdf, urdf, sdf), BAM's equations (bam);"
+            " repeat for more."
         ),
     ] = None,
     page: Annotated[
@@ -82,9 +82,10 @@ def export_command(
     Friction that the target lacks (Stribeck friction in most) is replaced by a refit of the friction that it has; the
     error is printed with and without the refit. With --rig and --holdout the export is run on these runs in MuJoCo, in
     a plant of Drake or by BAM's equations. Its error is compared with that of the model in Drake and, with --into, with
-    that of the file before.
+    that of the file before. For MJCF the version of MuJoCo that the file needs is printed.
     """
     from drake_tc.actuation.model_file import load_models
+    from drake_tc.diagnosis.result.export_trial import ExportTrial
     from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS
     from drake_tc.exchange.dc_motor import with_torque_constant
@@ -108,26 +109,26 @@ def export_command(
     if torque_constant is not None:
         projections = [with_torque_constant(each, torque_constant) for each in projections]
     text = _writer(to, supply_voltage, position_gain)(projections, into)
-    errors = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else []
+    errors, notes = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else ([], [])
+    notes += _file_notes(to, text, projections, into)
+    lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
     if page is not None:
+        trial = ExportTrial(to.value, TARGETS[to.value].name, runner, model.name, lines, tuple(errors))
         with result_file(page, "--page", inputs=inputs, force=force) as path:
-            html = export_page(projections, TARGETS[to.value], errors, runner, model.name)
-            path.write_text(html, encoding="utf-8")
+            path.write_text(export_page(trial, projections, TARGETS[to.value]), encoding="utf-8")
     if out is not None:
         with result_file(out, "--out", inputs=inputs, force=force) as path:
             path.write_text(text, encoding="utf-8")
     if as_json:
-        print(json.dumps(json_value(_document(to, projections, errors, out)), indent=1))
+        print(json.dumps(json_value(_document(to, projections, errors, out) | {"notes": notes}), indent=1))
         return
     if out is None:
         sys.stdout.write(text)
     shown = sys.stderr if out is None else sys.stdout
-    for line in sentences(projections, TARGETS[to.value]):
+    for line in lines:
         print(line, file=shown)
-    if to is Target.bam and into is None:
-        print("BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into.", file=shown)
     if errors:
         title = "RMS error of the free-running position"
         print_wide(headings(errors, runner), cells(errors), left=("joint", "run"), title=title, file=shown)
@@ -183,6 +184,15 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
     return dict(recorded_speeds(load_runs(logs, what), what, joints))
 
 
+def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:
+    """Sentences on what the written file needs."""
+    from drake_tc.exchange.mujoco_versions import file_notes
+
+    if to is Target.bam and into is None:
+        return ["BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into."]
+    return file_notes(text, projections) if to is Target.mjcf else []
+
+
 def _errors(
     models: "dict[str, ActuatorModel]",
     projections: "Sequence[Projection]",
@@ -190,13 +200,16 @@ def _errors(
     rig: Path,
     runs: Sequence[Path],
     into: Path | None,
-) -> "list[ExportErrors]":
-    from drake_tc.exchange.comparison import run_errors
+) -> "tuple[list[ExportErrors], list[str]]":
+    """Errors of the runs, and sentences on them."""
+    from drake_tc.exchange.comparison import as_merged, run_errors, run_notes
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    return run_errors(models, projections, to.value, what, load_runs(runs, what), into)
+    merged = as_merged(projections, to.value, into)
+    rows = run_errors(models, merged, to.value, what, load_runs(runs, what), into)
+    return rows, run_notes(merged, to.value, what, into)
 
 
 def _document(

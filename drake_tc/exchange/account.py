@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from drake_tc.diagnosis.result.export_trial import ExportErrors
+from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.exchange.projection import COMMANDS, Projection, Vocabulary
 from drake_tc.report.export_section import HOW, cells, headings
 from drake_tc.report.numbers import significant
@@ -36,30 +36,25 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
     return lines or [f"{target.name} expresses all effects of this model."]
 
 
-def export_page(
-    projections: Sequence[Projection], target: Vocabulary, rows: Sequence[ExportErrors], runner: str, source: str
-) -> str:
+def export_page(trial: ExportTrial, projections: Sequence[Projection], target: Vocabulary) -> str:
     """The HTML of an export: what is lost, errors of free runs, and the terms that were written.
 
     Args:
+        trial: Its rows are empty where nothing was run.
         projections: One a joint.
         target: What they are projected to.
-        rows: Errors; empty where nothing was run.
-        runner: What ran the export; "" where nothing did.
-        source: Name of the model's file.
     """
-    said = sentences(projections, target)
     sections = []
-    if rows:
-        names = headings(rows, runner)
-        table = PageTable(names, cells(rows), names[2:])
+    if trial.rows:
+        names = headings(trial.rows, trial.runner)
+        table = PageTable(names, cells(trial.rows), names[2:])
         title = "RMS error of the free-running position on held-out runs"
         sections.append(PageSection(title, paragraphs=[HOW], tables=(table,)))
     names = ("joint", "term", "value")
     sections.append(
         PageSection("What was written", tables=(PageTable(names, _terms(projections, target), ("value",)),))
     )
-    return plain_page(f"The model in {target.name}", f"export · {source}", said, sections)
+    return plain_page(f"The model in {target.name}", f"export · {trial.model_file}", trial.losses, sections)
 
 
 def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[str, str, str]]:

@@ -1,6 +1,7 @@
 """Free runs of held-out logs: the identified model in Drake, its export in the target, and what the user's file had."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,21 +11,25 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.diagnosis.result.export_trial import ExportErrors
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam_run import simulate_as_bam
-from drake_tc.exchange.drake_run import simulate_in_drake
-from drake_tc.exchange.mujoco_run import require_mujoco, simulate_in_mujoco
-from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
+from drake_tc.exchange.mujoco_run import require_mujoco, simulate_in_mujoco, too_old_for
+from drake_tc.exchange.projection import Projection, Vocabulary
 from drake_tc.exchange.target_run import Runner, target_free_run
+from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from drake_tc.simulator_files.read import ANY_JOINT, read_joints
-from drake_tc.simulator_files.terms import ReadJoint
+from drake_tc.simulator_files.terms import ReadJoint, Terms
 from drake_tc.types import FloatArray
 
+NO_FRICTION = MappingProxyType({"frictionloss": "Drake's parser does not use the friction of a joint"})
 RUNS: Mapping[str, Runner] = MappingProxyType(
     {
-        "mjcf": Runner("MuJoCo", simulate_in_mujoco, 1e-3, require_mujoco),
+        "mjcf": Runner("MuJoCo", simulate_in_mujoco, 1e-3, require_mujoco, too_old_for),
+        "urdf": Runner("Drake's plant", simulate_urdf_in_drake, 2e-4, ignores=NO_FRICTION),
         "drake-urdf": Runner("Drake's plant", simulate_in_drake, 2e-4),
+        "sdf": Runner("Drake's plant", simulate_sdf_in_drake, 2e-4, ignores=NO_FRICTION),
         "bam": Runner("BAM's equations", simulate_as_bam, 2e-4),
     }
 )
@@ -55,26 +60,67 @@ def run_errors(
             a robot's model.
     """
     runner = require_runner(target, rig)
-    before = {} if into is None else read_joints(into, ParamsError)
+    both = _terms_to_run(projections, target, into)
+
+    def error(terms: Terms | None, joint: str, run: Run) -> float | None:
+        if terms is None or runner.too_old(terms):
+            return None
+        return _rms(target_free_run(runner, models[joint], terms, rig, run))
+
     rows = []
     for run in runs:
-        for projection in projections:
-            joint, terms = projection.joint, projection.terms
-            model = models[joint]
-            ours = rig_free_run(model, rig, joint, run)
-            was = before.get(joint, before.get(ANY_JOINT))
-            rows.append(
-                ExportErrors(
-                    joint,
-                    run.name,
-                    None if ours is None else _rms(ours[1:]),
-                    _rms(target_free_run(runner, model, terms, rig, run)),
-                    _rms(target_free_run(runner, model, was.with_servo_damping(), rig, run))
-                    if was is not None and _can_run(was, terms.drive)
-                    else None,
-                )
-            )
+        for joint, (exported, original) in both.items():
+            ours = rig_free_run(models[joint], rig, joint, run)
+            model = None if ours is None else _rms(ours[1:])
+            rows.append(ExportErrors(joint, run.name, model, error(exported, joint, run), error(original, joint, run)))
     return rows
+
+
+def run_notes(projections: Sequence[Projection], target: str, rig: Rig, into: Path | None) -> list[str]:
+    """Sentences on what a run of the export does not have although the file has it, or on why it is not run.
+
+    Args:
+        projections: One a joint.
+        target: A key of `RUNS`.
+        rig: Of the runs.
+        into: The user's file; None: there is none.
+    """
+    runner, lines = RUNS[target], []
+    for joint, (exported, original) in _terms_to_run(projections, target, into).items():
+        for what, terms in (("the export", exported), ("your file", original)):
+            if terms is not None and (old := runner.too_old(terms)):
+                lines.append(f"{joint}: {what} was not run: {old}.")
+        lines += [
+            f"{joint}: {why}: the runs are without it."
+            for term, why in runner.ignores.items()
+            if any(getattr(terms, term) for terms in (exported, original) if terms is not None)
+        ]
+        if not (TARGETS[target].has("armature") or exported.armature) and rig.load[joint] == "torque":
+            lines.append(
+                f"{joint}: the load is a recorded torque, so the run of the export has no inertia:"
+                f" {TARGETS[target].name} has no rotor inertia."
+            )
+    return lines
+
+
+def as_merged(projections: Sequence[Projection], target: str, into: Path | None) -> list[Projection]:
+    """The projections as the file has them into which they were merged.
+
+    A URDF or SDF file keeps the rotor inertia of Drake's tags, which the export does not write.
+
+    Args:
+        projections: One a joint.
+        target: A key of `TARGETS`.
+        into: The user's file; None: there is none.
+
+    Raises:
+        ParamsError: the file cannot be read.
+    """
+    if into is None or TARGETS[target].has("armature"):
+        return list(projections)
+    before = read_joints(into, ParamsError)
+    inertias = {name: joint.terms.armature for name, joint in before.items()}
+    return [replace(each, terms=replace(each.terms, armature=inertias.get(each.joint, 0.0))) for each in projections]
 
 
 def require_runner(target: str, rig: Rig) -> Runner:
@@ -97,9 +143,29 @@ def require_runner(target: str, rig: Rig) -> Runner:
     return RUNS[target]
 
 
-def _can_run(was: ReadJoint, drive: str) -> bool:
-    """Whether the file's drive takes the recorded command, and its terms are all of its model."""
-    return was.driven and was.terms.drive == drive and "load_dependent_friction" not in was.effects
+def _terms_to_run(
+    projections: Sequence[Projection], target: str, into: Path | None
+) -> dict[str, tuple[Terms, Terms | None]]:
+    """By joint the terms of the export and those of the user's file; None where the file's cannot be run."""
+    before = {} if into is None else read_joints(into, ParamsError)
+    found = {}
+    for projection in projections:
+        was = before.get(projection.joint, before.get(ANY_JOINT))
+        original = None if was is None else _original(was, projection.terms, TARGETS[target])
+        found[projection.joint] = projection.terms, original
+    return found
+
+
+def _original(was: ReadJoint, exported: Terms, target: Vocabulary) -> Terms | None:
+    """The file's terms, where they are all of its model and its drive takes the recorded command.
+
+    Where the target has no gain for such a drive, the user's controller has it: it is the same in both runs.
+    """
+    if "load_dependent_friction" in was.effects:
+        return None
+    if was.driven:
+        return was.with_servo_damping() if was.terms.drive == exported.drive else None
+    return None if exported.drive in target.drives else replace(was.terms, drive=exported.drive, kp=exported.kp)
 
 
 def _rms(run: tuple[FloatArray, FloatArray] | None) -> float | None:

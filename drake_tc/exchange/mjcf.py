@@ -3,8 +3,8 @@
 MuJoCo's joint has armature, frictionloss and damping, whose three numbers d0, d1, d2 make the passive force
 -(d0 + d1 |v| + d2 v^2) v. Its dry friction is a soft constraint: below frictionloss the velocity decays with a time
 constant, 20 ms unless solreffriction says otherwise. The identified friction is rigid, so that two time steps are
-written, the shortest that MuJoCo accepts. Its actuators have kp, forcerange and, from 3.6 on, a delay. That these are
-what this module takes them for is tested in MuJoCo itself.
+written, the shortest that MuJoCo accepts. Its actuators have kp, forcerange and a delay. That these are what this
+module takes them for is tested in MuJoCo itself; `mujoco_versions` has the versions that know them.
 """
 
 import math

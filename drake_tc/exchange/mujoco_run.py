@@ -10,7 +10,8 @@ import numpy as np
 
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.mjcf import STEP, to_mjcf
+from drake_tc.exchange.mujoco_versions import installed_mujoco, too_old
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import PointMass, RunInput
 from drake_tc.simulator_files.terms import Terms
@@ -26,11 +27,12 @@ def simulate_in_mujoco(terms: Terms, pendulum: Link | None, given: RunInput) -> 
         given: What moves it.
 
     Raises:
-        ParamsError: MuJoCo is not installed, or refuses the model.
+        ParamsError: MuJoCo is not installed, is too old for a term, or refuses the model.
     """
     mujoco: Any = require_mujoco()
-    text = to_mjcf([Projection("joint", replace(terms, backlash=0.0), (), None)], step=given.step)
-    text = text.replace(_LIGHT, _inertial(pendulum))
+    if old := too_old_for(terms):
+        raise ParamsError(f"{old}; pip install 'drake-tc[mujoco]'")
+    text = _bench(terms, given.step).replace(_LIGHT, _inertial(pendulum))
     try:
         model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
@@ -50,6 +52,19 @@ def simulate_in_mujoco(terms: Terms, pendulum: Link | None, given: RunInput) -> 
             if told and _is_unstable(mujoco, data):  # it would go on from its initial state
                 break
     return position
+
+
+def too_old_for(terms: Terms) -> str:
+    """Why the installed MuJoCo cannot load these terms, as a clause; "" where it can.
+
+    Args:
+        terms: Of an actuator.
+    """
+    return too_old(_bench(terms, STEP), ["joint"], installed=installed_mujoco())
+
+
+def _bench(terms: Terms, step: float) -> str:
+    return to_mjcf([Projection("joint", replace(terms, backlash=0.0), (), None)], step=step)
 
 
 _LIGHT = '<inertial pos="0 0 0" mass="0.001" diaginertia="1e-6 1e-6 1e-6"/>'

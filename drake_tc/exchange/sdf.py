@@ -16,7 +16,7 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
 
     Args:
         projections: One a joint.
-        into: A user's file; None writes a model with one revolute joint each.
+        into: A user's file; None writes a model with one revolute joint each and a link of next to no weight.
 
     Raises:
         ParamsError: a file that cannot be used, or that lacks a joint.
@@ -40,7 +40,13 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
 
 
 def _bench_joint(model: minidom.Element, name: str) -> None:
-    put(append(model, "link"), name=f"{name}_link")
+    rotor = append(model, "link")
+    put(rotor, name=f"{name}_link")
+    inertial = append(rotor, "inertial")
+    _set(append(inertial, "mass"), 1e-3)
+    inertia = append(inertial, "inertia")
+    for moment in ("ixx", "iyy", "izz"):
+        _set(append(inertia, moment), 1e-6)
     joint = append(model, "joint")
     put(joint, name=name, type="revolute")
     for tag, link in (("parent", "base"), ("child", f"{name}_link")):

@@ -5,8 +5,8 @@ the rig file. Only the recorded command enters.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -59,12 +59,16 @@ class Runner:
         simulate: The run.
         step: The longest one [s] at which the error of the integration is small beside that of a good model.
         require: Raises ParamsError where it is not installed.
+        too_old: Why the installed version cannot load these terms, a clause; "" where it can.
+        ignores: Field of `Terms` that is written in the file and not used by the runner, to its name in the file.
     """
 
     name: str
     simulate: Simulate
     step: float
     require: Callable[[], object] = lambda: None
+    too_old: Callable[[Terms], str] = lambda _terms: ""
+    ignores: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,9 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.exchange.account import sentences
-from drake_tc.exchange.comparison import RUNS, run_errors
+from drake_tc.exchange.comparison import RUNS, run_errors, run_notes
+from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.mujoco_versions import file_notes
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.plausible import derivative
@@ -42,7 +44,9 @@ def try_export(
     speeds = recorded_speeds(runs[0], rig, list(models))
     projections = [project(model, target, speeds.get(name)) for name, model in models.items()]
     rows = run_errors(models, projections, to, rig, runs[1], original)
-    return ExportTrial(to, target.name, RUNS[to].name, model_file, tuple(sentences(projections, target)), tuple(rows))
+    said = sentences(projections, target) + run_notes(projections, to, rig, original)
+    said += file_notes(to_mjcf(projections), projections) if to == "mjcf" else []
+    return ExportTrial(to, target.name, RUNS[to].name, model_file, tuple(said), tuple(rows))
 
 
 def recorded_speeds(runs: Sequence[Run], rig: Rig, joints: Sequence[str]) -> dict[str, FloatArray]:

@@ -24,7 +24,8 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
 
     Args:
         projections: One a joint.
-        into: A user's file; None writes a robot with one revolute joint each.
+        into: A user's file; None writes a robot with one revolute joint each, and its transmission: Drake makes an
+            actuator of nothing else.
         drake: Add Drake's tags.
 
     Raises:
@@ -35,6 +36,7 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
     if into is None:
         for projection in projections:
             _bench_joint(root, projection.joint)
+            _actuator(root, projection.joint)
     joints = {
         node.getAttribute("name"): node
         for node in root.childNodes
@@ -74,14 +76,18 @@ def _joint(element: minidom.Element, projection: Projection, *, friction: bool) 
 def _drake(root: minidom.Element, projection: Projection) -> None:
     """The tags of the joint's transmission, which is appended where there is none."""
     terms = projection.terms
-    transmission = _transmission(root, projection.joint)
-    actuator = child(transmission, "actuator")
-    if not actuator.hasAttribute("name"):
-        put(actuator, name=projection.joint)
+    actuator = _actuator(root, projection.joint)
     put(child(actuator, "drake:rotor_inertia"), value=terms.armature)
     put(child(actuator, "drake:gear_ratio"), value=GEAR_RATIO)
     if terms.drive == "position_servo":
         put(child(actuator, "drake:controller_gains"), p=terms.kp, d=0.0)
+
+
+def _actuator(root: minidom.Element, joint: str) -> minidom.Element:
+    actuator = child(_transmission(root, joint), "actuator")
+    if not actuator.hasAttribute("name"):
+        put(actuator, name=joint)
+    return actuator
 
 
 def _transmission(root: minidom.Element, joint: str) -> minidom.Element:

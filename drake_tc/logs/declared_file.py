@@ -69,7 +69,7 @@ def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[D
 
     Args:
         rig: Names the joints and the kinds of their drives.
-        path: URDF, MJCF or a parameter file of BAM; the last one holds for every joint.
+        path: URDF, SDFormat, MJCF or a parameter file of BAM; the last one holds for every joint.
         joints: Those that must be in the file; none: those of the rig that are in it, at least one.
 
     Raises:

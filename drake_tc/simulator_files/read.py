@@ -10,16 +10,18 @@ from drake_tc.config.is_file import is_file
 from drake_tc.errors import DrakeTcError
 from drake_tc.simulator_files.bam import bam_servo
 from drake_tc.simulator_files.mjcf import mjcf_joints
+from drake_tc.simulator_files.sdf import sdf_joints
 from drake_tc.simulator_files.terms import ReadJoint
 from drake_tc.simulator_files.urdf import urdf_joints
 
-ENDINGS = (".urdf", ".xml", ".mjcf", ".json", ".xacro")
-"""Endings of the files that can be read; what is in an XML file decides whether it is a URDF or MJCF.
+ENDINGS = (".urdf", ".sdf", ".xml", ".mjcf", ".json", ".xacro")
+"""Endings of the files that can be read; what is in an XML file decides whether it is a URDF, SDFormat or MJCF.
 
 A .xacro file is read if it holds nothing that has to be expanded.
 """
 XACRO = re.compile(r"\{http://(www\.)?ros\.org/wiki/xacro\}")
 """Begin of the tags of XML elements that only the program `xacro` understands."""
+KINDS = "a URDF (<robot>), an SDFormat file (<sdf>) or an MJCF (<mujoco>)"
 ANY_JOINT = "*"
 """Key of a file that is of one servo, whatever its joint is called."""
 
@@ -28,14 +30,14 @@ def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
     """What the file says of each joint, by name; of one servo under `ANY_JOINT`.
 
     Args:
-        path: URDF, MJCF or a parameter file of BAM.
+        path: URDF, SDFormat, MJCF or a parameter file of BAM.
         error: Class of what is raised.
 
     Raises:
         DrakeTcError: of class `error`: a file that cannot be read or used; names file and reason.
     """
     if not is_file(path):
-        raise error(f"{path}: no such file; expected a URDF, an MJCF or a parameter file of BAM")
+        raise error(f"{path}: no such file; expected a URDF, an SDFormat file, an MJCF or a parameter file of BAM")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
@@ -51,14 +53,13 @@ def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
 
 
 def _of_xml(root: ET.Element) -> dict[str, ReadJoint]:
-    readers = {"robot": urdf_joints, "mujoco": mjcf_joints}
+    readers = {"robot": urdf_joints, "sdf": sdf_joints, "mujoco": mjcf_joints}
     if any(XACRO.match(element.tag) for element in root.iter()):
         raise ValueError(
-            "expected a URDF (<robot>) or an MJCF (<mujoco>), got a xacro file that is not expanded;"
-            " `xacro FILE.xacro > FILE.urdf` expands it"
+            f"expected {KINDS}, got a xacro file that is not expanded; `xacro FILE.xacro > FILE.urdf` expands it"
         )
     if root.tag not in readers:
-        raise ValueError(f"expected a URDF (<robot>) or an MJCF (<mujoco>), got <{root.tag}>")
+        raise ValueError(f"expected {KINDS}, got <{root.tag}>")
     found = readers[root.tag](root)
     if not found:
         raise ValueError("it has no joint that moves and has a name")

@@ -31,32 +31,52 @@ def urdf_joints(root: ET.Element) -> dict[str, ReadJoint]:
         for joint in transmission.findall("joint"):
             name = joint.get("name", "")
             if name in found and actuator is not None:
-                found[name] = _with_drake(found[name], actuator)
+                found[name] = _with_tags(found[name], actuator)
     return found
 
 
+def with_drake(joint: ReadJoint, armature: float, p: float, d: float) -> ReadJoint:
+    """The joint with what Drake's tags say of its actuator.
+
+    Args:
+        joint: Without them.
+        armature: Reflected rotor inertia [kg m^2].
+        p: Gain of a position servo [N m/rad]; 0: the file has none.
+        d: Damping of the servo [N m s/rad].
+    """
+    terms = replace(joint.terms, armature=armature)
+    if p <= 0.0:
+        return replace(joint, terms=terms)
+    return replace(joint, driven=True, derivative_gain=d, terms=replace(terms, drive="position_servo", kp=p))
+
+
+def attribute(element: ET.Element, tag: str, name: str) -> float:
+    """The attribute of a child, 0 where there is none.
+
+    Args:
+        element: The parent.
+        tag: Of the child.
+        name: Of the attribute.
+
+    Raises:
+        ValueError: it is no number.
+    """
+    child = element.find(tag)
+    return float((child.get(name) if child is not None else None) or 0.0)
+
+
 def _terms(joint: ET.Element) -> Terms:
-    effort = _value(joint, "limit", "effort")
+    effort = attribute(joint, "limit", "effort")
     return Terms(
         drive="torque",
         kp=1.0,
-        damping=_value(joint, "dynamics", "damping"),
-        frictionloss=_value(joint, "dynamics", "friction"),
+        damping=attribute(joint, "dynamics", "damping"),
+        frictionloss=attribute(joint, "dynamics", "friction"),
         torque_limit=effort if effort > 0.0 else None,
     )
 
 
-def _with_drake(joint: ReadJoint, actuator: ET.Element) -> ReadJoint:
-    inertia, ratio = _value(actuator, f"{DRAKE}rotor_inertia", "value"), _value(actuator, f"{DRAKE}gear_ratio", "value")
-    terms = replace(joint.terms, armature=inertia * (ratio or 1.0) ** 2)
-    kp = _value(actuator, f"{DRAKE}controller_gains", "p")
-    if kp <= 0.0:
-        return replace(joint, terms=terms)
-    derivative = _value(actuator, f"{DRAKE}controller_gains", "d")
-    return replace(joint, driven=True, derivative_gain=derivative, terms=replace(terms, drive="position_servo", kp=kp))
-
-
-def _value(element: ET.Element, tag: str, attribute: str) -> float:
-    """The attribute of a child, 0 where there is none."""
-    child = element.find(tag)
-    return float((child.get(attribute) if child is not None else None) or 0.0)
+def _with_tags(joint: ReadJoint, actuator: ET.Element) -> ReadJoint:
+    inertia, ratio = (attribute(actuator, f"{DRAKE}{name}", "value") for name in ("rotor_inertia", "gear_ratio"))
+    gains = (attribute(actuator, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
+    return with_drake(joint, inertia * (ratio or 1.0) ** 2, *gains)

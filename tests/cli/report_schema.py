@@ -134,7 +134,7 @@ JOINT = fields(
 )
 EXPORT = fields(
     {
-        "to": one_of("mjcf", "drake-urdf", "bam"),
+        "to": one_of("mjcf", "urdf", "drake-urdf", "sdf", "bam"),
         "runner": text,
         "model": text,
         "losses": each(text),

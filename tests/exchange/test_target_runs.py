@@ -193,4 +193,4 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys)
     printed = capsys.readouterr()
     assert printed.out.startswith("<?xml") and printed.out.rstrip().endswith("</robot>")
     assert "your file, Drake's plant" in printed.err
-    assert drake_tc(["export", paths["model.yaml"], "--to", "sdf", *command[5:9]]) == 2
+    assert drake_tc(["export", paths["model.yaml"], "--to", "isaaclab", *command[5:9]]) == 2

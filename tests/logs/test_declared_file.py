@@ -159,5 +159,7 @@ def test_a_xacro_file_that_is_not_expanded_is_refused_in_words(tmp_path, name):
 @pytest.mark.parametrize("name", ["gone.urdf", "a\0.urdf"])
 def test_a_file_that_is_not_there_is_refused(tmp_path, name):
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
-    with pytest.raises(RigError, match="no such file; expected a URDF, an MJCF or a parameter file of BAM"):
+    with pytest.raises(
+        RigError, match="no such file; expected a URDF, an SDFormat file, an MJCF or a parameter file of BAM"
+    ):
         load_rig(tmp_path / "rig.yaml")

@@ -168,6 +168,51 @@ def test_a_urdf_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
     assert (joint.terms.kp, joint.derivative_gain) == (400.0, 3.0)
 
 
+SDF = """<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
+  <model name="r">
+    <link name="base"/>
+    <link name="shank"/>
+    <link name="foot"/>
+    <joint name="glue" type="fixed"><parent>shank</parent><child>foot</child></joint>
+    <joint name="knee" type="revolute">
+      <parent>base</parent><child>shank</child>
+      <axis>
+        <xyz>0 1 0</xyz>
+        <limit><lower>-1</lower><upper>1</upper><effort>60</effort></limit>
+        <dynamics><damping>1.5</damping><friction>0.7</friction><spring_stiffness>5</spring_stiffness></dynamics>
+      </axis>
+      <drake:rotor_inertia>2e-5</drake:rotor_inertia><drake:gear_ratio>100</drake:gear_ratio>
+      <drake:controller_gains p="400" d="3"/>
+    </joint>
+  </model>
+</sdf>
+"""
+
+
+def test_an_sdf_file_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
+    path = tmp_path / "robot.sdf"
+    path.write_text(SDF, encoding="utf-8")
+    (joint,) = read_joints(path, RigError).values()
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModels(str(path))
+    plant.Finalize()
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    np.testing.assert_allclose(joint.terms.armature, reflected, rtol=1e-12)
+    assert joint.terms.damping == plant.GetJointByName("knee").default_damping_vector()[0] == 1.5
+    assert joint.terms.frictionloss == 0.7 and joint.terms.torque_limit == actuator.effort_limit() == 60.0
+    gains = actuator.get_controller_gains()
+    assert (joint.terms.kp, joint.derivative_gain) == (gains.p, gains.d) == (400.0, 3.0)
+    assert joint.unused == ("its spring_stiffness",)
+
+
+def test_a_limit_that_an_sdf_file_does_not_have_is_none(tmp_path):
+    path = tmp_path / "robot.sdf"
+    for effort in ("-1", "inf", "0"):
+        path.write_text(SDF.replace("<effort>60<", f"<effort>{effort}<"), encoding="utf-8")
+        assert read_joints(path, RigError)["knee"].terms.torque_limit is None
+
+
 BAM = {
     "model": "m4",
     "kt": 2.0,
@@ -214,7 +259,8 @@ def test_a_bam_file_declares_what_its_model_has(tmp_path, change, effects):
     ("name", "text", "message"),
     [
         ("robot.xml", "<mujoco", "not XML"),
-        ("robot.xml", "<sdf/>", "expected a URDF"),
+        ("robot.xml", "<usd/>", r"expected a URDF \(<robot>\), an SDFormat file \(<sdf>\) or an MJCF"),
+        ("robot.sdf", "<sdf/>", "no joint that moves"),
         ("robot.xml", "<mujoco/>", "no joint that moves"),
         ("robot.xml", "<mujoco><worldbody><body><joint name='a' armature='x'/></body></worldbody></mujoco>", "'x'"),
         ("servo.json", "[1]", "expected a parameter file of BAM"),
