@@ -84,6 +84,6 @@ def _paragraph(said: Mapping[str, Any], stored: Mapping[str, Any]) -> str:
     names = ", ".join(f"`{Path(path).name}`" for path in said["pictures"])
     made = f"**{said['title']}** ({names}): commit `{stored['commit'][:12]}`, {stored['date']}, by {said['made_with']}."
     if not (since := changed(said, stored)):
-        return f"{made} The files that draw this have not changed since."
+        return f"{made} The files that draw it have not changed since."
     which = ", ".join(f"`{path}`" for path in since)
-    return f"{made} Files that draw this have changed since, so details may look different today: {which}."
+    return f"{made} Details may look different today, because these files, which draw it, have changed since: {which}."

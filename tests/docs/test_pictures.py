@@ -1,4 +1,4 @@
-"""The record of the gallery's stored pictures belongs to them, and tells which files that draw them have changed since."""
+"""The record of the gallery's stored pictures is of them, and tells which files that draw them have changed since."""
 
 import json
 import re
@@ -31,7 +31,7 @@ def test_every_pattern_has_files():
     assert [pattern for pattern in patterns if not pictures.drawing_files([pattern])] == []
 
 
-def test_words_for_programmers_do_not_draw():
+def test_docstrings_and_comments_do_not_count():
     plain = b"def f(x):\n    return x\n"
     told = b'"""About."""\n\n\ndef f(x):\n    """Of x."""\n    # as it is\n    return x\n'
     assert pictures.drawing_digest("a.py", plain) == pictures.drawing_digest("a.py", told)
