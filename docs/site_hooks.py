@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
-from site_pages import api, benchmarks, commands, effects, graphs, papers, references, repository
+from site_pages import api, benchmarks, commands, effects, graphs, papers, pictures, references, repository
 from site_pages.navigation import navigation
 from site_pages.units import UnitBrackets
 
@@ -50,6 +50,7 @@ PARTS = {
     "benchmarks": benchmarks.overview,
     "graphs": graphs.overview,
     "comparison": graphs.comparison,
+    "pictures": pictures.overview,
 }
 """Name in a comment `<!-- generated: NAME -->` of a page to what stands there on the site."""
 

@@ -3,14 +3,22 @@
 `ImplicitActuatorCfg` and `DelayedPDActuatorCfg` take stiffness [N m/rad], damping [N m s/rad], armature [kg m^2],
 friction and dynamic_friction [N m], viscous_friction [N m s/rad] and a limit of torque [N m]: effort_limit_sim of the
 implicit actuator, which the physics engine applies, effort_limit of the delayed one, which computes its torque itself.
-Delays are whole physics steps.
+Delays are whole physics steps. Names of joints are regular expressions.
 
-A drive on a voltage of known torque constant kt and limit U is a `DCMotorCfg`. Its efforts are torques, and its line of
-torque over speed, saturation_effort (1 - v/velocity_limit), is kt/R (U - kt v):
+A drive on a voltage of known torque constant kt and limit U is a `DCMotorCfg`. Its efforts are torques, which it clips
+to saturation_effort (+-1 - v/velocity_limit) and to +-effort_limit. The first is kt/R (+-U - kt v) with
 
     saturation_effort = kt U/R,   velocity_limit = U/kt,   viscous_friction without the back-EMF
+
+The motor brakes with up to kt/R (U + kt |v|), so that effort_limit is twice the saturation_effort: the line of torque
+over speed alone limits the torque up to the velocity_limit.
+
+Source: Isaac Lab 2.3.2.post1, `isaaclab.actuators`. Isaac Lab 3.0 still accepts effort_limit, effort_limit_sim and
+velocity_limit, as deprecated names. Friction is a torque from Isaac Sim 5.0 on; Isaac Sim 4.5 reads `friction` as a
+coefficient without unit and ignores dynamic_friction and viscous_friction.
 """
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -63,6 +71,24 @@ def actuators_module(names: Iterable[str], entries: Sequence[Sequence[str]], int
     return "\n".join(lines) + "\n"
 
 
+def decimal(value: float) -> str:
+    """A number as text of a Python float that reads back within 1e-10.
+
+    Args:
+        value: Finite.
+    """
+    return repr(float(number(value)))
+
+
+def joint_pattern(joint: str) -> str:
+    """joint_names_expr as text: a list of one regular expression, which matches this joint alone.
+
+    Args:
+        joint: Its name.
+    """
+    return f"[{re.escape(joint)!r}]"
+
+
 def delay_fields(terms: Terms) -> dict[str, str]:
     """min_delay and max_delay in physics steps; empty without a delay.
 
@@ -82,22 +108,23 @@ def _kind(terms: Terms) -> str:
 def _entry(joint: str, terms: Terms) -> list[str]:
     servo, kind, motor = terms.drive == "position_servo", _kind(terms), dc_motor(terms)
     fields = {
-        "joint_names_expr": f"[{joint!r}]",
-        "stiffness": number(terms.kp if servo else 0.0),
+        "joint_names_expr": joint_pattern(joint),
+        "stiffness": decimal(terms.kp if servo else 0.0),
         "damping": "0.0",
-        "armature": number(terms.armature),
-        "friction": number(terms.frictionloss),
-        "dynamic_friction": number(terms.frictionloss),
-        "viscous_friction": number(terms.damping),
+        "armature": decimal(terms.armature),
+        "friction": decimal(terms.frictionloss),
+        "dynamic_friction": decimal(terms.frictionloss),
+        "viscous_friction": decimal(terms.damping),
     }
     if terms.torque_limit is not None:
         explicit = kind != "ImplicitActuatorCfg"
-        fields["effort_limit" if explicit else "effort_limit_sim"] = number(terms.torque_limit)
+        fields["effort_limit" if explicit else "effort_limit_sim"] = decimal(terms.torque_limit)
         if kind == "DCMotorCfg" and motor is not None:
             voltage = terms.torque_limit / terms.kp
-            fields["saturation_effort"] = number(terms.torque_limit)
-            fields["velocity_limit"] = number(voltage / motor.torque_constant)
-            fields["viscous_friction"] = number(motor.damping)
+            fields["effort_limit"] = decimal(2.0 * terms.torque_limit)
+            fields["saturation_effort"] = decimal(terms.torque_limit)
+            fields["velocity_limit"] = decimal(voltage / motor.torque_constant)
+            fields["viscous_friction"] = decimal(motor.damping)
     fields |= delay_fields(terms)
     efforts = f"{number(terms.kp)} N m for one unit of the drive's command"
     if kind == "DCMotorCfg" and motor is not None:

@@ -10,10 +10,12 @@ with tau_ext the load on the gear. Logs of voltage and motion give kt/R, the fri
 torque constant kt, the supply vin and the gain of the position loop P = kp_fw error_gain vin are settings of the servo,
 which the user states. `kp_fw` is written as 1, so that `error_gain` is P / vin.
 
-Isaac Lab also limits the torque to that of the stalled motor, kt vin / R.
+Isaac Lab also limits the torque, to that of the stalled motor, kt vin / R, where actuator_effort_limit is not given. A
+motor that brakes has up to kt/R (vin + kt |v|), so that actuator_effort_limit is twice the torque of the stalled motor:
+it does not act up to the no-load speed vin / kt.
 
-Source: Isaac Lab, `isaaclab.actuators.BamActuatorCfg` and `BamMotorCfg`; it needs Newton's MJWarp solver with
-`use_newton_actuators=True`.
+Source: Isaac Lab's development branch (commit 0120677), `isaaclab.actuators.BamActuatorCfg` and `BamMotorCfg`, which
+the releases on PyPI (up to 2.3.2.post1) do not have; it needs Newton's MJWarp solver with `use_newton_actuators=True`.
 """
 
 import math
@@ -23,9 +25,8 @@ from pathlib import Path
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import bam_friction, voltage_motor
-from drake_tc.exchange.isaaclab import actuators_module, delay_fields
+from drake_tc.exchange.isaaclab import actuators_module, decimal, delay_fields, joint_pattern
 from drake_tc.exchange.projection import Projection
-from drake_tc.exchange.xml_text import number
 from drake_tc.simulator_files.terms import Terms
 
 
@@ -74,17 +75,23 @@ def _entry(projection: Projection, settings: ServoSettings) -> list[str]:
     supply = settings.supply_voltage
     fit = {
         "model": repr(model),
-        "kt": number(motor.torque_constant),
-        "resistance": number(motor.resistance),
-        "error_gain": number(settings.position_gain / supply),
-        "max_pwm": number(_largest_duty(terms, supply)),
+        "kt": decimal(motor.torque_constant),
+        "resistance": decimal(motor.resistance),
+        "error_gain": decimal(settings.position_gain / supply),
+        "max_pwm": decimal(_largest_duty(terms, supply)),
         "max_current": "0.0",
-        **{name: number(value) for name, value in friction.items()},
+        **{name: decimal(value) for name, value in friction.items()},
     }
-    fields = {"kp_fw": "1.0", "vin": number(supply), "armature": number(terms.armature), **delay_fields(terms)}
+    fields = {
+        "actuator_effort_limit": decimal(2.0 * motor.torque_constant * supply / motor.resistance),
+        "kp_fw": "1.0",
+        "vin": decimal(supply),
+        "armature": decimal(terms.armature),
+        **delay_fields(terms),
+    }
     return [
         f"    {joint!r}: BamActuatorCfg(",
-        f"        joint_names_expr=[{joint!r}],",
+        f"        joint_names_expr={joint_pattern(joint)},",
         "        motor=BamMotorCfg(",
         *(f"            {name}={value}," for name, value in fit.items()),
         "        ),",

@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from html import unescape
 
 import pytest
 
@@ -97,15 +99,52 @@ def test_json_alone_on_stdout(tmp_path):
     assert done.stderr == ""
 
 
+URDF = f"""<robot name="mine" xmlns:drake="http://drake.mit.edu">
+  <link name="base"/>
+  <link name="shank"/>
+  <joint name="{JOINT}" type="revolute">
+    <parent link="base"/>
+    <child link="shank"/>
+    <axis xyz="0 1 0"/>
+    <limit effort="1e4" velocity="10" lower="-3" upper="3"/>
+    <dynamics damping="40"/>
+  </joint>
+  <transmission name="servo" type="SimpleTransmission">
+    <joint name="{JOINT}"/>
+    <actuator name="motor">
+      <drake:rotor_inertia value="{ROTOR_INERTIA}"/>
+      <drake:gear_ratio value="1"/>
+      <drake:controller_gains p="5000" d="0"/>
+    </actuator>
+  </transmission>
+</robot>
+"""
+
+
 def test_an_export_can_be_tried_in_the_same_call(bench, tmp_path):
-    call = [*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--try-export", "drake-urdf"]
-    done = command(call, tmp_path, COLUMNS="80", NO_COLOR="1")
+    """The report has three errors side by side: of the model found, of its export and of the file of --declared."""
+    mine = tmp_path / "mine.urdf"
+    mine.write_text(URDF, encoding="utf-8")
+    call = [*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--declared", str(mine)]
+    done = command([*call, "--try-export", "drake-urdf"], tmp_path, COLUMNS="110", NO_COLOR="1")
     assert done.returncode == 0, done.stderr
     document = json.loads((tmp_path / "out" / "report.json").read_text())
     check_report(document)
     (row,) = document["export"]["free_runs"]
     free = document["joints"][JOINT]["error"]["after"]["free_run_heldout"]
     assert row["model"] == pytest.approx(free, rel=0.05)  # the same free run as in the table above it
-    assert row["export"] > row["model"] and row["original"] is None
+    assert row["original"] > row["model"] and row["export"] > row["model"]
     assert "export, Drake's plant" in done.stdout and "has no Stribeck friction" in done.stdout
-    assert 'id="export"' in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    names, errors = export_table((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
+    assert names[2:] == ["our model, Drake", "export, Drake's plant", "your file, Drake's plant"]
+    unit = {"mrad": 1e-3, "µrad": 1e-6}
+    shown = [float(number) * unit[prefixed] for number, prefixed in map(str.split, errors[2:])]
+    assert shown == pytest.approx([row["model"], row["export"], row["original"]], rel=0.01)  # three digits
+
+
+def export_table(html: str) -> tuple[list[str], list[str]]:
+    """Headings and the only row of the table in the report's section about the export."""
+    section = re.search(r'<section id="export">(.*?)</section>', html, re.S)[1]
+    cells = [re.findall(rf"<{tag}\b[^>]*>(.*?)</{tag}>", section, re.S) for tag in ("th", "td")]
+    headings, row = ([unescape(re.sub(r"<[^>]+>", "", cell)).strip() for cell in part] for part in cells)
+    return headings, row

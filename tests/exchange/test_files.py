@@ -1,6 +1,7 @@
 """Terms come back from the files; what a user wrote around them stays; what cannot be said is told."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -21,6 +22,9 @@ from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
 from drake_tc.simulator_files.bam import bam_servo
 from drake_tc.simulator_files.read import read_joints
+
+from . import isaaclab_stand_in
+from .isaaclab_stand_in import actuators
 
 MODEL = ActuatorModel(
     "knee",
@@ -131,40 +135,43 @@ def test_a_urdf_of_the_users(tmp_path):
         to_sdf(exported("sdf"), mine)
 
 
-def test_isaac_lab_is_a_module():
-    text = to_isaaclab(exported("isaaclab"))
-    classes = type("Cfg", (dict,), {})
-    scope: dict = {}
-    exec(
-        compile(text.replace("from isaaclab.actuators import", "# import"), "cfg", "exec"),
-        {"ImplicitActuatorCfg": classes, "DelayedPDActuatorCfg": classes},
-        scope,
-    )
-    knee = scope["ACTUATORS"]["knee"]
-    assert knee["stiffness"] == 5000.0 and knee["armature"] == 0.31
-    assert knee["effort_limit"] == 50.0  # an explicit actuator clips its own torque; effort_limit_sim is the engine's
-    assert knee["min_delay"] == 1
+def test_a_position_servo_of_isaac_lab():
+    """The classes are those of isaaclab 2.3.2.post1; fields that they do not have are refused (`isaaclab_stand_in`)."""
+    knee = actuators(to_isaaclab(exported("isaaclab")))["knee"]
+    assert isinstance(knee, isaaclab_stand_in.DelayedPDActuatorCfg)
+    assert knee.stiffness == 5000.0 and knee.damping == 0.0 and knee.armature == 0.31
+    assert knee.effort_limit == 50.0  # an explicit actuator clips its own torque; effort_limit_sim is the engine's
+    terms = exported("isaaclab")[0].terms  # their friction is refitted: Isaac Lab has none that grows quadratically
+    assert knee.friction == knee.dynamic_friction == pytest.approx(terms.frictionloss, rel=1e-9)
+    assert knee.viscous_friction == pytest.approx(terms.damping, rel=1e-9)
+    assert (knee.effort_limit_sim, knee.min_delay, knee.max_delay) == (None, 1, 1)
     (rounded,) = [loss for loss in exported("isaaclab")[0].losses if loss.partly]
     assert rounded == Loss("delay.command", "delays are whole physics steps, 0.005 s in place of 0.004 s", partly=True)
-    at_once = ActuatorModel("knee", MODEL.drive, tuple(v for v in MODEL.effects if v.key != "delay.command"))
-    assert "effort_limit_sim=50," in to_isaaclab([project(at_once, TARGETS["isaaclab"])])
+    at_once = ActuatorModel("knee.1", MODEL.drive, tuple(v for v in MODEL.effects if v.key != "delay.command"))
+    implicit = actuators(to_isaaclab([project(at_once, TARGETS["isaaclab"])]))["knee.1"]
+    assert isinstance(implicit, isaaclab_stand_in.ImplicitActuatorCfg)
+    assert (implicit.effort_limit, implicit.effort_limit_sim) == (None, 50.0)
+    (pattern,) = implicit.joint_names_expr
+    assert re.fullmatch(pattern, "knee.1") and not re.fullmatch(pattern, "knee_1")
 
 
 def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
-    """Isaac Lab clips torques at saturation_effort (1 - v/velocity_limit), the drive at (U - kt v) kt/R."""
+    """DCMotor of isaaclab 2.3.2.post1 clips to saturation_effort (+-1 - v/velocity_limit) and to +-effort_limit.
+
+    The drive gives at most (+-U - kt v) kt/R, also where it brakes.
+    """
     values = (EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0}))
     model = ActuatorModel("knee", Drive("voltage", 0.25), values)
-    text = to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5)])
-    assert "from isaaclab.actuators import DCMotorCfg\n" in text
-    scope: dict = {"DCMotorCfg": dict}
-    exec(compile(text.replace("from isaaclab.actuators import", "# import"), "cfg", "exec"), scope)
-    knee = scope["ACTUATORS"]["knee"]
-    v = np.linspace(0.0, 8.0, 9)
-    np.testing.assert_allclose(
-        knee["saturation_effort"] * (1.0 - v / knee["velocity_limit"]), 4.0 * (12.0 - 1.5 * v), rtol=1e-9
-    )
-    assert knee["viscous_friction"] == pytest.approx(9.0 - 1.5 * 4.0) and knee["effort_limit"] == 48.0
-    assert "ImplicitActuatorCfg(" in to_isaaclab([project(model, TARGETS["isaaclab"])])
+    knee = actuators(to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5)]))["knee"]
+    assert isinstance(knee, isaaclab_stand_in.DCMotorCfg) and knee.effort_limit_sim is None
+    v = np.linspace(-8.0, 8.0, 17)  # up to the speed without load
+    for sign in (-1.0, 1.0):
+        line = knee.saturation_effort * (sign - v / knee.velocity_limit)
+        clipped = np.clip(line, -knee.effort_limit, knee.effort_limit)
+        np.testing.assert_allclose(clipped, 4.0 * (sign * 12.0 - 1.5 * v), rtol=1e-9, atol=1e-9)
+    assert knee.viscous_friction == pytest.approx(9.0 - 1.5 * 4.0)
+    without = actuators(to_isaaclab([project(model, TARGETS["isaaclab"])]))["knee"]
+    assert isinstance(without, isaaclab_stand_in.ImplicitActuatorCfg) and without.stiffness == 0.0
 
 
 @pytest.mark.parametrize(

@@ -15,15 +15,23 @@ GAIN, INERTIA, MOMENT = 2e-3, 0.4, 6.0
 """Position error of the servo per torque [rad/(N m)], inertia [kg m^2] and gravity moment [N m] of the link."""
 
 
-def motion(number: int) -> tuple[np.ndarray, ...]:
-    """Time, position, velocity, command and motor torque of a pendulum with viscous and Coulomb friction."""
+PEAK, PEAK_VELOCITY = 1.5, 0.3
+"""Stribeck friction of the bag whose model lacks it: at rest above Coulomb friction [N m], and its velocity [rad/s]."""
+
+
+def motion(number: int, peak: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Time, position, velocity, command and motor torque of a pendulum with viscous and Coulomb friction.
+
+    `peak` [N m] is Stribeck friction at rest, of exponent 1.
+    """
     rng = np.random.default_rng(number)
     t = np.arange(0.0, 15.0, 0.002)
     slow, fast = 2.0 + 0.3 * number, 5.0 + 0.4 * number
     q = 0.6 * np.sin(slow * t) + 0.15 * np.sin(fast * t)
     v = 0.6 * slow * np.cos(slow * t) + 0.15 * fast * np.cos(fast * t)
     a = -0.6 * slow**2 * np.sin(slow * t) - 0.15 * fast**2 * np.sin(fast * t)
-    motor = INERTIA * a + MOMENT * np.sin(q) + 1.2 * v + 1.5 * np.sign(v)
+    dry = 1.5 + peak * np.exp(-np.abs(v) / PEAK_VELOCITY)
+    motor = INERTIA * a + MOMENT * np.sin(q) + 1.2 * v + dry * np.sign(v)
     read = q + 2e-5 * rng.standard_normal(t.size)
     return t, read, v, q + GAIN * motor, motor + 0.02 * rng.standard_normal(t.size)
 
@@ -33,10 +41,14 @@ def states_only(path, number):
     return bag(path, joint_states("/joint_states", time, {NAME: [position, velocity, effort]}))
 
 
-def commands_and_states(path, number):
-    time, position, velocity, command, effort = motion(number)
+def commands_and_states(path, number, peak=0.0):
+    time, position, velocity, command, effort = motion(number, peak)
     states = joint_states("/joint_states", time, {NAME: [position, velocity, effort]})
     return bag(path, states, arrays("/forward_position_controller/commands", time, command[:, None]))
+
+
+def commands_and_states_with_stribeck(path, number):
+    return commands_and_states(path, number, PEAK)
 
 
 def with_imu_and_wrench(path, number):
@@ -52,14 +64,32 @@ def with_imu_and_wrench(path, number):
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("recorded", [states_only, commands_and_states, with_imu_and_wrench])
-def test_two_commands_give_a_verdict(tmp_path, recorded):
-    first, second, third = (str(recorded(tmp_path / f"run{number}", number)) for number in (1, 2, 3))
-    rig, out = str(tmp_path / "rig.yaml"), tmp_path / "out"
+def report_of_two_commands(folder, recorded):
+    """report.json of bags of three runs, the last one held out."""
+    first, second, third = (str(recorded(folder / f"run{number}", number)) for number in (1, 2, 3))
+    rig, out = str(folder / "rig.yaml"), folder / "out"
     assert run(["inspect", first, "--rig", rig]) == 0
     logs = ["--log", first, "--log", second, "--holdout", third]
     assert run(["close-loop", "--rig", rig, *logs, "--out", str(out), "--no-closed-loop"]) == 0
-    report = json.loads((out / "report.json").read_text("utf-8"))
+    return json.loads((out / "report.json").read_text("utf-8"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recorded", [states_only, commands_and_states, with_imu_and_wrench])
+def test_two_commands_give_a_verdict(tmp_path, recorded):
+    report = report_of_two_commands(tmp_path, recorded)
     assert report["verdict"] == "no_missing_effect"
     assert report["joints"][NAME]["effects"] == []
+
+
+@pytest.mark.slow
+def test_two_commands_name_a_missing_effect(tmp_path):
+    report = report_of_two_commands(tmp_path, commands_and_states_with_stribeck)
+    assert report["verdict"] == "effects_found"
+    joint = report["joints"][NAME]
+    (effect,) = joint["effects"]
+    assert effect["id"] == "stribeck"
+    found = {name: parameter["value"] for name, parameter in effect["parameters"].items()}
+    assert found["stribeck"] == pytest.approx(GAIN * PEAK, rel=0.05)  # [rad], as the effort of this rig
+    assert found["stribeck_velocity"] == pytest.approx(PEAK_VELOCITY, rel=0.05)
+    assert joint["error"]["after"]["heldout"] < 0.25 * joint["error"]["before"]["heldout"]
