@@ -219,6 +219,8 @@ class ResidualThresholds:
             range of the training runs, for stretches and for lines.
         least_burst: How many times the typical half-second RMS a confined stretch must reach.
         least_line: Share of the residual's variance that one spectral line must hold.
+        least_wander: Share of the held-out residual, its mean included, that its own neighbourhood in time must explain
+            where a sensor is said to wander.
     """
 
     least_floors: float = 1.5
@@ -232,6 +234,7 @@ class ResidualThresholds:
     least_growth: float = 0.25
     least_burst: float = 3.0
     least_line: float = 0.25
+    least_wander: float = 0.6
 
 
 LONGEST_CORRELATION = 0.5

@@ -1,4 +1,4 @@
-"""Stretches of time in which the residual stands out, and spectral lines in it."""
+"""The residual over time: stretches in which it stands out, spectral lines in it, and what is slow."""
 
 import numpy as np
 
@@ -34,6 +34,30 @@ def spectral_line(split: DataSplit) -> tuple[float, float]:
     near = share[max(1, best - 120) : best + 120]
     near = near[near > 0.0]
     return float(frequency[best]), float(share[best] - 4.0 * np.median(near)) if near.size else 0.0
+
+
+def slow_share(split: DataSplit, seconds: float) -> float:
+    """Share of sum r^2 that the means of the two neighbouring pieces of `seconds` explain; at most 1.
+
+        1 - sum (r_k - (m_(g-1) + m_(g+1))/2)^2 / sum r_k^2,   k in piece g of its run
+
+    The mean of the residual counts: a level that only one run has is as slow as can be. At the end of a run, or beside
+    a piece without rows, the other neighbour alone is taken.
+    """
+    samples, left = split.samples, split.after
+    time = samples.signals.time[samples.rows]
+    error = left.copy()
+    for k in np.unique(samples.run):
+        rows = samples.run == k
+        piece = (time[rows] / seconds).astype(int) + 1
+        size = int(piece.max()) + 2
+        count = np.bincount(piece, minlength=size)
+        mean = np.bincount(piece, left[rows], size) / np.maximum(count, 1)
+        near = (count[:-2] > 0).astype(float) + (count[2:] > 0)
+        around = np.zeros(size)
+        around[1:-1] = (mean[:-2] + mean[2:]) / np.maximum(near, 1.0)
+        error[rows] -= around[piece]
+    return 1.0 - float(np.sum(error**2) / max(np.sum(left**2), 1e-300))
 
 
 def loud_stretches(split: DataSplit, ratio: float, least: float) -> tuple[TimeStretch, ...]:

@@ -6,10 +6,9 @@ The features are therefore the command, the motion after a kernel three times as
 model expects from these two.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,16 +16,14 @@ from threadpoolctl import threadpool_limits
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sliding import LEAST_ROWS
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
-from drake_tc.diagnosis.residual.stretches import loud_stretches, spectral_line
+from drake_tc.diagnosis.residual.stretches import loud_stretches, slow_share, spectral_line
+from drake_tc.diagnosis.residual.trees import cross_predict, share_explained, trees
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from sklearn.ensemble import HistGradientBoostingRegressor
 
 MOST_ROWS = 12_000
 GROUP_SECONDS = 1.5
@@ -69,56 +66,6 @@ def inside_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> B
     return np.asarray(inside)
 
 
-def cross_predict(
-    features: Sequence[FloatArray],
-    y: FloatArray,
-    group: IntArray,
-    seed: int,
-    executor: Executor | None = None,
-    folds: int = 4,
-) -> list[FloatArray]:
-    """Out-of-fold predictions (N,) of gradient-boosted trees from each set of features (N, k).
-
-    Args:
-        features: One set for each of the predictions.
-        y: (N,) what is predicted.
-        group: (N,) samples of one group share a fold.
-        seed: Of the folds and of the trees.
-        executor: Fits the trees beside each other; None fits them here.
-        folds: Number of folds.
-    """
-    fold = np.random.default_rng(seed).permutation(int(group.max()) + 1)[group] % folds
-    held = [rows for f in range(folds) if (rows := fold == f).any() and (~rows).sum() > 100]
-    jobs = [(x[~rows], y[~rows], x[rows], seed) for x in features for rows in held]
-    made: Iterator[FloatArray] = map(_predicted, jobs) if executor is None else executor.map(_predicted, jobs)
-    out = [np.zeros_like(y) for _ in features]
-    for each in out:
-        for rows in held:
-            each[rows] = next(made)
-    return out
-
-
-def _predicted(job: tuple[FloatArray, FloatArray, FloatArray, int]) -> FloatArray:
-    """Trees of features (N, k) and values (N,), at other features (M, k): (M,)."""
-    x, y, there, seed = job
-    model = _trees(seed, max_leaf_nodes=24, l2_regularization=1.0)
-    with threadpool_limits(1):
-        return np.asarray(model.fit(x, y).predict(there))
-
-
-def _trees(seed: int, **more: float) -> "HistGradientBoostingRegressor":
-    from sklearn.ensemble import HistGradientBoostingRegressor
-
-    return HistGradientBoostingRegressor(
-        max_iter=80, learning_rate=0.12, min_samples_leaf=40, random_state=seed, **more
-    )
-
-
-def share_explained(y: FloatArray, predicted: FloatArray) -> float:
-    """1 - sum (y - yhat)^2 / sum (y - mean)^2, at least 0."""
-    return max(0.0, 1.0 - float(np.sum((y - predicted) ** 2) / max(np.sum((y - y.mean()) ** 2), 1e-300)))
-
-
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Both splits' rows, thinned: features, clipped residual, run, time, group; which are held out and inside."""
@@ -153,13 +100,25 @@ def _rows(train: DataSplit, held: DataSplit, x: tuple[FloatArray, FloatArray]) -
 
 @dataclass(frozen=True)
 class _Dependence:
-    """What functions of signals and time explain: share and RMS on held-out rows, evidence, and whether time helps."""
+    """What functions of signals and time explain.
+
+    Attributes:
+        fraction, rms: Largest share that takes signals, on held-out rows, and its RMS [effort].
+        signals: Share that signals alone explain there.
+        interplay: Share of all rows that signals and time together explain beyond time alone.
+        log_evidence: Of `fraction`.
+    """
 
     fraction: float
-    signals: float
     rms: float
+    signals: float
+    interplay: float
     log_evidence: float
-    needs_time: bool
+
+    @property
+    def needs_time(self) -> bool:
+        """Whether time helps the signals."""
+        return self.interplay > self.signals + 0.1
 
 
 def _dependence(rows: _Rows, seed: int, executor: Executor | None) -> _Dependence:
@@ -175,7 +134,29 @@ def _dependence(rows: _Rows, seed: int, executor: Executor | None) -> _Dependenc
     n_eff = left.size / max(correlation_time(part, lengths) for part in (left - left.mean(), whole))
     evidence = -0.5 * n_eff * float(np.log(max(1.0 - fraction, 1e-9)))
     rms = float(np.sqrt(fraction)) * float(np.std(y[held]))
-    return _Dependence(float(fraction), signals, rms, evidence, interplay > signals + 0.1)
+    return _Dependence(float(fraction), rms, signals, interplay, evidence)
+
+
+def _of_wandering_sensor(
+    rows: _Rows,
+    held: DataSplit,
+    found: _Dependence,
+    options: ResidualThresholds,
+    seed: int,
+    executor: Executor | None,
+) -> _Dependence | None:
+    """The dependence that is left if a wandering sensor explains the held-out residual; None where it does not.
+
+    A sensor that wanders leaves a slow function of time. Another signal that is as slow, a temperature, follows it by
+    chance, so it speaks for structure only together with a faster one: friction that changes with the temperature
+    changes its sign with the motion.
+    """
+    if slow_share(held, GROUP_SECONDS) < options.least_wander or found.interplay >= options.least_fraction:
+        return None
+    fast = rows.x[:, [name != "temperature" for name in FEATURES]]
+    (by_fast,) = cross_predict((fast,), rows.y, rows.group, seed, executor)
+    share = share_explained(rows.y[rows.held], by_fast[rows.held])
+    return replace(found, fraction=share, signals=share) if share < options.least_fraction else None
 
 
 def assess_residual(
@@ -186,6 +167,8 @@ def assess_residual(
     options: ResidualThresholds,
     seed: int = 0,
     executor: Executor | None = None,
+    *,
+    sensor: bool = False,
 ) -> Unexplained:
     """What is left of both splits after the final model, and whether it is structure or simply more than noise.
 
@@ -197,6 +180,7 @@ def assess_residual(
         options: SearchThresholds.
         seed: Of the folds.
         executor: Fits the regressors beside each other; None fits them here.
+        sensor: Whether the load is that of a torque sensor, which may wander.
     """
     after, train_after = rms(held.after), rms(train.after)
     before = rms(held.before)
@@ -222,6 +206,9 @@ def assess_residual(
         and not stretches
     )
     structured = most >= options.least_floors and bool(functional or stretches or periodic or grown)
+    if sensor and structured and not (stretches or periodic):
+        wander = _of_wandering_sensor(rows, held, found, options, seed, executor)
+        found, structured = wander or found, wander is None
     names = depends_on(rows.x, rows.y, rows.group, seed) if structured and (functional or grown) else []
     if structured and ((found.needs_time and functional) or stretches or periodic):
         names.append("time")
@@ -278,7 +265,7 @@ def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list
     rng = np.random.default_rng(seed)
     first = group % 2 == 0
     with threadpool_limits(1):
-        model = _trees(seed).fit(x[first], y[first])
+        model = trees(seed).fit(x[first], y[first])
     base = float(np.mean((y[~first] - model.predict(x[~first])) ** 2))
     cost = np.zeros(x.shape[1])
     for j in range(x.shape[1]):

@@ -52,11 +52,12 @@ def what_is_left(
     notes: tuple[NoiseNote, ...] = ()
     if ratio > CORRELATED_NOISE_NOTED:
         notes = (NoiseOfRecordedEffort(context.drive, ratio),)
-    left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor)
+    sensor = context.load == "torque"
+    left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor, sensor=sensor)
     if left.structured:
         return left, min(floors), notes
     levels = floors
-    if context.load == "torque" and not splits[0].samples.resolution.torque_is_declared:
+    if sensor and not splits[0].samples.resolution.torque_is_declared:
         noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
         levels = [
             max(each, n.rms * chosen.gain) if n is not None and n.is_noise else each

@@ -12,8 +12,9 @@ from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.residual.stretches import spectral_line
-from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, cross_predict, features, share_explained
+from drake_tc.diagnosis.residual.stretches import slow_share, spectral_line
+from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, features
+from drake_tc.diagnosis.residual.trees import cross_predict, share_explained
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import effect
@@ -46,9 +47,9 @@ def sides(samples, left, seed=0, rho=0.0):
     return made
 
 
-def assess(made, floor, seed=0):
+def assess(made, floor, seed=0, **load):
     x = tuple(features(s.samples, KNOWN, servo=False) for s in made)
-    return assess_residual(*made, x, floor, OPTIONS, seed)
+    return assess_residual(*made, x, floor, OPTIONS, seed, **load)
 
 
 def nothing(s, x):
@@ -103,6 +104,54 @@ def test_noise_of_any_colour_is_quiet(samples, rho, seed):
     assert found.depends_on == ()
     assert found.confined_to == ()
     assert found.period_hz is None
+
+
+def wander(s, x):
+    """A random walk of each run, and a level beside it in the held-out run."""
+    steps = np.random.default_rng([5, len(s.runs)]).standard_normal(s.rows.size)
+    walk = np.cumsum(steps) * 0.05 / np.sqrt(s.rows.size)
+    return walk + (0.3 if s.runs == ("held",) else 0.0)
+
+
+def warming(samples):
+    """The samples with a temperature that rises slowly and evenly."""
+    made = []
+    for s in samples:
+        signals = replace(s.signals, temperature=20.0 + 0.1 * s.signals.time)
+        made.append(replace(s, signals=signals))
+    return made
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_held_out_run_on_which_the_torque_sensor_has_wandered_is_no_structure(samples, recorded):
+    made = sides(warming(samples) if recorded else samples, wander)
+    found = assess(made, FLOOR, sensor=True)
+    assert not found.structured
+    assert found.excess
+    assert found.fraction < OPTIONS.least_fraction
+    assert assess(made, FLOOR).structured, "without a torque sensor the model does not carry over"
+
+
+@pytest.mark.parametrize(
+    "left",
+    [
+        lambda s, x: 0.1 * x.position * x.velocity,
+        lambda s, x: 0.02 * x.direction * (x.temperature - 20.0),  # friction that warms
+        lambda s, x: np.maximum(np.abs(x.command) - 0.7 * np.abs(x.command).max(), 0.0),
+    ],
+)
+def test_what_depends_on_a_fast_signal_stays_structure_beside_a_torque_sensor(samples, left):
+    assert assess(sides(warming(samples), left), FLOOR, sensor=True).structured
+
+
+def test_what_is_slow_is_explained_by_its_neighbourhood_in_time(samples):
+    made = sides(samples, nothing)[1]
+    time = made.samples.signals.time[made.samples.rows]
+    line = replace(made, after=0.1 + 0.01 * time)
+    assert slow_share(line, 1.5) > 0.99
+    assert abs(slow_share(made, 1.5)) < 0.1  # white noise
+    fast = replace(made, after=np.sin(2.0 * np.pi * time / 0.5))
+    assert slow_share(fast, 1.5) < 0.05
 
 
 def test_structure_below_what_the_sensors_resolve_is_nothing(samples):
