@@ -135,6 +135,66 @@ def test_a_urdf_of_the_users(tmp_path):
         to_sdf(exported("sdf"), mine)
 
 
+UNDECLARED = """<?xml version="1.0"?>
+<robot name="r">
+  <gazebo:hint a="1"/> <!-- no prefix is declared -->
+  <link name="base"/>
+  <link name="shank">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="knee" type="revolute">
+    <parent link="base"/><child link="shank"/><axis xyz="0 1 0"/>
+    <limit effort="1" velocity="2" lower="0" upper="1"/>
+    <dynamics damping="1" friction="1"/>
+  </joint>
+  <transmission>
+    <type>transmission_interface/SimpleTransmission</type>
+    <joint name="knee"/>
+    <actuator name="m">
+      <drake:rotor_inertia value="1"/>
+      <drake:gear_ratio value="2"/>
+      <drake:controller_gains p="3" d="4"/>
+    </actuator>
+  </transmission>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(
+    ("target", "declared", "changed"),
+    [
+        ("urdf", "", {"limit", "dynamics"}),
+        (
+            "drake-urdf",
+            "",
+            {"robot", "limit", "dynamics", "drake:rotor_inertia", "drake:gear_ratio", "drake:controller_gains"},
+        ),
+        (
+            "drake-urdf",
+            ' xmlns:drake="http://example.org"',
+            {"limit", "dynamics", "drake:rotor_inertia", "drake:gear_ratio", "drake:controller_gains"},
+        ),
+    ],
+)
+def test_a_urdf_whose_prefixes_are_not_declared_keeps_the_rest(tmp_path, target, declared, changed):
+    """Drake reads such a file. Its tags are replaced; `xmlns:drake` is added where they are written."""
+    mine = tmp_path / "robot.urdf"
+    before = UNDECLARED.replace('<robot name="r"', f'<robot name="r"{declared}')
+    mine.write_text(before, encoding="utf-8")
+    text = to_urdf(exported(target), mine, drake=target == "drake-urdf")
+    pairs = list(zip(text.splitlines(), before.splitlines(), strict=True))
+    assert {old.split()[0].strip("<>") for new, old in pairs if new != old} == changed
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(text, "urdf")
+    plant.Finalize()
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    assert reflected == pytest.approx(0.31 if target == "drake-urdf" else 4.0)
+    assert actuator.effort_limit() == 50.0
+    mine.write_text(text, encoding="utf-8")
+    assert read_joints(mine, ParamsError)["knee"].terms.armature == pytest.approx(reflected)
+
+
 def test_a_position_servo_of_isaac_lab():
     """The classes are those of isaaclab 2.3.2.post1; fields that they do not have are refused (`isaaclab_stand_in`)."""
     knee = actuators(to_isaaclab(exported("isaaclab")))["knee"]

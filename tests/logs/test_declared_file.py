@@ -156,7 +156,14 @@ def test_a_xacro_file_that_is_not_expanded_is_refused_in_words(tmp_path, name):
     path = tmp_path / name
     path.write_text('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a"/></robot>')
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
-    with pytest.raises(RigError, match=r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"):
+    refused = r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"
+    with pytest.raises(RigError, match=refused):
+        load_rig(tmp_path / "rig.yaml")
+    path.write_text('<robot name="r" xmlns:x="http://ros.org/wiki/xacro"><x:arg name="a"/></robot>')
+    with pytest.raises(RigError, match=refused):
+        load_rig(tmp_path / "rig.yaml")
+    path.write_text('<robot name="r"><xacro:arg name="a"/></robot>')
+    with pytest.raises(RigError, match=refused):
         load_rig(tmp_path / "rig.yaml")
 
 
