@@ -18,6 +18,7 @@ from drake_tc.errors import ParamsError
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
     from drake_tc.diagnosis.result.export_trial import ExportErrors
+    from drake_tc.exchange.isaaclab_bam import ServoSettings
     from drake_tc.exchange.projection import Projection
 
 
@@ -89,6 +90,7 @@ def export_command(
     from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS
     from drake_tc.exchange.dc_motor import with_torque_constant
+    from drake_tc.exchange.isaaclab_bam import limited_by_supply, to_isaaclab_bam
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS
     from drake_tc.report.export_section import cells, headings
@@ -107,8 +109,13 @@ def export_command(
     speeds = _speeds(rig, log or [], list(models))
     projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
     if torque_constant is not None:
-        projections = [with_torque_constant(each, torque_constant) for each in projections]
-    text = _writer(to, supply_voltage, position_gain)(projections, into)
+        projections = [with_torque_constant(each, torque_constant, TARGETS[to.value]) for each in projections]
+    if to is Target.isaaclab_bam:
+        settings = _servo_settings(supply_voltage, position_gain)
+        projections = [limited_by_supply(each, settings) for each in projections]
+        text = to_isaaclab_bam(projections, into, settings)
+    else:
+        text = _writer(to)(projections, into)
     errors, notes = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else ([], [])
     notes += _file_notes(to, text, projections, into)
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
@@ -144,24 +151,24 @@ def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, pa
     return {name: each for name, each in models.items() if not joints or name in joints}
 
 
-def _writer(
-    to: Target, supply_voltage: float | None, position_gain: float | None
-) -> "Callable[[Sequence[Projection], Path | None], str]":
+def _servo_settings(supply_voltage: float | None, position_gain: float | None) -> "ServoSettings":
+    from drake_tc.exchange.isaaclab_bam import ServoSettings
+
+    if supply_voltage is None or position_gain is None:
+        raise ParamsError(
+            "export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got"
+            f" {supply_voltage} and {position_gain}; logs of the motor voltage do not contain them"
+        )
+    return ServoSettings(supply_voltage, position_gain)
+
+
+def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.bam import to_bam
     from drake_tc.exchange.isaaclab import to_isaaclab
-    from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
     from drake_tc.exchange.mjcf import to_mjcf
     from drake_tc.exchange.sdf import to_sdf
     from drake_tc.exchange.urdf import to_urdf
 
-    if to is Target.isaaclab_bam:
-        if supply_voltage is None or position_gain is None:
-            raise ParamsError(
-                "export --to isaaclab-bam: expected --supply-voltage and --position-gain of the servo, got"
-                f" {supply_voltage} and {position_gain}; logs of the motor voltage do not contain them"
-            )
-        settings = ServoSettings(supply_voltage, position_gain)
-        return lambda projections, into: to_isaaclab_bam(projections, into, settings)
     return {
         Target.mjcf: to_mjcf,
         Target.urdf: to_urdf,

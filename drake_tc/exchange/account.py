@@ -63,6 +63,7 @@ def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[
         t = each.terms
         found: list[tuple[str, float | None, str]] = [
             ("torque for one unit of command", t.kp if t.drive in target.drives else None, f"N·m/{COMMANDS[t.drive]}"),
+            ("torque constant", t.torque_constant, "N·m/A"),
             ("rotor inertia at the joint", t.armature, "kg·m²"),
             ("viscous friction", t.damping, "N·m·s/rad"),
             ("quadratic friction", t.quadratic, "N·m·s²/rad²"),

@@ -8,7 +8,7 @@ Logs of voltage and motion know kp = kt/R alone, and the back-EMF kt^2/R v as a 
 from dataclasses import dataclass, replace
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.projection import Loss, Projection, Vocabulary
 from drake_tc.simulator_files.terms import Terms
 
 
@@ -39,12 +39,13 @@ def dc_motor(terms: Terms) -> DcMotor | None:
     return DcMotor(kt, kt / terms.kp, terms.damping - kt * terms.kp)
 
 
-def with_torque_constant(projection: Projection, torque_constant: float) -> Projection:
+def with_torque_constant(projection: Projection, torque_constant: float, target: Vocabulary) -> Projection:
     """The projection with the torque constant of a data sheet; that of another drive than a voltage is as it was.
 
     Args:
         projection: Of one joint.
         torque_constant: kt [N m/A].
+        target: What it is projected to; where it has no place for the constant, this is one of the losses.
 
     Raises:
         ParamsError: not positive, or a back-EMF that exceeds the viscous friction.
@@ -61,4 +62,6 @@ def with_torque_constant(projection: Projection, torque_constant: float) -> Proj
             f" {terms.damping - motor.damping:.4g} N m s/rad, more than all viscous friction that was found"
             f" ({terms.damping:.4g}); give a smaller one"
         )
-    return replace(projection, terms=terms)
+    why = target.no_motor(terms)
+    lost = (Loss("torque_constant", why),) if why else ()
+    return replace(projection, terms=terms, losses=(*projection.losses, *lost))

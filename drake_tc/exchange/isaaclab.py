@@ -1,9 +1,11 @@
 """Isaac Lab: a Python file with one actuator configuration a joint.
 
-`ImplicitActuatorCfg` and `DelayedPDActuatorCfg` take stiffness [N m/rad], damping [N m s/rad], armature [kg m^2],
-friction and dynamic_friction [N m], viscous_friction [N m s/rad] and a limit of torque [N m]: effort_limit_sim of the
-implicit actuator, which the physics engine applies, effort_limit of the delayed one, which computes its torque itself.
-Delays are whole physics steps. Names of joints are regular expressions.
+`ImplicitActuatorCfg`, `IdealPDActuatorCfg` and `DelayedPDActuatorCfg` take stiffness [N m/rad], damping [N m s/rad],
+armature [kg m^2], friction and dynamic_friction [N m], viscous_friction [N m s/rad] and a limit of torque [N m]:
+effort_limit_sim of the implicit actuator, which the physics engine applies to the servo of the joint, effort_limit of
+the others, which compute their torque themselves. An implicit actuator passes efforts on without a limit, so that a
+drive with a limit whose command is an effort is an `IdealPDActuatorCfg`. Delays are whole physics steps. Names of
+joints are regular expressions.
 
 A drive on a voltage of known torque constant kt and limit U is a `DCMotorCfg`. Its efforts are torques, which it clips
 to saturation_effort (+-1 - v/velocity_limit) and to +-effort_limit. The first is kt/R (+-U - kt v) with
@@ -11,7 +13,9 @@ to saturation_effort (+-1 - v/velocity_limit) and to +-effort_limit. The first i
     saturation_effort = kt U/R,   velocity_limit = U/kt,   viscous_friction without the back-EMF
 
 The motor brakes with up to kt/R (U + kt |v|), so that effort_limit is twice the saturation_effort: the line of torque
-over speed alone limits the torque up to the velocity_limit.
+over speed alone limits the torque up to the velocity_limit. With a delay, or without a known torque constant, the
+efforts are kt/R V and the back-EMF is a part of viscous_friction: that is the same torque, in an actuator without this
+line.
 
 Source: Isaac Lab 2.3.2.post1, `isaaclab.actuators`. Isaac Lab 3.0 still accepts effort_limit, effort_limit_sim and
 velocity_limit, as deprecated names. Friction is a torque from Isaac Sim 5.0 on; Isaac Sim 4.5 reads `friction` as a
@@ -102,7 +106,9 @@ def delay_fields(terms: Terms) -> dict[str, str]:
 def _kind(terms: Terms) -> str:
     if terms.delay:
         return "DelayedPDActuatorCfg"
-    return "ImplicitActuatorCfg" if dc_motor(terms) is None or terms.torque_limit is None else "DCMotorCfg"
+    if terms.drive == "position_servo" or terms.torque_limit is None:
+        return "ImplicitActuatorCfg"
+    return "IdealPDActuatorCfg" if dc_motor(terms) is None else "DCMotorCfg"
 
 
 def _entry(joint: str, terms: Terms) -> list[str]:

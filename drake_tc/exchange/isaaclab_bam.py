@@ -20,13 +20,13 @@ the releases on PyPI (up to 2.3.2.post1) do not have; it needs Newton's MJWarp s
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import bam_friction, voltage_motor
 from drake_tc.exchange.isaaclab import actuators_module, decimal, delay_fields, joint_pattern
-from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.projection import Loss, Projection
 from drake_tc.simulator_files.terms import Terms
 
 
@@ -51,6 +51,21 @@ class ServoSettings:
         for option, value, unit in options:
             if not 0.0 < value < math.inf:
                 raise ParamsError(f"export: {option}: expected a positive number [{unit}], got {value:g}")
+
+
+def limited_by_supply(projection: Projection, settings: ServoSettings) -> Projection:
+    """The projection with the loss of a limit of the voltage that the supply does not reach.
+
+    Args:
+        projection: Of one joint.
+        settings: Of its servo.
+    """
+    terms = projection.terms
+    if terms.torque_limit is None or terms.torque_limit <= terms.kp * settings.supply_voltage:
+        return projection
+    limits = f"{settings.supply_voltage:.6g} V, the model to {terms.torque_limit / terms.kp:.6g} V"
+    lost = Loss("saturation", f"the supply limits the voltage to {limits}", partly=True)
+    return replace(projection, losses=(*projection.losses, lost))
 
 
 def to_isaaclab_bam(projections: Sequence[Projection], into: Path | None, settings: ServoSettings) -> str:

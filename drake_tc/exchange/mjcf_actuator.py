@@ -11,7 +11,6 @@ same limit at the joint when the gear changes.
 """
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from drake_tc.exchange.xml_text import append, child, number, put
 from drake_tc.exchange.xml_text import element as new_element
 from drake_tc.simulator_files.mjcf import ACTUATORS, actuators_of, servo_gains
 from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.xml_tree import xml_tree
 
 ROUNDING = 1e-9
 """MuJoCo takes the sample before a delay has passed: rounding of a whole number of steps must not add one."""
@@ -48,7 +48,7 @@ def put_actuator(root: minidom.Element, projection: Projection, into: Path | Non
             f"{into}: {len(mine)} actuators drive joint {joint}: {names}; expected at most one,"
             " because the torques of the others would be added"
         )
-    (was,) = actuators_of(ET.fromstring(root.toxml()), joint) or [("", {})]
+    (was,) = actuators_of(xml_tree(root.toxml()), joint) or [("", {})]
     element = mine[0] if mine else append(child(root, "actuator"), "position")
     motor = None if was[1].get("forcerange") else dc_motor(terms)  # a dcmotor has no forcerange of its own
     kind = "position" if terms.drive == "position_servo" else "motor" if motor is None else "dcmotor"

@@ -1,13 +1,14 @@
 """From an actuator model to the few terms that simulators know, and the account of what is lost on the way."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
-from drake_tc.actuation.model import ActuatorModel
-from drake_tc.effects.base import TorqueEffect, plain_signals
+from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.effects.base import SensorEffect, TorqueEffect, plain_signals
 from drake_tc.simulator_files.terms import StribeckPeak, Terms
 from drake_tc.types import FloatArray
 
@@ -43,7 +44,7 @@ class Loss:
     """An effect that the target lacks, and what that means.
 
     Attributes:
-        effect: Its key in the model, or "drive gain".
+        effect: Its key in the model, "drive gain", or "torque_constant" of a data sheet.
         why: What that means, or what a user can do.
         partly: Whether the target has it, with another value.
     """
@@ -81,6 +82,8 @@ class Vocabulary:
         drives: Kinds of drive whose gain it has.
         inexact: Term to how the target's differs.
         delay_step: Delays are whole multiples of this [s]; 0: any.
+        no_motor: Why it has no motor with the torque constant of a data sheet, for a drive on a voltage of these terms,
+            a clause; "" where it has one.
     """
 
     name: str
@@ -89,6 +92,7 @@ class Vocabulary:
     drives: frozenset[str] = frozenset()
     inexact: Mapping[str, str] = field(default_factory=dict)
     delay_step: float = 0.0
+    no_motor: Callable[[Terms], str] = lambda _terms: ""
 
     def has(self, term: str) -> bool:
         """Whether it has a term."""
@@ -112,7 +116,7 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
         quadratic=friction.get("quadratic", 0.0) if target.has("quadratic") else 0.0,
         stribeck=_peak(model) if target.has("stribeck") else None,
     )
-    lost = [("rotor_inertia", "armature")] if model.inertia else []
+    lost = [("rotor_inertia", "armature")] if model.inertia and "rotor_inertia" in _keys(model) else []
     lost += [(value.key, "frictionloss") for value in model.effects if value.effect.id in DRY]
     missing = [Loss(name, target.missing.get(term, "")) for name, term in lost if not target.has(term)]
     return Projection(model.joint, terms, (*_drive_lost(terms, target), *missing, *losses), refit)
@@ -128,40 +132,77 @@ def _drive_lost(terms: Terms, target: Vocabulary) -> tuple[Loss, ...]:
     return (Loss("drive gain", f"your controller has to apply {terms.kp:.6g} N m for 1 {COMMANDS[terms.drive]}"),)
 
 
+def _keys(model: ActuatorModel) -> tuple[str, ...]:
+    return tuple(value.key for value in model.effects)
+
+
 def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]]:
-    """Drive, inertia, delay, limit, friction under load and backlash; and everything that no target knows."""
-    kp = 1.0 / model.drive.gain
-    found = {"delay": 0.0, "torque_limit": None, "backlash": 0.0, "load_friction": 0.0}
-    losses = []
+    """Drive, inertia, delay, limit, friction under load and backlash; and everything that no target knows.
+
+    Effects that are listed twice act one after the other: delays add up, and the smaller limit holds.
+    """
+    kp = _gain_factor(model) / model.drive.gain
+    found = {"delay": 0.0, "torque_limit": math.inf, "backlash": 0.0, "load_friction": 0.0}
+    losses, late = [], ""
     for value in model.effects:
         name = value.effect.id
-        if name in OF_SPEED or name == "rotor_inertia":
+        if name in OF_SPEED or name == "rotor_inertia" or (name == "servo_gain" and _gain_factor(model) != 1.0):
             continue
-        term, number = _term(value.key, value.parameters, kp)
-        if term and target.has(term):
-            found[term], rounded = _rounded(term, number, target)
-            losses += rounded
-            losses += [Loss(value.key, target.inexact[term], partly=True)] if term in target.inexact else []
-        else:
-            losses.append(Loss(value.key, target.missing.get(term) or target.missing.get(name, LOST.get(name, ""))))
+        term, number = _term(value, model.drive.kind, kp)
+        if not (term and target.has(term)):
+            losses.append(_lost(value, term, target))
+            continue
+        found[term] = min(found[term], number) if term == "torque_limit" else found[term] + number
+        late = value.key if term == "delay" else late
+        losses += [Loss(value.key, target.inexact[term], partly=True)] if term in target.inexact else []
+    found["delay"], rounded = _rounded(late, found["delay"], target.delay_step)
     armature = model.inertia if target.has("armature") else 0.0
-    return Terms(model.drive.kind, kp, armature=armature, **found), losses  # type: ignore[arg-type]
+    terms = Terms(
+        model.drive.kind,
+        kp,
+        armature=armature,
+        load_friction=found["load_friction"],
+        delay=found["delay"],
+        torque_limit=found["torque_limit"] if math.isfinite(found["torque_limit"]) else None,
+        backlash=found["backlash"],
+    )
+    scaled = [key for key in _keys(model) if key == "servo_gain" and _gain_factor(model) != 1.0]
+    if terms.delay or terms.torque_limit is not None:
+        losses += [Loss(key, SCALES_ALL, partly=True) for key in scaled]
+    return terms, losses + rounded
 
 
-def _rounded(term: str, number: float, target: Vocabulary) -> tuple[float, list[Loss]]:
-    """The term as the target has it, and what is lost by its rounding."""
-    if term != "delay" or not target.delay_step:
-        return number, []
-    found = round(number / target.delay_step) * target.delay_step
-    if abs(found - number) <= 1e-6 * number:
+def _gain_factor(model: ActuatorModel) -> float:
+    """By which errors of the drive gain change the torque for one unit of effort; 1 where no torque would be left."""
+    factor = math.prod(1.0 + value.parameters["gain_error"] for value in model.effects if value.key == "servo_gain")
+    return factor if factor > 0.0 else 1.0
+
+
+def _lost(value: EffectValue, term: str, target: Vocabulary) -> Loss:
+    """An effect that the target does not have, or of which it has the inertia alone."""
+    effect = value.effect
+    if isinstance(effect, SensorEffect):
+        return Loss(value.key, OF_A_SENSOR)
+    if target.has("armature") and isinstance(effect, TorqueEffect) and effect.inertia(value.parameters):
+        return Loss(value.key, IN_THE_ARMATURE, partly=True)
+    why = target.missing.get(term) or target.missing.get(effect.id) or LOST.get(value.key) or LOST.get(effect.id, "")
+    return Loss(value.key, why)
+
+
+def _rounded(key: str, delay: float, step: float) -> tuple[float, list[Loss]]:
+    """The delay as the target has it, and what is lost by its rounding."""
+    if not (delay and step):
+        return delay, []
+    found = round(delay / step) * step
+    if abs(found - delay) <= 1e-6 * delay:
         return found, []
-    why = f"delays are whole physics steps, {found:.6g} s in place of {number:.6g} s"
-    return found, [Loss("delay.command", why, partly=True)]
+    return found, [Loss(key, f"delays are whole physics steps, {found:.6g} s in place of {delay:.6g} s", partly=True)]
 
 
-def _term(key: str, parameters: Mapping[str, float], kp: float) -> tuple[str, float]:
+def _term(value: EffectValue, drive: str, kp: float) -> tuple[str, float]:
     """The term of an effect and its value; "" where no target has one."""
-    if key == "delay.command":
+    key, parameters = value.key, value.parameters
+    if key == "delay.command" or (key == "delay.loop" and drive != "position_servo"):  # the command is the effort
         return "delay", parameters["delay"]
     if key == "saturation":
         return "torque_limit", kp * parameters["limit"]
@@ -172,6 +213,13 @@ def _term(key: str, parameters: Mapping[str, float], kp: float) -> tuple[str, fl
     return "", 0.0
 
 
+OF_A_SENSOR = "an error of the sensor, not of the actuator"
+IN_THE_ARMATURE = (
+    "its inertia is a part of the rotor inertia there; its weight belongs to the link: change the link's mass in the"
+    " robot's model, and take this inertia off the rotor inertia if that mass has it"
+)
+SCALES_ALL = "the error of the gain also scales the delayed and limited part of the effort there"
+_WINDING = "the resistance of the winding is the same at all temperatures there"
 LOST = {
     "deadzone": "the servo answers small errors in the target, where the real one rests: errors at rest are too small",
     "elasticity": "add a spring joint by hand: a second hinge with this stiffness between motor and link",
@@ -185,13 +233,18 @@ LOST = {
     "current_lag": "the target's drive answers at once; a first-order actuator dynamics can be added by hand",
     "velocity_sign_switch": "the servo's switch at reversals is not there",
     "servo_integrator": "the target's servo has no integrator",
-    "torque_sensor_bias": "an error of the sensor, not of the actuator",
-    "torque_sensor_gain": "an error of the sensor, not of the actuator",
-    "torque_sensor_drift": "an error of the sensor, not of the actuator",
-    "effort_bias": "an error of the sensor, not of the actuator",
-    "encoder_offset": "an error of the sensor, not of the actuator",
-    "encoder_eccentricity": "an error of the sensor, not of the actuator",
-    "encoder_ripple": "an error of the sensor, not of the actuator",
+    "effort_bias": OF_A_SENSOR,
+    "delay.loop": "the target delays the command of a servo, not the position that the servo measures",
+    "saturation.supply": "the target's limit of the torque does not follow the supply voltage",
+    "supply_sag": "the target's drive does not depend on the supply voltage",
+    "servo_gain": "a gain error of -1 or below is a drive without torque",
+    "winding_heat": _WINDING,
+    "winding_temperature": _WINDING,
+    "drive_compression": "the target's torque is proportional to the effort",
+    "load_stribeck": "friction does not grow with the load there",
+    "load_tilt": "belongs to the link: change its centre of mass in the robot's model",
+    "position_dependent_load": "the target has no load that is a curve over the position",
+    "run_in_friction": "friction is that of a joint that has run in there",
     "payload": "belongs to the link: change its mass in the robot's model",
     "cable_spring": "add a joint stiffness by hand where the target has one",
     "unknown_load": "belongs to the link: change its mass and centre of mass in the robot's model",
@@ -205,11 +258,9 @@ def _friction(
     """Dry, linear and quadratic friction of the target, and how well they do where they cannot be exact."""
     parts = [(e, p) for e, p in model.torque_effects if e.id in OF_SPEED]
     parts = parts if target.has("frictionloss") else [(e, p) for e, p in parts if e.id not in DRY]
-    has = {e.id: p for e, p in parts}
     plain = {
-        "frictionloss": float(has.get("coulomb", {}).get("coulomb", 0.0)),
-        "damping": float(has.get("viscous", {}).get("viscous", 0.0)),
-        "quadratic": float(has.get("quadratic_viscous", {}).get("quadratic_viscous", 0.0)),
+        name: sum(float(p[key]) for e, p in parts if e.id == key)
+        for name, key in (("frictionloss", "coulomb"), ("damping", "viscous"), ("quadratic", "quadratic_viscous"))
     }
     exact = {"viscous", *(["coulomb"] if target.has("frictionloss") else [])}
     exact |= {"quadratic_viscous"} if target.has("quadratic") else set()

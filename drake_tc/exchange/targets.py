@@ -4,11 +4,29 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from drake_tc.exchange.projection import Vocabulary
+from drake_tc.simulator_files.terms import Terms
 
 PHYSICS_STEP = 0.005
 """Of Isaac Lab's examples [s], in which its delays are counted."""
 _NO_DELAY = "delay the commands in your controller's loop instead"
 _NO_BACKLASH = "the gear has no play there"
+_DELAYED_POSITION = "the position command is delayed there, the position that the servo measures is not"
+
+
+def _no_motor(_terms: Terms) -> str:
+    return "the back-EMF is a part of the viscous friction there"
+
+
+def _no_motor_of_isaaclab(terms: Terms) -> str:
+    """Why a `DCMotorCfg` cannot be written."""
+    if terms.delay:
+        why = "a delay needs a DelayedPDActuatorCfg, which has no line of torque over speed"
+    elif terms.torque_limit is None:
+        why = "a DCMotorCfg needs a limit of the voltage, and the model has none"
+    else:
+        return ""
+    return f"{why}; the efforts do not include the back-EMF, which is a part of viscous_friction"
+
 
 TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
     {
@@ -26,6 +44,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
                 "delay": _NO_DELAY,
                 "backlash": _NO_BACKLASH,
             },
+            no_motor=_no_motor,
         ),
         "drake-urdf": Vocabulary(
             "Drake (URDF)",
@@ -36,6 +55,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
                 "backlash": "put drake_tc's ActuatorPlant in front of the plant",
             },
             drives=frozenset({"position_servo"}),
+            no_motor=_no_motor,
         ),
         "sdf": Vocabulary(
             "SDFormat",
@@ -45,6 +65,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
                 "delay": _NO_DELAY,
                 "backlash": _NO_BACKLASH,
             },
+            no_motor=_no_motor,
         ),
         "isaaclab": Vocabulary(
             "Isaac Lab",
@@ -52,15 +73,20 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             {"backlash": _NO_BACKLASH},
             drives=frozenset({"position_servo"}),
             delay_step=PHYSICS_STEP,
+            no_motor=_no_motor_of_isaaclab,
         ),
         "isaaclab-bam": Vocabulary(
             "Isaac Lab (BAM)",
             frozenset({"armature", "frictionloss", "stribeck", "load_friction", "torque_limit", "delay"}),
-            {"backlash": "BamBacklashActuatorCfg has it where the USD has a hinge passive_NAME_backlash"},
+            {
+                "backlash": "add a hinge for the play to the USD and name it: passive_NAME_backlash of a"
+                " BamBacklashActuatorCfg, or the field backlash_joint_template of BamActuatorCfg, whichever your"
+                " version of Isaac Lab has"
+            },
             drives=frozenset({"voltage"}),
             inexact={
                 "load_friction": "the load is that of the solver's last step",
-                "delay": "the position command is delayed there, the position that the servo measures is not",
+                "delay": _DELAYED_POSITION,
             },
             delay_step=PHYSICS_STEP,
         ),
@@ -69,7 +95,10 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             frozenset({"armature", "frictionloss", "stribeck", "load_friction", "delay"}),
             {"backlash": _NO_BACKLASH, "torque_limit": "BAM limits the voltage by the supply"},
             drives=frozenset({"voltage"}),
-            inexact={"load_friction": "the load is gravity and what is outside there, without the link's inertia"},
+            inexact={
+                "load_friction": "the load is gravity and what is outside there, without the link's inertia",
+                "delay": _DELAYED_POSITION,
+            },
         ),
     }
 )

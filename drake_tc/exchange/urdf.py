@@ -47,7 +47,8 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         _joint(joints[projection.joint], projection, friction=not drake)
         if drake:
-            put(root, **{"xmlns:drake": DRAKE})
+            if not root.hasAttribute("xmlns:drake"):
+                put(root, **{"xmlns:drake": DRAKE})
             _drake(root, projection)
     return to_text(document)
 

@@ -1,7 +1,7 @@
-"""XML files edited in place: comments, order and what is not touched stay."""
+"""XML files edited in place: comments, order and what is not touched stay, prefixes that are not declared too."""
 
 from pathlib import Path
-from xml.dom import minidom
+from xml.dom import expatbuilder, minidom
 from xml.parsers.expat import ExpatError
 
 from drake_tc.errors import ParamsError
@@ -14,7 +14,7 @@ def read_xml(path: Path, root: str) -> minidom.Document:
         ParamsError: unreadable, no XML, or another root than `root`.
     """
     try:
-        document = minidom.parseString(path.read_bytes())
+        document = _without_namespaces(path.read_bytes())
     except OSError as error:
         raise ParamsError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (ExpatError, ValueError) as error:
@@ -29,7 +29,12 @@ def read_xml(path: Path, root: str) -> minidom.Document:
 
 def parsed(text: str) -> minidom.Document:
     """A document of one's own text."""
-    return minidom.parseString(text)
+    return _without_namespaces(text)
+
+
+def _without_namespaces(content: bytes | str) -> minidom.Document:
+    """Names are those that are written, as in `drake_tc.simulator_files.xml_tree`."""
+    return expatbuilder.parseString(content, namespaces=False)
 
 
 def to_text(document: minidom.Document) -> str:

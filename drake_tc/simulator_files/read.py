@@ -5,6 +5,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 
 from drake_tc.config.is_file import is_file
 from drake_tc.errors import DrakeTcError
@@ -13,14 +14,15 @@ from drake_tc.simulator_files.mjcf import mjcf_joints
 from drake_tc.simulator_files.sdf import sdf_joints
 from drake_tc.simulator_files.terms import ReadJoint
 from drake_tc.simulator_files.urdf import urdf_joints
+from drake_tc.simulator_files.xml_tree import xml_tree
 
 ENDINGS = (".urdf", ".sdf", ".xml", ".mjcf", ".json", ".xacro")
 """Endings of the files that can be read; what is in an XML file decides whether it is a URDF, SDFormat or MJCF.
 
 A .xacro file is read if it holds nothing that has to be expanded.
 """
-XACRO = re.compile(r"\{http://(www\.)?ros\.org/wiki/xacro\}")
-"""Begin of the tags of XML elements that only the program `xacro` understands."""
+XACRO = re.compile(r"http://(www\.)?ros\.org/wiki/xacro")
+"""What the prefix stands for of XML elements that only the program `xacro` understands."""
 KINDS = "a URDF (<robot>), an SDFormat file (<sdf>) or an MJCF (<mujoco>)"
 ANY_JOINT = "*"
 """Key of a file that is of one servo, whatever its joint is called."""
@@ -45,8 +47,8 @@ def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
     try:
         if path.suffix.lower() == ".json":
             return {ANY_JOINT: bam_servo(_mapping(json.loads(text)))}
-        return _of_xml(ET.fromstring(text))
-    except ET.ParseError as problem:
+        return _of_xml(xml_tree(text))
+    except ExpatError as problem:
         raise error(f"{path}: not XML: {problem}") from None
     except ValueError as problem:
         raise error(f"{path}: {problem}") from None
@@ -54,7 +56,7 @@ def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
 
 def _of_xml(root: ET.Element) -> dict[str, ReadJoint]:
     readers = {"robot": urdf_joints, "sdf": sdf_joints, "mujoco": mjcf_joints}
-    if any(XACRO.match(element.tag) for element in root.iter()):
+    if _has_xacro(root):
         raise ValueError(
             f"expected {KINDS}, got a xacro file that is not expanded; `xacro FILE.xacro > FILE.urdf` expands it"
         )
@@ -64,6 +66,13 @@ def _of_xml(root: ET.Element) -> dict[str, ReadJoint]:
     if not found:
         raise ValueError("it has no joint that moves and has a name")
     return found
+
+
+def _has_xacro(root: ET.Element) -> bool:
+    """Whether elements have the prefix `xacro`, or one that is declared as xacro's."""
+    declared = [pair for element in root.iter() for pair in element.attrib.items()]
+    prefixes = {"xacro", *(name.removeprefix("xmlns:") for name, uri in declared if XACRO.fullmatch(uri))}
+    return any(element.tag.partition(":")[0] in prefixes for element in root.iter() if ":" in element.tag)
 
 
 def _mapping(document: object) -> Mapping[str, object]:

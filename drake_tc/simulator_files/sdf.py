@@ -8,7 +8,8 @@ import math
 import xml.etree.ElementTree as ET
 
 from drake_tc.simulator_files.terms import ReadJoint, Terms
-from drake_tc.simulator_files.urdf import DRAKE, MOVING, attribute, with_drake
+from drake_tc.simulator_files.urdf import MOVING, attribute, with_drake
+from drake_tc.simulator_files.xml_tree import DRAKE
 
 
 def sdf_joints(root: ET.Element) -> dict[str, ReadJoint]:

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 from drake_tc.simulator_files.terms import ReadJoint, Terms
+from drake_tc.simulator_files.xml_tree import DRAKE
 
-DRAKE = "{http://drake.mit.edu}"
 MOVING = ("revolute", "continuous", "prismatic")
 
 

@@ -135,6 +135,66 @@ def test_a_urdf_of_the_users(tmp_path):
         to_sdf(exported("sdf"), mine)
 
 
+UNDECLARED = """<?xml version="1.0"?>
+<robot name="r">
+  <gazebo:hint a="1"/> <!-- no prefix is declared -->
+  <link name="base"/>
+  <link name="shank">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="knee" type="revolute">
+    <parent link="base"/><child link="shank"/><axis xyz="0 1 0"/>
+    <limit effort="1" velocity="2" lower="0" upper="1"/>
+    <dynamics damping="1" friction="1"/>
+  </joint>
+  <transmission>
+    <type>transmission_interface/SimpleTransmission</type>
+    <joint name="knee"/>
+    <actuator name="m">
+      <drake:rotor_inertia value="1"/>
+      <drake:gear_ratio value="2"/>
+      <drake:controller_gains p="3" d="4"/>
+    </actuator>
+  </transmission>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(
+    ("target", "declared", "changed"),
+    [
+        ("urdf", "", {"limit", "dynamics"}),
+        (
+            "drake-urdf",
+            "",
+            {"robot", "limit", "dynamics", "drake:rotor_inertia", "drake:gear_ratio", "drake:controller_gains"},
+        ),
+        (
+            "drake-urdf",
+            ' xmlns:drake="http://example.org"',
+            {"limit", "dynamics", "drake:rotor_inertia", "drake:gear_ratio", "drake:controller_gains"},
+        ),
+    ],
+)
+def test_a_urdf_whose_prefixes_are_not_declared_keeps_the_rest(tmp_path, target, declared, changed):
+    """Drake reads such a file. Its tags are replaced; `xmlns:drake` is added where they are written."""
+    mine = tmp_path / "robot.urdf"
+    before = UNDECLARED.replace('<robot name="r"', f'<robot name="r"{declared}')
+    mine.write_text(before, encoding="utf-8")
+    text = to_urdf(exported(target), mine, drake=target == "drake-urdf")
+    pairs = list(zip(text.splitlines(), before.splitlines(), strict=True))
+    assert {old.split()[0].strip("<>") for new, old in pairs if new != old} == changed
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(text, "urdf")
+    plant.Finalize()
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    assert reflected == pytest.approx(0.31 if target == "drake-urdf" else 4.0)
+    assert actuator.effort_limit() == 50.0
+    mine.write_text(text, encoding="utf-8")
+    assert read_joints(mine, ParamsError)["knee"].terms.armature == pytest.approx(reflected)
+
+
 def test_a_position_servo_of_isaac_lab():
     """The classes are those of isaaclab 2.3.2.post1; fields that they do not have are refused (`isaaclab_stand_in`)."""
     knee = actuators(to_isaaclab(exported("isaaclab")))["knee"]
@@ -162,7 +222,9 @@ def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
     """
     values = (EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0}))
     model = ActuatorModel("knee", Drive("voltage", 0.25), values)
-    knee = actuators(to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5)]))["knee"]
+    knee = actuators(
+        to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5, TARGETS["isaaclab"])])
+    )["knee"]
     assert isinstance(knee, isaaclab_stand_in.DCMotorCfg) and knee.effort_limit_sim is None
     v = np.linspace(-8.0, 8.0, 17)  # up to the speed without load
     for sign in (-1.0, 1.0):
@@ -171,7 +233,64 @@ def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
         np.testing.assert_allclose(clipped, 4.0 * (sign * 12.0 - 1.5 * v), rtol=1e-9, atol=1e-9)
     assert knee.viscous_friction == pytest.approx(9.0 - 1.5 * 4.0)
     without = actuators(to_isaaclab([project(model, TARGETS["isaaclab"])]))["knee"]
-    assert isinstance(without, isaaclab_stand_in.ImplicitActuatorCfg) and without.stiffness == 0.0
+    assert isinstance(without, isaaclab_stand_in.IdealPDActuatorCfg) and without.stiffness == 0.0
+    assert without.effort_limit == 48.0 and without.effort_limit_sim is None
+
+
+def test_a_delayed_drive_on_a_voltage_has_the_same_torque_without_a_dc_motor():
+    """DelayedPDActuator of isaaclab 2.3.2.post1 clips the late effort to +-effort_limit at every speed."""
+    values = [EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0})]
+    model = ActuatorModel("knee", Drive("voltage", 0.25), (*values, EffectValue("delay.loop", {"delay": 0.01})))
+    projection = with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5, TARGETS["isaaclab"])
+    knee = actuators(to_isaaclab([projection]))["knee"]
+    assert isinstance(knee, isaaclab_stand_in.DelayedPDActuatorCfg) and (knee.min_delay, knee.max_delay) == (2, 2)
+    voltage, v = np.meshgrid(np.linspace(-20.0, 20.0, 9), np.linspace(-8.0, 8.0, 17))
+    found = np.clip(4.0 * voltage, -knee.effort_limit, knee.effort_limit) - knee.viscous_friction * v
+    expected = 4.0 * (np.clip(voltage, -12.0, 12.0) - 1.5 * v) - (9.0 - 1.5 * 4.0) * v
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)  # numbers are written with ten digits
+    (lost,) = [loss for loss in projection.losses if loss.effect == "torque_constant"]
+    assert lost.why.startswith("a delay needs a DelayedPDActuatorCfg, which has no line of torque over speed")
+
+
+@pytest.mark.parametrize("drive", [Drive("current", 0.5), Drive("voltage", 0.5), Drive("torque", 1.0)])
+def test_an_effort_is_limited_by_an_actuator_that_computes_it(drive):
+    """ImplicitActuator of isaaclab 2.3.2.post1 passes an effort on as it is: its limit is that of the joint's drive."""
+    viscous, limit = EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0})
+    for effects, kind, bound in (
+        ((viscous,), isaaclab_stand_in.ImplicitActuatorCfg, None),
+        ((viscous, limit), isaaclab_stand_in.IdealPDActuatorCfg, 12.0 / drive.gain),
+        ((viscous, EffectValue("saturation")), isaaclab_stand_in.ImplicitActuatorCfg, None),  # no limit is infinite
+    ):
+        knee = actuators(to_isaaclab([project(ActuatorModel("knee", drive, effects), TARGETS["isaaclab"])]))["knee"]
+        assert type(knee) is kind and (knee.effort_limit, knee.effort_limit_sim) == (bound, None)
+
+
+def test_an_error_of_the_drive_gain_is_in_the_drive_gain():
+    gain = EffectValue("servo_gain", {"gain_error": -0.2})
+    limit, delay = EffectValue("saturation", {"limit": 0.01}), EffectValue("delay.command", {"delay": 0.004})
+    alone = project(ActuatorModel("knee", Drive("position_servo", 2e-4), (gain,)), TARGETS["mjcf"])
+    assert alone.terms.kp == pytest.approx(4000.0) and alone.losses == ()
+    for beside in (limit, delay):
+        found = project(ActuatorModel("knee", Drive("position_servo", 2e-4), (gain, beside)), TARGETS["mjcf"])
+        assert found.terms.kp == pytest.approx(4000.0)
+        assert [(loss.effect, loss.partly) for loss in found.losses] == [("servo_gain", True)]
+
+
+def test_effects_that_are_listed_twice_act_one_after_the_other():
+    effects = [EffectValue("saturation", {"limit": limit}) for limit in (0.01, 0.02)]
+    effects += [EffectValue("delay.command", {"delay": 0.003}), EffectValue("delay.command", {"delay": 0.004})]
+    effects += [EffectValue("coulomb", {"coulomb": 1.0}), EffectValue("coulomb", {"coulomb": 2.0})]
+    terms = project(ActuatorModel("knee", Drive("position_servo", 2e-4), tuple(effects)), TARGETS["mjcf"]).terms
+    assert (terms.torque_limit, terms.delay, terms.frictionloss) == pytest.approx((50.0, 0.007, 3.0))
+
+
+def test_the_inertia_of_a_payload_is_lost_only_in_part():
+    payload = EffectValue("payload", {"payload_moment": 5.0, "payload_inertia": 0.4})
+    model = ActuatorModel("knee", Drive("torque", 1.0), (payload,))
+    for target, armature in (("mjcf", 0.4), ("urdf", 0.0)):
+        projection = project(model, TARGETS[target])
+        assert projection.terms.armature == armature
+        assert [(loss.effect, loss.partly) for loss in projection.losses] == [("payload", armature > 0.0)]
 
 
 @pytest.mark.parametrize(
@@ -201,12 +320,12 @@ def test_bam_needs_a_voltage_and_a_torque_constant():
     projections = [project(model, TARGETS["bam"])]
     with pytest.raises(ParamsError, match="--torque-constant"):
         to_bam(projections)
-    found = json.loads(to_bam([with_torque_constant(each, 1.2) for each in projections]))
+    found = json.loads(to_bam([with_torque_constant(each, 1.2, TARGETS["bam"]) for each in projections]))
     # the torque for one volt, and all that grows with the speed, are the model's
     assert found["kt"] / found["R"] == pytest.approx(0.5)
     assert found["friction_viscous"] + found["kt"] ** 2 / found["R"] == pytest.approx(0.8)
     with pytest.raises(ParamsError, match="give a smaller one"):
-        with_torque_constant(projections[0], 2.0)
+        with_torque_constant(projections[0], 2.0, TARGETS["bam"])
 
 
 def test_bam_expresses_friction_under_load(tmp_path):
@@ -217,7 +336,7 @@ def test_bam_expresses_friction_under_load(tmp_path):
     projection = project(ActuatorModel("m", Drive("voltage", 0.5), effects), TARGETS["bam"])
     assert [(loss.effect, loss.partly) for loss in projection.losses] == [("load_dependent_friction", True)]
     path = tmp_path / "servo.json"
-    path.write_text(to_bam([with_torque_constant(projection, 1.2)]), encoding="utf-8")
+    path.write_text(to_bam([with_torque_constant(projection, 1.2, TARGETS["bam"])]), encoding="utf-8")
     document = json.loads(path.read_text(encoding="utf-8"))
     assert (document["model"], document["load_friction_external"], document["load_friction_motor"]) == ("m5", 0.12, 0.0)
     assert bam_servo(document).effects["load_dependent_friction"] == {"load_friction": 0.12}
@@ -229,7 +348,7 @@ def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():
     odd = (EffectValue("viscous", {"viscous": 0.8}), EffectValue("quadratic_viscous", {"quadratic_viscous": 0.3}), peak)
     projection = project(ActuatorModel("m", Drive("voltage", 2.0), odd), TARGETS["bam"])
     assert projection.refit is not None and projection.refit.effects == ("quadratic_viscous",)
-    found = json.loads(to_bam([with_torque_constant(projection, 0.1)]))
+    found = json.loads(to_bam([with_torque_constant(projection, 0.1, TARGETS["bam"])]))
     assert (found["model"], found["friction_stribeck"], found["dtheta_stribeck"], found["alpha"]) == (
         "m2",
         1.0,

@@ -11,8 +11,8 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.dc_motor import with_torque_constant
-from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.isaaclab_bam import ServoSettings, limited_by_supply, to_isaaclab_bam
+from drake_tc.exchange.projection import Loss, project
 from drake_tc.exchange.targets import TARGETS
 
 from .isaaclab_stand_in import actuators
@@ -31,7 +31,7 @@ SERVO = (
 def configured(*effects, name="knee", torque_constant=1.2):
     """The joint's BamActuatorCfg, with its BamMotorCfg under `motor`."""
     projection = project(ActuatorModel(name, Drive("voltage", 2.0), effects), TARGETS["isaaclab-bam"])
-    text = to_isaaclab_bam([with_torque_constant(projection, torque_constant)], None, SETTINGS)
+    text = to_isaaclab_bam([with_torque_constant(projection, torque_constant, TARGETS["isaaclab-bam"])], None, SETTINGS)
     return actuators(text)[name], projection
 
 
@@ -64,7 +64,23 @@ def test_the_model_is_the_smallest_that_has_the_friction():
 
 
 def test_a_limit_beyond_the_supply_is_the_supply():
-    assert configured(VISCOUS, EffectValue("saturation", {"limit": 15.0}))[0].motor.max_pwm == 1.0
+    cfg, projection = configured(VISCOUS, EffectValue("saturation", {"limit": 15.0}))
+    assert cfg.motor.max_pwm == 1.0 and projection.losses == ()
+    (lost,) = limited_by_supply(projection, SETTINGS).losses
+    assert lost == Loss("saturation", "the supply limits the voltage to 12 V, the model to 15 V", partly=True)
+    within = configured(VISCOUS, EffectValue("saturation", {"limit": 9.0}))[1]
+    assert limited_by_supply(within, SETTINGS) is within
+
+
+@pytest.mark.parametrize("key", ["delay.command", "delay.loop"])
+def test_play_and_delay_are_told_by_the_names_of_isaac_lab(key):
+    """Two forms of play: a class, at commit 0120677, and a field of BamActuatorCfg in another version."""
+    play, delay = EffectValue("backlash", {"backlash": 0.02}), EffectValue(key, {"delay": 0.01})
+    cfg, projection = configured(VISCOUS, play, delay)
+    lost = {loss.effect: loss for loss in projection.losses}
+    assert not lost["backlash"].partly and lost[key].partly and cfg.max_delay == 2
+    for name in ("passive_NAME_backlash of a BamBacklashActuatorCfg", "backlash_joint_template of BamActuatorCfg"):
+        assert name in lost["backlash"].why
 
 
 def test_a_delay_is_of_whole_physics_steps():
@@ -97,3 +113,5 @@ def test_the_command(tmp_path, capsys):
     assert run([*call, "--supply-voltage", "12", "--position-gain", "40"]) == 0
     printed = capsys.readouterr()
     assert "BamMotorCfg(" in printed.out and "Isaac Lab (BAM) expresses all effects of this model." in printed.err
+    assert run([*call, "--supply-voltage", "6", "--position-gain", "40"]) == 0
+    assert "has saturation of the drive only in part: the supply limits the voltage to 6 V" in capsys.readouterr().err

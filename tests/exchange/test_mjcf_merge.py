@@ -129,7 +129,7 @@ def test_a_drive_on_a_voltage_is_a_dc_motor(tmp_path, kind):
     path.write_text(FILE.format(default=default, actuator=f'<{tag} class="arm" name="k" joint="knee"/>'))
     limited = (*FRICTION, EffectValue("saturation", {"limit": 2.0}))
     model = ActuatorModel("knee", Drive("voltage", 0.25), limited)
-    text = to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5)], path)
+    text = to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5, TARGETS["mjcf"])], path)
     back_emf = 0.0 if kind == "motor" else 6.0
     assert ("<dcmotor " in text) is (kind != "motor")
     np.testing.assert_allclose(

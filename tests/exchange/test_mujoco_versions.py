@@ -32,7 +32,9 @@ POSITION = Drive("position_servo", 2e-3)
 def written(*effects, drive=POSITION, torque_constant=None, into=None):
     """A file of one joint, and its projections."""
     projection = project(ActuatorModel("knee", drive, (*SERVO, *effects)), TARGETS["mjcf"])
-    projections = [projection if torque_constant is None else with_torque_constant(projection, torque_constant)]
+    projections = [
+        projection if torque_constant is None else with_torque_constant(projection, torque_constant, TARGETS["mjcf"])
+    ]
     return to_mjcf(projections, into), projections
 
 

@@ -37,7 +37,7 @@ def exported(tmp_path, target, model=MODEL):
         "mjcf": (to_mjcf, "bench.xml"),
         "urdf": (to_urdf, "bench.urdf"),
         "drake-urdf": (lambda p: to_urdf(p, drake=True), "bench.urdf"),
-        "bam": (lambda p: to_bam([with_torque_constant(each, 0.5) for each in p]), "bench.json"),
+        "bam": (lambda p: to_bam([with_torque_constant(each, 0.5, TARGETS["bam"]) for each in p]), "bench.json"),
     }
     write, name = writers[target]
     path = tmp_path / name
@@ -61,7 +61,9 @@ def test_drives_in_mjcf_give_their_parameters_back(tmp_path, drive, gain):
     """A drive on a voltage is a dcmotor, where its torque constant is known."""
     model = ActuatorModel("knee", Drive(drive, gain), MODEL.effects)
     path = tmp_path / "bench.xml"
-    path.write_text(to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5)]), encoding="utf-8")
+    path.write_text(
+        to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5, TARGETS["mjcf"])]), encoding="utf-8"
+    )
     rig = with_declared_file(parse_rig(RIG | {"drive": drive}), path)
     assert rig.drive_gain["knee"] == pytest.approx(gain, rel=1e-9)
     assert rig.saturation["knee"] == pytest.approx(0.01, rel=1e-9)
@@ -89,7 +91,9 @@ def test_a_servo_in_bams_file_gives_its_parameters_back(tmp_path):
     effects = tuple(value for value in MODEL.effects if value.effect.id in kept)
     peak = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stribeck_exponent": 1.5})
     model = ActuatorModel("knee", Drive("voltage", 0.5), (*effects, peak))
-    assert project(model, TARGETS["bam"]).losses == () and project(model, TARGETS["bam"]).refit is None
+    projection = project(model, TARGETS["bam"])
+    assert [(loss.effect, loss.partly) for loss in projection.losses] == [("delay.command", True)]  # BAM delays q_d
+    assert projection.refit is None
     rig = with_declared_file(parse_rig(RIG | {"drive": "voltage"}), exported(tmp_path, "bam", model))
     assert rig.drive_gain["knee"] == pytest.approx(0.5, rel=1e-9)
     declared = dict(rig.declared["knee"])
@@ -152,7 +156,14 @@ def test_a_xacro_file_that_is_not_expanded_is_refused_in_words(tmp_path, name):
     path = tmp_path / name
     path.write_text('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a"/></robot>')
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
-    with pytest.raises(RigError, match=r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"):
+    refused = r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"
+    with pytest.raises(RigError, match=refused):
+        load_rig(tmp_path / "rig.yaml")
+    path.write_text('<robot name="r" xmlns:x="http://ros.org/wiki/xacro"><x:arg name="a"/></robot>')
+    with pytest.raises(RigError, match=refused):
+        load_rig(tmp_path / "rig.yaml")
+    path.write_text('<robot name="r"><xacro:arg name="a"/></robot>')
+    with pytest.raises(RigError, match=refused):
         load_rig(tmp_path / "rig.yaml")
 
 

@@ -168,6 +168,45 @@ def test_a_urdf_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
     assert (joint.terms.kp, joint.derivative_gain) == (400.0, 3.0)
 
 
+DECLARED = ' xmlns:drake="http://drake.mit.edu"'
+HINT = '<gazebo:hint a="1"/></{root}>'
+
+
+@pytest.mark.parametrize(
+    ("declared", "prefix", "read"),
+    [
+        ("", "drake", True),
+        (' xmlns:drake="http://example.org"', "drake", True),
+        ("", "mine", False),
+        (' xmlns:mine="http://drake.mit.edu"', "mine", False),
+    ],
+)
+@pytest.mark.parametrize("kind", ["urdf", "sdf"])
+def test_drakes_tags_are_those_with_its_prefix_as_for_drake(tmp_path, kind, declared, prefix, read):
+    """Drake's parsers read the prefix as it is written, also where it is not declared."""
+    text, root = (URDF, "robot") if kind == "urdf" else (SDF, "sdf")
+    text = text.replace(DECLARED, declared).replace("<drake:", f"<{prefix}:").replace("</drake:", f"</{prefix}:")
+    path = tmp_path / f"robot.{kind}"
+    path.write_text(text, encoding="utf-8")
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModels(str(path))
+    plant.Finalize()
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    joint = read_joints(path, RigError)["knee"]
+    np.testing.assert_allclose(joint.terms.armature, reflected if read else 0.0, rtol=1e-12)
+    assert (reflected > 0.0, actuator.has_controller(), joint.driven) == (read, read, read)
+    path.write_text(text.replace(f"</{root}>", HINT.format(root=root)), encoding="utf-8")
+    assert read_joints(path, RigError)["knee"] == joint  # Drake reads a URDF with such a tag, and warns of an SDF
+
+
+def test_what_is_no_xml_is_refused_in_words(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text("<robot><a></robot>", encoding="utf-8")
+    with pytest.raises(RigError, match=r"robot\.urdf: not XML: mismatched tag: line 1, column 12"):
+        read_joints(path, RigError)
+
+
 SDF = """<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
   <model name="r">
     <link name="base"/>
