@@ -9,12 +9,13 @@ from readme_quotes_real import differing_cells
 
 from drake_tc.benchmarks.real_log_cases import case_files, import_set
 from drake_tc.benchmarks.real_logs import chosen_sets
-from drake_tc.benchmarks.real_tmotor import CASES, DATA_SET, LOWER_BY, held_out, rows
+from drake_tc.benchmarks.real_tmotor import DATA_SET, LOWER_BY, held_out, rows
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.importers.tmotor import SESSIONS, convert
 from drake_tc.logs.readers import read_table
+from drake_tc.report.figure_row import FigureRow
 
 
 @pytest.fixture(scope="module")
@@ -40,18 +41,25 @@ def test_inertia_brings_the_swung_log_far_below_the_published_model(data: Path) 
     assert found.after <= 0.1  # the published model, fitted on the same logs, leaves 0.24 N m
 
 
+@pytest.fixture(scope="module")
+def table(data: Path) -> dict[str, FigureRow]:
+    return {row.name: row for row in rows(data)}
+
+
 @pytest.mark.slow
-def test_what_the_logs_can_tell_and_the_readme_quotes_it(data: Path) -> None:
-    table = {row.name: row for row in rows(data)}
+def test_what_the_logs_can_tell_and_the_readme_quotes_it(table: dict[str, FigureRow]) -> None:
     assert differing_cells("real-tmotor", table) == []
-    for name in CASES:
-        if name != "sysid_opposing_motor_2":
-            assert table[f"{name}/found_model"].met
-    # no fit on the other logs reaches the third, though it is chosen in view of this log: its sensor has another zero
+    assert table["sysid_test_1/found_model"].met
+    fast = "sysid_test_high_speed"
+    assert table[f"{fast}/found_model_zeroed"].value <= table[f"{fast}/found_model"].expected
+    # no fit on the other logs reaches the third, though it is chosen in view of this log
     assert table["sysid_opposing_motor_2/best_fit_ratio"].value > 1.0 - LOWER_BY
-    assert (
-        table["sysid_opposing_motor_2/found_model_zeroed"].value <= table["sysid_opposing_motor_2/found_model"].expected
-    )
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="missed, as the README says: the sensor's zero is withdrawn, noise could add it")
+def test_the_log_of_high_speed_meets_the_goal_too(table: dict[str, FigureRow]) -> None:
+    assert table["sysid_test_high_speed/found_model"].met
 
 
 def test_the_log_that_mostly_stalls_is_refused(data: Path) -> None:
