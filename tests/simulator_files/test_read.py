@@ -153,21 +153,6 @@ URDF = """<robot name="r" xmlns:drake="http://drake.mit.edu">
 """
 
 
-def test_a_urdf_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
-    path = tmp_path / "robot.urdf"
-    path.write_text(URDF, encoding="utf-8")
-    (joint,) = read_joints(path, RigError).values()
-    plant = MultibodyPlant(1e-3)
-    Parser(plant).AddModels(str(path))
-    plant.Finalize()
-    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
-    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
-    np.testing.assert_allclose(joint.terms.armature, reflected, rtol=1e-12)
-    assert joint.terms.damping == plant.GetJointByName("knee").default_damping_vector()[0] == 1.5
-    assert joint.terms.frictionloss == 0.7 and joint.terms.torque_limit == actuator.effort_limit() == 60.0
-    assert (joint.terms.kp, joint.derivative_gain) == (400.0, 3.0)
-
-
 DECLARED = ' xmlns:drake="http://drake.mit.edu"'
 HINT = '<gazebo:hint a="1"/></{root}>'
 
@@ -228,9 +213,10 @@ SDF = """<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
 """
 
 
-def test_an_sdf_file_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
-    path = tmp_path / "robot.sdf"
-    path.write_text(SDF, encoding="utf-8")
+@pytest.mark.parametrize(("kind", "text", "unused"), [("urdf", URDF, ()), ("sdf", SDF, ("its spring_stiffness",))])
+def test_a_file_with_drakes_tags_is_read_as_drake_reads_it(tmp_path, kind, text, unused):
+    path = tmp_path / f"robot.{kind}"
+    path.write_text(text, encoding="utf-8")
     (joint,) = read_joints(path, RigError).values()
     plant = MultibodyPlant(1e-3)
     Parser(plant).AddModels(str(path))
@@ -242,7 +228,7 @@ def test_an_sdf_file_with_drakes_tags_is_read_as_drake_reads_it(tmp_path):
     assert joint.terms.frictionloss == 0.7 and joint.terms.torque_limit == actuator.effort_limit() == 60.0
     gains = actuator.get_controller_gains()
     assert (joint.terms.kp, joint.derivative_gain) == (gains.p, gains.d) == (400.0, 3.0)
-    assert joint.unused == ("its spring_stiffness",)
+    assert joint.unused == unused
 
 
 def test_a_limit_that_an_sdf_file_does_not_have_is_none(tmp_path):
