@@ -81,6 +81,20 @@ class SizeByRotorInertia:
 
 
 @dataclass(frozen=True)
+class PayloadFromRatio:
+    """A payload on a pendulum under a drive whose gain is not declared: only its ratio of inertia to moment shows.
+
+    Attributes:
+        least: Its smallest moment m g l [N m], of a mass close to the axis.
+        like_pendulum: Its moment [N m] if it has the pendulum's own ratio of inertia to moment; None where the logs
+            rule that out, or where the runs have different pendulums.
+    """
+
+    least: float
+    like_pendulum: float | None
+
+
+@dataclass(frozen=True)
 class GainBesideEffects:
     """With effects that scale the torques, the drive gain is not the declared one.
 
@@ -231,6 +245,7 @@ ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 DriveNote = (
     GainOfTorqueDrive
     | SizeByRotorInertia
+    | PayloadFromRatio
     | GainBesideEffects
     | GainDeclaredWrong
     | DelayBySampling

@@ -23,6 +23,7 @@ class Context:
         recorded: Names of the `Signals` fields that were recorded.
         declared: Parameter values that the user vouches for.
         link_inertia: Of a pendulum load about the axis [kg m^2]; 0 where the load is measured.
+        hang_angle: Of a pendulum load: joint position at which it hangs [rad].
         max_speed: Largest resolved speed in the logs [rad/s].
         position_span: (lowest, highest) position [rad].
         effort_span: (lowest, highest) effort.
@@ -43,6 +44,7 @@ class Context:
     recorded: frozenset[str]
     declared: Mapping[str, float] = field(default_factory=dict)
     link_inertia: float = 0.0
+    hang_angle: float = 0.0
     max_speed: float = 1.0
     position_span: tuple[float, float] = (-1.0, 1.0)
     effort_span: tuple[float, float] = (-1.0, 1.0)

@@ -24,7 +24,7 @@ from drake_tc.effects.linear_friction import LinearPositionFriction
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
-from drake_tc.effects.payload import DeclaredGainPayload, Payload, PendulumPayload
+from drake_tc.effects.payload import DeclaredGainPayload, OwnArmPayload, Payload, PendulumPayload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
 from drake_tc.effects.position_sensor_delay import PositionSensorDelay
@@ -82,6 +82,7 @@ LIBRARY: tuple[Effect, ...] = (
     Payload(),
     PendulumPayload(),
     DeclaredGainPayload(),
+    OwnArmPayload(),
     CableSpring(),
     AsymmetricFriction(),
     CoulombAsymmetry(),

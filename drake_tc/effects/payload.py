@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+import numpy as np
+
+from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import LOAD_SHARE, PENDULUM
 from drake_tc.types import FloatArray
@@ -19,16 +21,12 @@ PAYLOAD_INERTIA_RANGE = Plausible(
     450.0,
     "an inertia is positive, and 50 kg at 3 m have 450 kg m^2",
 )
-PAYLOAD_SHARE_RANGE = Plausible(
-    0.0,
-    5.0,
-    "a mass is positive, and a load of six times the declared one is another load",
-)
 LOAD_ERROR_RANGE = Plausible(
     -0.8,
     5.0,
     "a load of less than a fifth or of six times the declared one is another load",
 )
+HANG_ANGLE_RANGE = Plausible(-np.inf, np.inf, "where the pendulum hangs is declared in the rig file")
 NO_INERTIA = "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
 
 
@@ -81,32 +79,33 @@ class Payload(EquationEffect):
 
 
 class PendulumPayload(Payload):
-    """More mass on a pendulum whose torque is computed: s tau [N m] more.
+    """More weight on a pendulum whose torque is computed: G_p sin(q - q_h) [N m], without inertia of its own.
 
-    The drive gain is free, so the share s shows only against the declared inertia, which does not grow with it:
-    (1 + s) tau + J qddot, divided by 1 + s, misses J qddot s/(1 + s).
+    The drive gain is free, so the logs determine only the ratio of the load's inertia to its first moment. A payload of
+    moment G_a and inertia J_a beside a pendulum of moment G and inertia I leaves the same ratio as G_p without inertia,
+
+        (J + I)/(G + G_p) = (J + I + J_a)/(G + G_a),
+
+    so G_p is the smallest moment that explains the logs: that of a mass close to the axis.
     """
 
     form = "pendulum"
-    torque_kind = LOAD_SHARE
-    equation = "tau_add = payload_share * tau"
-    coefficients = (Parameter("missing_inertia", "-", 0.0, 0.98, description="s/(1 + s)"),)
-    signature = Signature(
-        x="acceleration", split="", look_for="a line over the acceleration although the inertia is declared"
+    equation = "tau_add = payload_moment * sin(q - hang_angle)"
+    coefficients = (
+        Parameter(
+            "payload_moment",
+            "N*m",
+            0.0,
+            description="m g l of a mass close to the axis",
+            plausible=PAYLOAD_MOMENT_RANGE,
+        ),
     )
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The share s alone."""
-        return (
-            Parameter(
-                "payload_share",
-                "-",
-                0.0,
-                description="load beyond the pendulum's, as a share of it",
-                plausible=PAYLOAD_SHARE_RANGE,
-            ),
-        )
+    given_shapes = (
+        Parameter(
+            "hang_angle", "rad", description="joint position at which the pendulum hangs", plausible=HANG_ANGLE_RANGE
+        ),
+    )
+    signature = Signature(x="position", split="", look_for="a sine of the angle, zero where the pendulum hangs")
 
     def obstacle(self, context: Context) -> str:
         """Needs a pendulum, a declared inertia and a free drive gain: see `DeclaredGainPayload`."""
@@ -118,36 +117,24 @@ class PendulumPayload(Payload):
             return "the drive gain is declared, so the logs determine the mass of the load"
         return "" if context.declared.get("rotor_inertia") else NO_INERTIA
 
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Where the pendulum hangs."""
+        return [{"hang_angle": context.hang_angle}]
+
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
-        """-J s/(1 + s)."""
-        return -rotor_inertia * float(theta[0])
-
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """-J qddot (T, 1)."""
-        return -(signals.rotor_inertia * signals.acceleration)[:, None]
-
-    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """S from s/(1 + s)."""
-        return {"payload_share": float(theta[0]) / (1.0 - float(theta[0]))}
-
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """1/(1 + s)."""
-        return 1.0 - float(theta[0])
-
-    def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
-        """The share of the load (T,): see the class."""
-        return self.equation_torque(signals, parameters)
+        """0."""
+        return 0.0
 
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
-        """S, of the torque that the gear passes."""
-        return (parameters["payload_share"],)
+        """A pendulum that hangs where the declared one does."""
+        return parameters["payload_moment"], parameters["hang_angle"], 0.0
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
-        """None of its own: it rides on the pendulum's torque."""
+        """0."""
         return 0.0
 
 
-class DeclaredGainPayload(PendulumPayload):
+class DeclaredGainPayload(Payload):
     """Another mass on a pendulum whose drive gain is declared: s tau [N m] more, or less.
 
     The drive gain is held, so the load tells s itself. The declared inertia, which grows neither with s nor with an
@@ -156,6 +143,8 @@ class DeclaredGainPayload(PendulumPayload):
     """
 
     form = "declared_gain"
+    torque_kind = LOAD_SHARE
+    equation = "tau_add = payload_share * tau"
     excludes = frozenset({"servo_gain"})
     coefficients = (
         Parameter(
@@ -166,11 +155,6 @@ class DeclaredGainPayload(PendulumPayload):
         ),
     )
     signature = Signature(x="load_torque", split="", look_for="a straight line through zero, over the known load")
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The share s alone."""
-        return self.coefficients
 
     def obstacle(self, context: Context) -> str:
         """Needs a pendulum, a declared inertia and a declared drive gain."""
@@ -186,14 +170,35 @@ class DeclaredGainPayload(PendulumPayload):
         """0: the load's own inertia is counted where its torque is computed."""
         return 0.0
 
-    def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """Tau (T, 1)."""
-        return signals.load_torque[:, None]
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """S, of the torque that the gear passes."""
+        return (parameters["payload_share"],)
 
-    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """S."""
-        return {"payload_share": float(theta[0])}
+    def inertia(self, parameters: Mapping[str, float]) -> float:
+        """None of its own: it rides on the pendulum's torque."""
+        return 0.0
 
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """1: the fit is in true torque."""
-        return 1.0
+
+class OwnArmPayload(Payload):
+    """A mass beside a pendulum whose drive gain is declared: G_p sin(q - q_h) + J_p qddot [N m].
+
+    The drive gain and the rotor inertia are declared, so the logs tell both; J_p g/G_p is where the mass hangs [m].
+    `DeclaredGainPayload` is the payload that has the pendulum's own ratio of the two.
+    """
+
+    form = "own_arm"
+    equation = "tau_add = payload_moment * sin(q - hang_angle) + payload_inertia * qddot"
+    excludes = frozenset({"servo_gain"})
+    given_shapes = PendulumPayload.given_shapes
+
+    def obstacle(self, context: Context) -> str:
+        """As `DeclaredGainPayload`."""
+        return DeclaredGainPayload().obstacle(context)
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Where the pendulum hangs."""
+        return [{"hang_angle": context.hang_angle}]
+
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A pendulum that hangs where the declared one does."""
+        return parameters["payload_moment"], parameters["hang_angle"], 0.0

@@ -66,7 +66,6 @@ class Size:
 
 
 NAMES: Mapping[str, tuple[str, str]] = {
-    "payload.pendulum": ("payload_share", "-"),
     "payload.declared_gain": ("payload_share", "-"),
     "elasticity": ("compliance", "rad/(N*m)"),
     "velocity_sign_switch": ("switch", "-"),
@@ -141,7 +140,6 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
         "current_lag": 3e-3,
         "current_lag.winding": 3e-3,
         "payload": part,
-        "payload.pendulum": 0.1,
         "cable_spring": 2.0 * part / max(n.span, 1e-9),
         "asymmetric_friction": friction,
         "asymmetric_friction.coulomb": friction,

@@ -12,15 +12,46 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from . import pendulum_rig
 
 ROTOR = 0.05
+LENGTH = 0.25
 SWING = pendulum_rig.Swing(constant=0.0, duration=12.0, period=4e-3, effort_noise=1e-3)
+
+
+def diagnose_payload(arm: float, moment: float, *, gain_declared: bool) -> tuple[JointResult, float]:
+    """A point mass of this moment at `arm` beside the declared pendulum; and the least moment of that ratio."""
+    own, own_inertia = SWING.moment - moment, SWING.inertia - ROTOR - moment * arm / 9.81
+    load = {"mass": own / (9.81 * LENGTH), "length": LENGTH, "inertia": own_inertia, "zero": SWING.zero}
+    more = {} if gain_declared else {"drive_gain": None}
+    rig = pendulum_rig.rig_of(SWING, {"pendulum": load}, declared={"rotor_inertia": ROTOR}, **more)
+    runs = [pendulum_rig.record(SWING, f"run{k}", k, 0.37 * k) for k in range(3)]
+    result = diagnose_joint(runs[:2], runs[2:], rig, pendulum_rig.JOINT, DiagnosisOptions(assess_residual=False))
+    return result, (ROTOR + own_inertia) * SWING.moment / SWING.inertia - own
+
+
+@pytest.mark.parametrize("arm", [0.0, 0.3, 0.6, 1.0])
+def test_a_payload_with_an_arm_of_its_own_is_found_with_the_least_moment_that_explains_it(arm: float) -> None:
+    """Near the axis it takes away more of the ratio of inertia to moment than any mass at the pendulum's end."""
+    result, least = diagnose_payload(arm * LENGTH, 0.35 * SWING.moment, gain_declared=False)
+    assert [e.key for e in result.effects] == ["payload.pendulum"]
+    holds(result.effects[0].parameters, "payload_moment", least)
+
+
+@pytest.mark.parametrize("arm", [0.0, 0.3, 0.6, 2.0])
+def test_under_a_declared_gain_the_payloads_moment_and_its_arm_are_found(arm: float) -> None:
+    moment = 0.35 * SWING.moment
+    result, _ = diagnose_payload(arm * LENGTH, moment, gain_declared=True)
+    assert [e.key for e in result.effects] == ["payload.own_arm"]
+    found = result.effects[0].parameters
+    holds(found, "payload_moment", moment)
+    low, high = found["payload_inertia"].ci95
+    room = 0.01 * SWING.inertia
+    assert low - room <= moment * arm * LENGTH / 9.81 <= high + room
 
 
 def diagnose(*, share: float = 0.0, gain_error: float = 0.0, rotor: float = ROTOR, **keys: object) -> JointResult:
     """The true load is (1 + share) times the declared one, the true 1/K (1 + gain_error) times the declared one."""
-    length = 0.25
-    mass = SWING.moment / (9.81 * length * (1.0 + share))
+    mass = SWING.moment / (9.81 * LENGTH * (1.0 + share))
     inertia = (SWING.inertia - ROTOR) / (1.0 + share)
-    load = {"mass": mass, "length": length, "inertia": inertia, "zero": SWING.zero}
+    load = {"mass": mass, "length": LENGTH, "inertia": inertia, "zero": SWING.zero}
     more = {"drive_gain": SWING.gain * (1.0 + gain_error), "declared": {"rotor_inertia": rotor}} | keys
     rig = pendulum_rig.rig_of(SWING, {"pendulum": load}, **more)
     runs = [pendulum_rig.record(SWING, f"run{k}", k, 0.37 * k) for k in range(3)]
@@ -39,7 +70,13 @@ def test_a_declared_gain_is_held_and_the_load_is_found_wrong(share: float) -> No
     assert [e.id for e in result.effects] == ["payload"]
     found = result.final_parameters
     assert found["drive"]["gain"].value == pytest.approx(SWING.gain, rel=1e-9)
-    holds(result.effects[0].parameters, "payload_share", share)
+    payload = result.effects[0].parameters
+    if share < 0.0:  # only the form that scales the load can be negative
+        holds(payload, "payload_share", share)
+    else:
+        added = share / (1.0 + share)
+        holds(payload, "payload_moment", added * SWING.moment)
+        holds(payload, "payload_inertia", added * (SWING.inertia - ROTOR))
     holds(found["viscous"], "viscous", SWING.viscous)
     holds(found["coulomb"], "coulomb", SWING.coulomb)
 

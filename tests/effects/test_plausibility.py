@@ -48,7 +48,12 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "delay.torque_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
     "current_lag": ({"lag": 0.015}, {"lag": 0.09}, "L/R"),
     "payload": ({"payload_moment": 5.0, "payload_inertia": 0.2}, {"payload_inertia": -1.0}, "m^2"),
-    "payload.pendulum": ({"payload_share": 0.5}, {"payload_share": -0.1}, "mass"),
+    "payload.pendulum": ({"payload_moment": 5.0, "hang_angle": 0.2}, {"payload_moment": -0.1}, "mass"),
+    "payload.own_arm": (
+        {"payload_moment": 5.0, "payload_inertia": 0.2, "hang_angle": 0.2},
+        {"payload_inertia": -1.0},
+        "m^2",
+    ),
     "payload.declared_gain": ({"payload_share": -0.5}, {"payload_share": -0.9}, "another load"),
     "cable_spring": ({"spring_stiffness": 1.0, "spring_preload": 2.0}, {"spring_stiffness": -0.7}, "release energy"),
     "asymmetric_friction": (

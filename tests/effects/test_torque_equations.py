@@ -89,7 +89,16 @@ CLOSED = {
     ),
     "presliding_hysteresis": lambda q, v, d, tau, celsius, z, p: (-p["presliding"], 0.0, p["presliding"] * z),
     "payload": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_moment"] * math.sin(q)),
-    "payload.pendulum": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_share"] * tau),
+    "payload.pendulum": lambda q, v, d, tau, celsius, z, p: (
+        0.0,
+        0.0,
+        p["payload_moment"] * math.sin(q - p["hang_angle"]),
+    ),
+    "payload.own_arm": lambda q, v, d, tau, celsius, z, p: (
+        0.0,
+        0.0,
+        p["payload_moment"] * math.sin(q - p["hang_angle"]),
+    ),
     "payload.declared_gain": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_share"] * tau),
     "unknown_load.pendulum": lambda q, v, d, tau, celsius, z, p: (
         0.0,
@@ -155,7 +164,12 @@ def model(gear: bool = False) -> ActuatorModel:
 def test_every_equation_has_a_closed_form_here_and_a_part_in_the_joint():
     assert {e.key for e in EQUATIONS} == set(CLOSED)
     left = {e.key for e in EQUATIONS} - set(JOINT)
-    assert left == {"run_in_friction", "asymmetric_friction.coulomb", "payload.pendulum"}  # other forms are there
+    assert left == {
+        "run_in_friction",
+        "asymmetric_friction.coulomb",
+        "payload.pendulum",
+        "payload.own_arm",
+    }  # other forms are there
 
 
 @pytest.mark.parametrize("key", CLOSED)

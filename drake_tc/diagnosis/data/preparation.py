@@ -241,6 +241,7 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         drive=rig.drive[joint],
         load=_kind_of(load),
         link_inertia=s.link_inertia,
+        hang_angle=load.zero if isinstance(load, Pendulum) else 0.0,
         recorded=recorded,
         declared=declared,
         max_speed=float(np.percentile(np.abs(s.velocity[rows]), 99.5)),

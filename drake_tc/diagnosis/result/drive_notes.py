@@ -11,12 +11,14 @@ from drake_tc.diagnosis.notes import (
     GainOfTorqueDrive,
     HeldEffort,
     OlderEffort,
+    PayloadFromRatio,
     ServoDamping,
     SizeByRotorInertia,
 )
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.effects.base import DriveKind, Effect
 from drake_tc.effects.library import effect
+from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
 
 NEAR_ONE = 0.02
@@ -24,8 +26,10 @@ NEAR_ONE = 0.02
 
 WORTH_SAYING = 0.05
 """Sampling period over a delay, from which on it is said how much of the delay the instants of sampling may be."""
-SCALE_ALONE = ("payload", "torque_sensor_gain")
+SCALE_ALONE = ("torque_sensor_gain",)
 """Effects that do nothing but scale the torques of a load."""
+PENDULUM_PAYLOAD = "payload.pendulum"
+"""Key of a payload whose moment only the ratio of inertia to gravity torque tells."""
 
 Parameters = Mapping[str, Mapping[str, Estimate]]
 
@@ -39,9 +43,10 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
         found: Parameters of the final model, by effect.
         fitted_gain: K of the final fit [effort/(N m)], an error of the declared gain included.
     """
+    payload = _payload(rig, joint, found)
     if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
-        return _torque_scale(found["drive"]["gain"])
-    notes = _other_gain(found, rig.drive_gain.get(joint), rig.drive[joint])
+        return (*_torque_scale(found["drive"]["gain"]), *payload)
+    notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *payload)
     damping = rig.derivative_gain.get(joint)
     if damping is None:
         return notes
@@ -90,6 +95,25 @@ def _other_gain(found: Parameters, declared: float | None, drive: DriveKind) -> 
     if declared is None or not scaling or abs(gain / declared - 1.0) < NEAR_ONE:
         return ()
     return (GainBesideEffects(tuple(member.title for member in scaling), drive, gain, declared),)
+
+
+def _payload(rig: Rig, joint: str, found: Parameters) -> tuple[PayloadFromRatio, ...]:
+    """What the moment of a payload rests on, and what it is with the pendulum's own ratio of inertia to moment.
+
+    With G, I the pendulum's moment and inertia, J the rotor's and G_p the fitted moment, a share s more of the pendulum
+    leaves the same ratio:  (J + (1 + s) I)/((1 + s) G) = (J + I)/(G + G_p).
+    """
+    load = rig.load[joint]
+    if PENDULUM_PAYLOAD not in found or not isinstance(load, Pendulum):
+        return ()
+    least = found[PENDULUM_PAYLOAD]["payload_moment"].value
+    rotor = rig.known(joint, "rotor_inertia")
+    if "rotor_inertia" in found:
+        rotor = found["rotor_inertia"]["rotor_inertia"].value
+    left = (rotor + load.inertia) * load.weight / (load.weight + least) - load.inertia
+    if load.by_run or left <= 0.0:
+        return (PayloadFromRatio(least, None),)
+    return (PayloadFromRatio(least, load.weight * (rotor / left - 1.0)),)
 
 
 def _torque_scale(gain: Estimate) -> tuple[GainOfTorqueDrive, ...]:

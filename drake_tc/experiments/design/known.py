@@ -147,6 +147,7 @@ def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLi
         recorded=frozenset(),
         declared={"rotor_inertia": rotor} if rotor else {},
         link_inertia=load.inertia,
+        hang_angle=load.zero,
         max_speed=limits.velocity,
         position_span=limits.position,
         effort_span=(-effort, effort),

@@ -11,6 +11,7 @@ from drake_tc.diagnosis.notes import (
     GainOfTorqueDrive,
     HeldEffort,
     OlderEffort,
+    PayloadFromRatio,
     ServoDamping,
     SizeByRotorInertia,
 )
@@ -24,7 +25,7 @@ RECORDED: Mapping[DriveKind, str] = {
 }
 """What is recorded of the effort."""
 
-_Gain = GainOfTorqueDrive | SizeByRotorInertia | GainBesideEffects | GainDeclaredWrong
+_Gain = GainOfTorqueDrive | SizeByRotorInertia | PayloadFromRatio | GainBesideEffects | GainDeclaredWrong
 
 
 def drive_sentence(note: DriveNote) -> str:
@@ -74,6 +75,18 @@ def _gain_sentence(note: _Gain) -> str:
                 f"The size of the {' and the '.join(effects)} rests on the declared rotor_inertia, which alone fixes "
                 "the scale of the torques where no drive gain is declared: a wrong rotor_inertia would look the same. "
                 "Declare drive_gain to have it checked."
+            )
+        case PayloadFromRatio(least, like_pendulum):
+            other = (
+                ""
+                if like_pendulum is None
+                else f" A payload that is shaped like the pendulum would have {like_pendulum:.3g} N*m."
+            )
+            return (
+                "The drive gain is not declared, so the logs show only the ratio of the load's inertia to its gravity "
+                f"torque. The payload's moment of {least:.3g} N*m is the smallest that explains this ratio: that of a "
+                f"mass close to the axis.{other} A wrong rotor_inertia would look the same. Declare drive_gain to find "
+                "the moment itself."
             )
         case GainBesideEffects(effects, drive, gain, declared):
             return (

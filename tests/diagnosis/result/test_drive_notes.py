@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_tc.diagnosis.notes import GainBesideEffects, SizeByRotorInertia
+from drake_tc.diagnosis.notes import GainBesideEffects, PayloadFromRatio, SizeByRotorInertia
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.drive_notes import drive_notes
 from drake_tc.effects.library import effect
@@ -33,8 +33,46 @@ def test_a_gain_that_no_rig_file_declares_is_not_held_against_one() -> None:
     assert drive_notes(rig, "joint", found(0.1, "elasticity"), 0.1) == ()
 
 
-@pytest.mark.parametrize("key", ["payload.pendulum", "torque_sensor_gain"])
-def test_what_scales_the_torques_alone_says_what_its_size_rests_on(key: str) -> None:
-    """A wrong inertia of the rig file scales the torques of a pendulum as a wrong mass does, if the gain is free."""
+def test_what_scales_the_torques_alone_says_what_its_size_rests_on() -> None:
     rig = parse_rig({"joint": "joint", "drive": "position_servo"})
-    assert drive_notes(rig, "joint", found(0.1, "viscous", key), 0.1) == (SizeByRotorInertia((effect(key).title,)),)
+    notes = drive_notes(rig, "joint", found(0.1, "viscous", "torque_sensor_gain"), 0.1)
+    assert notes == (SizeByRotorInertia((effect("torque_sensor_gain").title,)),)
+
+
+ROTOR, MASS, LENGTH = 0.4, 4.0, 0.5
+HUNG: dict[str, object] = {
+    "joint": "joint",
+    "drive": "position_servo",
+    "declared": {"rotor_inertia": ROTOR},
+    "load": {"pendulum": {"mass": MASS, "length": LENGTH}},
+}
+
+
+def payload_notes(moment: float, **keys: object) -> tuple[object, ...]:
+    """Notes of a model with a payload of this least moment."""
+    values = {"payload_moment": Estimate(moment, "N*m", (moment, moment), False)}
+    return drive_notes(parse_rig(HUNG | keys), "joint", found(0.1, "viscous") | {"payload.pendulum": values}, 0.1)
+
+
+def test_a_payload_at_the_end_of_the_pendulum_comes_back_from_its_least_moment() -> None:
+    """A mass m_p at the same length: the ratio of inertia to moment is that of the pendulum with m + m_p."""
+    added = 1.7
+    ratio = (ROTOR + (MASS + added) * LENGTH**2) / ((MASS + added) * 9.81 * LENGTH)
+    least = (ROTOR + MASS * LENGTH**2) / ratio - MASS * 9.81 * LENGTH
+    (note,) = payload_notes(least)
+    assert isinstance(note, PayloadFromRatio)
+    assert note.least == least
+    assert note.like_pendulum == pytest.approx(added * 9.81 * LENGTH, rel=1e-9)
+
+
+def test_a_ratio_below_the_pendulums_own_is_not_that_of_more_of_the_pendulum() -> None:
+    """However heavy, the pendulum alone has I/G; what lies below it is a mass nearer to the axis."""
+    limit = ROTOR / LENGTH  # (J + I)/(G + G_p) = I/G at G_p = J G/I = J g/l
+    assert payload_notes(1.001 * 9.81 * limit) == (PayloadFromRatio(1.001 * 9.81 * limit, None),)
+    (note,) = payload_notes(0.999 * 9.81 * limit)
+    assert isinstance(note, PayloadFromRatio) and note.like_pendulum is not None and note.like_pendulum > 1e3
+
+
+def test_runs_with_different_pendulums_have_no_one_ratio() -> None:
+    load = {"pendulum": {"mass": {"light*": 3.0, "*": MASS}, "length": LENGTH}}
+    assert payload_notes(2.0, load=load) == (PayloadFromRatio(2.0, None),)
