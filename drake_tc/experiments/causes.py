@@ -17,6 +17,8 @@ from drake_tc.errors import ParamsError
 
 Values: TypeAlias = Mapping[str, float]
 GRAVITY = 9.81
+NEAR_AXIS = 0.02
+"""Where a payload of a given size hangs, as a share of the pendulum's length; its own inertia is then negligible."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Cause:
     Attributes:
         name: Of the cause in the simulator.
         amplitude: Its parameter that grows with the size.
-        per_amplitude: (other numbers, joint, pendulum) to the size for an amplitude of 1.
+        per_amplitude: (numbers, joint, pendulum) to the size divided by the amplitude.
     """
 
     name: str
@@ -43,7 +45,12 @@ def _gain(v: Values, j: Joint, p: object) -> float:
 
 
 def _payload(v: Values, j: Joint, p: tuple[float, float] | None) -> float:
-    return GRAVITY * v["arm"] if p is None else v["arm"] / (p[0] * p[1])
+    """m g l; on a pendulum the moment of a mass near the axis with which inertia and moment have the same ratio."""
+    moment = GRAVITY * v["arm"]
+    if p is None:
+        return moment
+    inertia = j.rotor_inertia + j.link_inertia
+    return (moment - j.gravity * v["arm"] ** 2 / inertia) / (1.0 + v["mass"] * v["arm"] ** 2 / inertia)
 
 
 CAUSES: Mapping[str, Cause] = {
@@ -97,8 +104,10 @@ def cause_values(
     """
     cause = cause_of(effect_id)
     drawn = draw_cause(cause.name, rng, joint)
+    if cause.name == "payload" and pendulum is not None:
+        drawn["arm"] = NEAR_AXIS * pendulum[1]
     sign = -1.0 if drawn[cause.amplitude] < 0.0 else 1.0
-    return drawn | {cause.amplitude: sign * size / cause.per_amplitude(drawn, joint, pendulum)}
+    return drawn | {cause.amplitude: sign * size / cause.per_amplitude(drawn | {cause.amplitude: 0.0}, joint, pendulum)}
 
 
 def size_in(spec: RigSpec, effect_id: str) -> float:

@@ -82,6 +82,21 @@ def test_the_size_of_an_effect_and_the_numbers_of_its_cause_belong_together(twin
     assert_allclose(size_in(spec, effect_id), 0.37, rtol=1e-12)
 
 
+def test_the_size_of_a_payload_on_a_pendulum_is_its_least_moment(twin):
+    """The ratio of inertia to moment, written out, for a mass with an arm and for the size of its effect."""
+    from dataclasses import replace
+
+    mass, arm, pendulum = 2.0, 0.3, (4.0, 0.5)
+    own, gravity = pendulum[0] * pendulum[1] ** 2, pendulum[0] * 9.81 * pendulum[1]
+    joint = replace(twin.spec.joint, link_inertia=own, gravity=gravity)
+    spec = replace(twin.spec, joint=joint, pendulum=pendulum, causes={"payload": {"mass": mass, "arm": arm}})
+    inertia = joint.rotor_inertia + own
+    ratio = (inertia + mass * arm**2) / (gravity + mass * 9.81 * arm)
+    assert_allclose(inertia / (gravity + size_in(spec, "payload")), ratio, rtol=1e-12)
+    values = cause_values("payload", 5.0, joint, pendulum, np.random.default_rng(0))
+    assert_allclose(size_in(replace(spec, causes={"payload": values}), "payload"), 5.0, rtol=0.01)
+
+
 def test_the_interval_of_a_share_is_that_of_the_binomial_distribution():
     assert share_interval(0, 4)[0] == 0.0 and share_interval(4, 4)[1] == 1.0
     assert_allclose(share_interval(4, 4)[0], 0.025**0.25, rtol=1e-9)  # P(4 of 4) = p^4
