@@ -45,7 +45,7 @@ def _gain(v: Values, j: Joint, p: object) -> float:
 
 
 def _payload(v: Values, j: Joint, p: tuple[float, float] | None) -> float:
-    """m g l; on a pendulum the moment of a mass near the axis with which inertia and moment have the same ratio."""
+    """M g l; on a pendulum the moment of a mass near the axis with which inertia and moment have the same ratio."""
     moment = GRAVITY * v["arm"]
     if p is None:
         return moment

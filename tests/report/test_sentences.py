@@ -57,6 +57,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     NotFoundAgain,
     NotSeenToRepeat,
     Objection,
+    SizeMayBeZero,
     TrainingRunAgainst,
     UncertainOnHeldOut,
     Withdrawal,
@@ -75,6 +76,10 @@ OBJECTIONS = [
     (NotSeenToRepeat(1.6, 2.0, 12.0), ["1.6 periods", "12 cycles a turn", "fewer than 2:"]),
     (NoiseOfEffort(), ["the effort is noisy"]),
     (BelowEncoderStep("offset", 2e-6, 1e-5), ["offset is 2e-06 rad", "the encoder resolves 1e-05 rad"]),
+    (
+        SizeMayBeZero("presliding_travel", "presliding", 1.92, 0.0, 4.4, "N*m"),
+        ["presliding_travel is at its bound", "presliding is not certain to differ from 0: 1.92 N*m", "0 to 4.4."],
+    ),
     (BelowLeastAmplitude(3e-4, 5e-4), ["amplitude is 0.0003 rad", "resolve 0.0005 rad"]),
     (FormOfKnownLoad(0.974, zero=True), ["97 % of what it explains", "a wrong scale or zero of that load"]),
     (FormOfKnownLoad(0.974, zero=False), ["a wrong scale of that load"]),

@@ -20,6 +20,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     ImpossibleValues,
     NotSeenToRepeat,
     Objection,
+    SizeMayBeZero,
 )
 from drake_tc.diagnosis.thresholds import JOINT, MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
 from drake_tc.effects.base import Context
@@ -62,6 +63,8 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
         return ImpossibleValues(impossible)
     if found := _within_curve(fitted, term, context) or _not_repeated(fitted, term, context, columns):
         return found
+    if found_size := _size_may_be_zero(fitted, term, context, columns):
+        return found_size
     names = CORRECTIONS.get(term.effect.id)
     if names is None or not math.isfinite(fitted.cv_rms):
         return None
@@ -74,6 +77,23 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
         return BelowEncoderStep(what, size, step)
     least = least_amplitude(fitted, term, context, columns)
     return None if size >= least else BelowLeastAmplitude(size, least)
+
+
+def _size_may_be_zero(fitted: Fit, term: Term, context: Context, columns: Columns) -> SizeMayBeZero | None:
+    """That a shape at its bound makes an effect which need not be there; None where the effect has a size.
+
+    At the bound the search has found the end of a family of curves, not a curve: noise that acts just after reversals
+    is presliding over the shortest travel that the rows can show. A true effect there has a size none the less.
+    """
+    if not term.effect.shapes:
+        return None
+    found = estimates(columns, fitted, context.drive)[term.effect.key]
+    ends = [p.name for p in term.effect.shapes if p.name in found and found[p.name].at_bound]
+    sizes = [p.name for p in term.effect.coefficients if p.name in found]
+    if not (ends and sizes and all(found[name].ci95[0] <= 0.0 <= found[name].ci95[1] for name in sizes)):
+        return None
+    size = max(sizes, key=lambda name: abs(found[name].value))
+    return SizeMayBeZero(ends[0], size, found[size].value, *found[size].ci95, found[size].unit)
 
 
 def _within_curve(fitted: Fit, term: Term, context: Context) -> CorrectsCurve | None:

@@ -94,6 +94,24 @@ class BelowLeastAmplitude:
 
 
 @dataclass(frozen=True)
+class SizeMayBeZero:
+    """A shape at its bound, where the size may be anything, nothing included.
+
+    Attributes:
+        shape: Name of the parameter at its bound. size: name of the effect's size. value: of it [unit].
+        low, high: its 95 % interval, which holds 0. unit: of the size.
+    """
+
+    shape: str
+    size: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    reason: ClassVar[Withdrawal] = "below_resolution"
+
+
+@dataclass(frozen=True)
 class FormOfKnownLoad:
     """A curve over the position that has the form of the known load.
 
@@ -196,6 +214,7 @@ Objection = (
     | NoiseOfEffort
     | BelowEncoderStep
     | BelowLeastAmplitude
+    | SizeMayBeZero
     | FormOfKnownLoad
     | LevelWithinWander
     | TrainingRunAgainst

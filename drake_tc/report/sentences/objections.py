@@ -16,11 +16,20 @@ from drake_tc.diagnosis.selection.withdrawal import (
     NotFoundAgain,
     NotSeenToRepeat,
     Objection,
+    SizeMayBeZero,
     TrainingRunAgainst,
     UncertainOnHeldOut,
 )
 
-_OfValues = ImpossibleValues | CorrectsCurve | NotSeenToRepeat | NoiseOfEffort | BelowEncoderStep | BelowLeastAmplitude
+_OfValues = (
+    ImpossibleValues
+    | CorrectsCurve
+    | NotSeenToRepeat
+    | NoiseOfEffort
+    | BelowEncoderStep
+    | BelowLeastAmplitude
+    | SizeMayBeZero
+)
 
 
 def why_withdrawn(objection: Objection) -> str:
@@ -91,5 +100,10 @@ def _of_values(objection: _OfValues) -> str:
             return f"{quantity} is {size:.2g} rad; the encoder resolves {step:.2g} rad."
         case BelowLeastAmplitude(amplitude, least):
             return f"amplitude is {amplitude:.2g} rad; these logs resolve {least:.2g} rad."
+        case SizeMayBeZero(shape, size, value, low, high, unit):
+            return (
+                f"{shape} is at its bound, and there {size} is not certain to differ from 0: {value:.3g} {unit}, 95 % "
+                f"interval {low:.3g} to {high:.3g}."
+            )
         case _:
             assert_never(objection)
