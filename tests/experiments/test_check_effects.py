@@ -37,6 +37,27 @@ def test_the_least_explained_torque_meets_each_condition_of_the_search():
     assert_allclose(50.0 * math.log(math.hypot(0.1, few) / 0.1), price - math.log(500.0) + math.log(50.0), rtol=1e-9)
 
 
+def test_noise_moves_the_explained_torque_by_the_margin_in_five_of_a_hundred_logs():
+    """Monte Carlo: the RMS that least squares gives a known column, with and against the noise."""
+    rng, n, size = np.random.default_rng(5), 400, 0.2
+    noise = Noise(floor=0.1, left=0.1, independent=float(n))
+    column = rng.normal(size=n)
+    column /= float(np.sqrt(np.mean(column**2)))
+    explained = (size * column + rng.normal(scale=0.1, size=(20000, n))) @ column / n
+    for sign in (-1.0, 1.0):
+        share = float(np.mean(sign * (explained - size) > noise.margin))
+        assert_allclose(share, 0.05, atol=3.0 * math.sqrt(0.05 * 0.95 / 20000))
+
+
+def test_the_smallest_size_is_reached_for_certain_and_the_easiest_hardly_ever():
+    own = [linear(np.ones(50))]
+    assert_allclose(smallest_sizes(own, 0.3, falling=False, margin=0.05), (0.35, 0.25), rtol=1e-12)
+    sizes = np.array([4.0, 2.0, 1.0])  # a limit: at 2 the remainder has an RMS of 0.5
+    remainders = np.stack([np.full(50, 1.0 / size) for size in sizes])[:, None, :]
+    limit = Contribution(effect("saturation"), {}, sizes, remainders, sizes, np.ones(50), remainders[:, 0].T)
+    assert_allclose(smallest_sizes([limit], 0.5, falling=True, margin=0.1), (1.0 / 0.6, 1.0 / 0.4), rtol=1e-9)
+
+
 def test_the_smallest_size_is_in_proportion_to_the_noise():
     rng = np.random.default_rng(1)
     values = rng.normal(size=400)

@@ -130,7 +130,7 @@ def _visibility(
 ) -> Visibility:
     own = made[effect.key]
     least = noise.least(effect.degrees_of_freedom)
-    smallest, easiest = smallest_sizes(own, least, falling=size.falling)
+    smallest, easiest = smallest_sizes(own, least, falling=size.falling, margin=noise.margin)
     middle = own[len(own) // 2]
     at = max(size.typical, min(smallest, WEAK * size.typical)) if not size.falling else min(size.typical, smallest)
     asked, given = (size.typical, smallest) if size.falling else (smallest, size.typical)

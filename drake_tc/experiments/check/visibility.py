@@ -6,7 +6,10 @@ A search takes an effect for real (`diagnosis.thresholds`) when what it explains
     n ln(sqrt(e^2 + r^2)/e) - p/2 ln(n) >= least_log_evidence                                       (found)
 
 e: RMS of what remains with the effect, at least the noise floor; n: independent samples in it; p: its parameters. The
-smallest r of all three gives the smallest size, because the remainder of `contributions` tells r for each size.
+smallest r that meets all three gives the size that is found in half of all logs, because the remainder of
+`contributions` tells r for each size. In one log the noise adds N(0, e^2/n) to r. An r that is larger by
+z e/sqrt(n), z the 95 % quantile of the standard normal distribution, is therefore found in 95 % of the logs, and one
+that is smaller by as much in 5 %.
 """
 
 import math
@@ -26,6 +29,8 @@ from drake_tc.types import FloatArray
 Status = Literal["seen", "weakly", "not_seen", "not_separable"]
 WEAK = 4.0
 """Smallest size over the typical size, up to which an effect is called weakly seen."""
+CERTAIN = 1.6448536269514722
+"""95 % quantile z of the standard normal distribution."""
 SHAPES_SEEN = 0.8
 """Share of the shapes of an effect at which the size that counts as found must suffice."""
 
@@ -44,8 +49,13 @@ class Noise:
     left: float
     independent: float
 
+    @property
+    def margin(self) -> float:
+        """What noise adds to, or takes from, the RMS that an effect explains [N m], with 95 % certainty each."""
+        return CERTAIN * self.left / math.sqrt(self.independent)
+
     def least(self, parameters: int) -> float:
-        """RMS [N m] that an effect with so many parameters must explain to be found: see the module."""
+        """RMS [N m] that an effect with so many parameters must explain to be found in half of all logs."""
         evidence = JOINT.least_log_evidence + 0.5 * parameters * math.log(max(self.independent, 2.0))
         by_evidence = self.left * math.sqrt(math.expm1(min(2.0 * evidence / self.independent, 50.0)))
         by_gain = self.left * math.sqrt(1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
@@ -60,8 +70,9 @@ class Visibility:
         key, id, title: Of the effect.
         status: At the typical size.
         size: What tells its strength.
-        smallest: Size that is found whatever most of its other parameters are; infinite where none is.
-        easiest: Size that is found where its other parameters are the most favourable ones.
+        smallest: Size that is found in 95 % of such logs, whatever most of its other parameters are; infinite where
+            none is.
+        easiest: Size that is found in 5 % of such logs where its other parameters are the most favourable ones.
         not_separable_from: Ids of effects that fit as well.
         kept: Share of its contribution (RMS) that the declared model does not imitate; 0 where it cannot be computed.
         reason: Why it is not seen, or only weakly, in one sentence; empty where it is seen.
@@ -79,11 +90,26 @@ class Visibility:
     reason: str = ""
 
 
-def smallest_sizes(contributions: Sequence[Contribution], least: float, *, falling: bool) -> tuple[float, float]:
-    """(smallest, easiest) sizes at which the remainder's RMS reaches `least` [N m]: over most shapes, over any shape.
+def smallest_sizes(
+    contributions: Sequence[Contribution], least: float, *, falling: bool, margin: float = 0.0
+) -> tuple[float, float]:
+    """(smallest, easiest) sizes at which the RMS of the remainder is reached: over most shapes, over any shape.
 
     For a falling size (a limit) the largest sizes are told; infinite, or 0 for a falling size, where none suffices.
+
+    Args:
+        contributions: Of the effect, at its shapes.
+        least: RMS of the remainder that is found in half of all logs [N m].
+        margin: By how much more is found for certain, and by how much less hardly ever [N m].
+        falling: Whether a smaller size is a stronger effect.
     """
+    most = _reaching(contributions, least + margin, falling=falling)
+    place = min(math.ceil(SHAPES_SEEN * len(most)), len(most)) - 1
+    return most[place], _reaching(contributions, max(least - margin, 0.0), falling=falling)[0]
+
+
+def _reaching(contributions: Sequence[Contribution], least: float, *, falling: bool) -> list[float]:
+    """Sizes at which the remainder's RMS reaches `least` at each shape, the weakest effect first."""
     never = 0.0 if falling else math.inf
     found = []
     for each in contributions:
@@ -92,9 +118,7 @@ def smallest_sizes(contributions: Sequence[Contribution], least: float, *, falli
             found.append(least / float(rms[0]) if rms[0] > 0.0 else never)
             continue
         found.append(_crossing(each.sizes, rms, least, never))
-    ordered = sorted(found, reverse=falling)
-    place = min(math.ceil(SHAPES_SEEN * len(ordered)), len(ordered)) - 1
-    return ordered[place], ordered[0]
+    return sorted(found, reverse=falling)
 
 
 def _crossing(sizes: FloatArray, rms: FloatArray, least: float, never: float) -> float:

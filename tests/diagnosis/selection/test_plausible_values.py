@@ -126,7 +126,7 @@ def test_rounding_limits_a_wave_even_where_the_fit_is_exact(columns, context):
 
 @pytest.mark.parametrize(("exponent", "size", "stands"), [(2.0, 0.0, False), (2.0, 2.0, True), (1.2, 0.0, True)])
 def test_a_shape_at_its_bound_needs_a_size_that_differs_from_zero(columns, context, exponent, size, stands):
-    """A Stribeck friction of 0.02 N m is lost in noise of 1 N m, one of 2 N m is not; the bound of the exponent is 2."""
+    """A Stribeck friction of 0.02 N m is lost in noise of 1 N m, one of 2 N m is not; the exponent's bound is 2."""
     term = Term(effect("stribeck"), {"stribeck_velocity": 0.1, "stribeck_exponent": exponent})
     noise = np.random.default_rng(1).standard_normal(columns.target.size)
     rows = with_target(columns, columns.target - (size + 0.02) * columns.of(term)[:, 0] + noise)
