@@ -33,7 +33,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 )
 from drake_tc.diagrams.papers.delprete2015.simulation import DT, follow, solve_again
 from drake_tc.diagrams.papers.delprete2015.torque_safety import miss, torque_safety, wilson
-from drake_tc.diagrams.papers.expected_values import expectations
+from drake_tc.diagrams.papers.expected_values import expectations, on_record
 from drake_tc.report.reproduction import reproduced_row
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.reduction import reduce
@@ -258,3 +258,17 @@ def test_the_reach_was_chosen_by_its_rule():
     best = coverage_of_goal(chosen).entropy
     assert best > 0.0
     assert all(coverage_of_goal(other).entropy <= best for other in beside(chosen, goals()))
+
+
+@pytest.mark.slow
+def test_where_rounding_decides_the_reach_with_large_boxes_stays_within_its_tolerance():
+    """At w = 1 p_box has states without solution; goals that differ by 1e-12 m then lead to different motions."""
+    record = on_record("b_test3")["p, p_box"]
+    shares = []
+    for k in range(4):
+        goal = tsid_reach.Goal(offset=(0.75 + k * 1e-12, 0.0, 0.1))
+        scene = tsid_reach.reach_scene(goal=goal)
+        moments = follow(scene, BOX, W_REACH, torque_error(tsid_reach.SIGMA), goal.duration)
+        shares.append(100.0 * float(torque_safety(moments, torque_error(), 0, every=tsid_reach.EVERY).p.mean()))
+    assert max(shares) - min(shares) > 1.0
+    assert_allclose(shares, record.reached, atol=record.reached_tolerance)
