@@ -9,9 +9,11 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.fused import FusedProblem, WrittenRows
 from drake_tc.tsid.model import TsidModel
+from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.active_set import ActiveSet
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import BOX_DAMPING, EXACT
+from drake_tc.tsid.robust.rectangle import WIDTH
 from drake_tc.tsid.robust.solution import Start
 from drake_tc.types import FloatArray
 
@@ -45,18 +47,19 @@ class WarmTick:
         """
         measure, options = formulation.measure, formulation.options
         weight = 0.0 if measure == "classic" else formulation.weight
-        boxed, separate = measure == "box", measure == "individual"
+        boxed, kind = measure == "box", convex.RECTANGLE if measure == "rectangle" else convex.PLAIN
+        weights = (0.0, weight) if boxed else (weight, 0.0)
         accuracy, exact = options.accuracy * weight, EXACT if measure == "classic" else 0.0
-        numbers = weight * separate, weight * boxed, BOX_DAMPING * weight * boxed, accuracy, exact
+        numbers = kind, *weights, BOX_DAMPING * weights[1], WIDTH, accuracy, exact
         self._form: FloatArray = np.array((*numbers, options.budget.iterations, largest), dtype=np.float64)
-        self._fused, self._joints, self._forces, self._boxed = fused, model.n, model.force_size, boxed
+        self._fused, self._joints, self._forces = fused, model.n, model.force_size
+        self._inner = measure in ("box", "rectangle")
 
     @staticmethod
     def solves(formulation: Formulation) -> bool:
-        """Whether it is a trade-off by one plain program, and no clock may end it."""
-        plain = formulation.measure in ("classic", "individual", "box")
-        uses = formulation.use == "trade_off" or formulation.measure == "classic"
-        return type(formulation) is Formulation and plain and uses and math.isinf(formulation.options.budget.seconds)
+        """Whether it is a trade-off by one program, and no clock may end it."""
+        one = formulation.use == "trade_off" or formulation.measure == "classic"
+        return type(formulation) is Formulation and one and math.isinf(formulation.options.budget.seconds)
 
     def __call__(
         self, given: FloatArray, contacts: ActiveContacts, written: WrittenRows, start: Start
@@ -87,4 +90,4 @@ class WarmTick:
             return None
         status[_RELAXED] += written.relaxed
         held = ActiveSet(rows, sides, multipliers)
-        return WarmResult(torque, vdot, force, status, Start(torque, limits, held, 0.0, inner if self._boxed else None))
+        return WarmResult(torque, vdot, force, status, Start(torque, limits, held, 0.0, inner if self._inner else None))

@@ -31,8 +31,8 @@ SURE = 1e-3
 """Of R_min: how exactly the least R is known that is held against it."""
 
 NEAR = 0.5
-"""|log R - log R_min| from which on programs are solved sharply; farther off, only the side counts. Between two ends that
-near, and close to a first point, they are solved sharply at once; elsewhere roughly first."""
+"""|log R - log R_min| from which on programs are solved sharply; farther off, only the side counts. Between two ends
+that near, and close to a first point, they are solved sharply at once; elsewhere roughly first."""
 
 
 def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
