@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel
+from drake_tc.kernels.linear_algebra import inverse_factor
 from drake_tc.kernels.linking import inlined
-from drake_tc.kernels.reduction import causes, inverse_factor
+from drake_tc.kernels.reduction import causes
 from drake_tc.kernels.scaling import scaled
 from drake_tc.kernels.task_rows import Body, Given, reduced_limits, reduced_tasks
 from drake_tc.kernels.terms import terms
@@ -137,13 +138,13 @@ def problem(
 
 @kernel(MATRIX)
 def has_one_minimiser(cost: FloatArray) -> bool:
-    """Whether D has full column rank by far: ||R^-1|| bounds its least singular value, R of D = Q R."""
+    """Whether D has full column rank by far: ||L^-1|| bounds its least singular value, D^T D = L^T L."""
     if cost.shape[0] < cost.shape[1]:
         return False
     inverse = inverse_factor(np.dot(cost.T, cost))
     total, largest = 0.0, 0.0
     for i in range(inverse.shape[0]):
         largest = max(largest, 1.0 / inverse[i, i])
-        for j in range(i + 1):
+        for j in range(i, inverse.shape[0]):
             total += inverse[i, j] * inverse[i, j]
     return bool(FULL_RANK * largest * np.sqrt(total) < 1.0)

@@ -5,31 +5,11 @@ import math
 import numpy as np
 
 from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel
-from drake_tc.kernels.linear_algebra import factor_into
+from drake_tc.kernels.linear_algebra import inverse_factor
 from drake_tc.types import FloatArray, IntArray
 
 RANK_LOST, RANK_KEPT = 1e-8, 1e-6
 """Relative eigenvalues of the scaled J M^-1 J^T: below the first a direction is dropped, above the second kept."""
-
-
-@helper
-def inverse_factor(matrix: FloatArray) -> FloatArray:
-    """L^-1 of matrix = L L^T, lower triangular; all NaN where the matrix is not positive definite or not a number."""
-    n = matrix.shape[0]
-    factor, inverse = np.empty((n, n)), np.zeros((n, n))
-    if not factor_into(factor, matrix):
-        inverse[:] = np.nan
-        return inverse
-    for k in range(n):
-        inverse[k, k] = 1.0
-        share = 1.0 / factor[k, k]
-        for j in range(k + 1):
-            inverse[k, j] *= share
-        for i in range(k + 1, n):
-            share = factor[k, i]
-            for j in range(k + 1):
-                inverse[i, j] -= share * inverse[k, j]
-    return inverse
 
 
 @helper

@@ -1,7 +1,7 @@
 """The problem of a tick by one compiled call (`drake_tc.kernels.problem`), and what it is called with."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -90,6 +90,7 @@ class FusedProblem:
         numbers = largest, SHORTEST, damping, model.mass, model.nq, model.nv, error.plain
         self._options: FloatArray = np.array(numbers, dtype=np.float64)
         self._tables: dict[tuple[int, ...], Tables] = {}
+        self._arguments: dict[tuple[int, ...], tuple[Any, ...]] = {}
         first = self.tables(model.create_scratch().select(None))
         self.asks = bool(first.free_tasks or first.free_limits)
         bounded = first.limits.size > 0 and first.limits[0, KIND] == LIMIT_KINDS.index("bounds")
@@ -116,6 +117,24 @@ class FusedProblem:
             sum(rows.relaxed for rows in limits),
         )
 
+    def arguments(self, contacts: ActiveContacts, written: WrittenRows) -> tuple[Any, ...]:
+        """Of the compiled call, after the state and the references; each set of contacts' is made once.
+
+        Args:
+            contacts: That carry.
+            written: Rows of tasks and limits that are no tables.
+        """
+        known = None if self.asks else self._arguments.get(contacts.index)
+        if known is None:
+            model, tables, error = self._model, self.tables(contacts), self._error
+            tasks, limits = _sized(tables, written) if self.asks else (tables.tasks, tables.limits)
+            tabled = tasks, limits, tables.integers, tables.numbers, written.rows
+            robot = *model.tree_arguments, contacts.places, model.actuated, model.positions
+            known = (*robot, *tabled, error.scale, error.root, self._options)
+            if not self.asks:
+                self._arguments[contacts.index] = known
+        return known
+
     def problem(self, given: FloatArray, contacts: ActiveContacts, written: WrittenRows) -> ProgramResult:
         """The problem at a state.
 
@@ -124,23 +143,10 @@ class FusedProblem:
             contacts: That carry.
             written: Rows of tasks and limits that are no tables.
         """
-        tables, error = self.tables(contacts), self._error
-        tasks, limits = _sized(tables, written) if self.asks else (tables.tasks, tables.limits)
         code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, _, sure = _PROBLEM(
-            given,
-            *self._model.tree_arguments,
-            contacts.places,
-            self._model.actuated,
-            self._model.positions,
-            tasks,
-            limits,
-            tables.integers,
-            tables.numbers,
-            written.rows,
-            error.scale,
-            error.root,
-            self._options,
+            given, *self.arguments(contacts, written)
         )
+        error = self._error
         whole = Rows(rows, lower, upper, self._bounds)
         scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale)
         return ProgramResult(code, AffineMap(motion, push), scaled, relaxed + written.relaxed)

@@ -19,6 +19,7 @@ from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.warm_tick import WarmTick
 
 LARGEST = 1e6
 """No input in SI units is as large; one that is counts as not finite. A larger R, or an infinite one, is told as it."""
@@ -177,3 +178,10 @@ class Law:
         order = order_of([limit.rows(terms) for limit in self.limits])
         limits = [self.limits[i] for i in order]
         return FusedProblem(self.model, self.tasks, limits, self.error, LARGEST, self.contact_damping)
+
+    @cached_property
+    def warm(self) -> WarmTick | None:
+        """A whole tick as one compiled call; None where the formulation solves more than one program in a tick."""
+        if self.fused is None or not WarmTick.solves(self.formulation):
+            return None
+        return WarmTick(self.fused, self.formulation, self.model, LARGEST)

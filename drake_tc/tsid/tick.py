@@ -2,8 +2,9 @@
 
     terms -> rows of tasks and limits -> problem over the torques -> formulation -> tau -> vdot, f
 
-`drake_tc.kernels.problem` does all up to the scaled problem in one call. Where a law or a fallback needs what is
-between, the same stages follow one another here. A tick always has an answer, and `Tick.status` says which it is:
+`drake_tc.kernels.warm_tick` does all of it in one call that goes on from the last tick, `drake_tc.kernels.problem` all
+up to the scaled problem. Where a law or a fallback needs what is between, the same stages follow one another here. A
+tick always has an answer, and `Tick.status` says which it is:
 
     solved        the formulation's torque
     risky         every limit can be kept but not R <= R_min: the formulation's safest torque
@@ -21,7 +22,7 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import AffineMap, names_of
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult
+from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.law import LARGEST, Law, Status
 from drake_tc.tsid.model import Scratch
@@ -107,6 +108,9 @@ def solve_tick(
     if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
         return lost_tick(law, before)
     try:
+        tick = _continued(law, scratch, given, references, active, before)
+        if tick is not None:
+            return tick
         found = _found(law, scratch, given, references, active)
         if found is not None and found.code == LOST:
             return lost_tick(law, before)
@@ -124,18 +128,45 @@ def solve_tick(
         return lost_tick(law, before, error)
 
 
+def _continued(
+    law: Law,
+    scratch: Scratch,
+    given: FloatArray,
+    references: Sequence[FloatArray],
+    active: tuple[bool, ...],
+    before: PreviousTick,
+) -> Tick | None:
+    """The tick by one call from the last one's torque; None where the stages are to find it."""
+    warm = law.warm
+    if warm is None or before.start is None:
+        return None
+    contacts = scratch.select(active)
+    found = warm(given, contacts, _written(law, scratch, given, references, active), before.start)
+    if found is None:
+        return None
+    return Tick(found.torque, found.acceleration, found.force, found.status, found.start)
+
+
 def _found(
     law: Law, scratch: Scratch, given: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
 ) -> ProgramResult | None:
     """The problem over the torques by one call; None for a law, or a state, that has none."""
-    fused, model, written = law.fused, law.model, NO_ROWS
-    if fused is None:
+    if law.fused is None:
         return None
-    if fused.asks:
-        terms = model.terms(scratch, given[: model.nq], given[model.nq : model.nq + model.nv], active)
-        written = fused.written_out(terms, references)
-    found = fused.problem(given, scratch.select(active), written)
+    written = _written(law, scratch, given, references, active)
+    found = law.fused.problem(given, scratch.select(active), written)
     return None if found.code == NO_POSE else found
+
+
+def _written(
+    law: Law, scratch: Scratch, given: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
+) -> WrittenRows:
+    """Rows of tasks and limits that are no tables, of a law that has one call."""
+    fused, model = law.fused, law.model
+    if fused is None or not fused.asks:
+        return NO_ROWS
+    terms = model.terms(scratch, given[: model.nq], given[model.nq : model.nq + model.nv], active)
+    return fused.written_out(terms, references)
 
 
 def _solution(law: Law, problem: Problem, before: PreviousTick) -> RobustSolution:

@@ -11,6 +11,7 @@ TESTS = Path(__file__).parents[1]
 FILES = (
     "kernels/test_dynamics.py",
     "kernels/test_gaussian.py",
+    "kernels/test_linear_algebra.py",
     "kernels/test_compiling.py",
     "tsid/test_robust_newton.py",
     "tsid/test_robust_box.py",
@@ -19,6 +20,7 @@ FILES = (
     "tsid/test_tasks_motion.py",
     "tsid/test_reduction.py",
     "tsid/test_fused_tick.py",
+    "tsid/test_warm_tick.py",
     "sensor_validation/test_fault_monitor.py",
     "kernels/test_newton_euler.py",
     "kernels/test_sensor_reading.py",

@@ -70,6 +70,25 @@ def test_constraint_is_met_with_equality_where_it_is_active(seed, measure):
     assert_allclose(refused.robustness, least, rtol=2e-3)
 
 
+def test_a_constraint_that_stays_active_is_met_anew_in_few_steps():
+    """Of a problem a little beside the last one, as it is in the next tick, R_min is met from the last weight."""
+    steps = []
+    for seed in range(6):
+        cost, polytope, error = random_problem(seed, n=6, rows=5, off=6.0, near=9.0)
+        least = Formulation("individual", weight=1e8).solve(cost, polytope, error, QP).robustness
+        bound = 2.0 * least + 0.05
+        formulation = Formulation("individual", "constraint", minimum=bound, weight=1e-2)
+        before = formulation.solve(cost, polytope, error, QP)
+        beside = cost._replace(target=1.001 * cost.target)
+        after = formulation.solve(beside, polytope, error, QP, before.start)
+        cold = formulation.solve(beside, polytope, error, QP)
+        assert after.start.weight > 0.0
+        assert_allclose(after.robustness, bound, rtol=2e-6)
+        assert_allclose(after.cost, cold.cost, rtol=1e-4)
+        steps.append(after.iterations)
+    assert np.median(steps) <= 9
+
+
 @pytest.mark.parametrize("measure", ["individual", "rectangle", "box"])
 def test_a_risk_of_one_in_a_million_is_kept_where_it_can_be_had(measure):
     refused = 0

@@ -20,6 +20,10 @@ ROUNDS, PATIENCE = 60, 2
 STRIDE = 0.7
 """Of log w while one end of the bracket is missing; it doubles each time."""
 
+FIRST_STRIDE = 4.0
+"""Of the first |log R - log R_min|, where that is less than `STRIDE`: it reaches the other side where R falls as w^-1/4
+or faster."""
+
 FARTHEST = 100.0
 """Of |log w|: beyond, nothing but rounding changes."""
 
@@ -27,7 +31,8 @@ SURE = 1e-3
 """Of R_min: how exactly the least R is known that is held against it."""
 
 NEAR = 0.5
-"""|log R - log R_min| from which on programs are solved sharply; farther off, only the side counts."""
+"""|log R - log R_min| from which on programs are solved sharply; farther off, only the side counts. Between two ends
+that near, and close to a first point, they are solved sharply at once; elsewhere roughly first."""
 
 
 def in_null_space(program: Measure, problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
@@ -75,10 +80,11 @@ def within_risk(
     rough = means._replace(accuracy=min(means.accuracy, 0.1 * minimum))
     sharp = means._replace(accuracy=1e-6 * rough.accuracy)
     exact = means._replace(accuracy=min(means.accuracy, SURE * minimum))
-    target, stride = math.log(minimum), STRIDE
+    target, stride = math.log(minimum), math.nan
     here = min(max(math.log(weight), -FARTHEST), FARTHEST)
     low = high = below = above = math.nan
     steps = programs = side = 0
+    near = False
     best: tuple[ProgramResult, float] | None = None
     found = program(problem, math.exp(here), guess, rough)
     for turn in range(ROUNDS):
@@ -86,7 +92,7 @@ def within_risk(
         if found.outcome is not Outcome.SOLVED:
             break
         miss = math.log(max(found.risk, 1e-300)) - target
-        if abs(miss) < NEAR:
+        if abs(miss) < NEAR and not near:
             found = program(problem, math.exp(here), found.guess, sharp)
             steps, programs = steps + found.iterations, programs + found.programs
             miss = math.log(max(found.risk, 1e-300)) - target
@@ -102,16 +108,19 @@ def within_risk(
         if means.spending.late():
             break
         if not (math.isnan(low) or math.isnan(high)):
+            near = max(abs(above), abs(below)) < NEAR
             here = (low * above - high * below) / (above - below)
         else:
             if turn == PATIENCE:
                 end = _beyond(program, problem, found.guess, exact, unsafe=math.isnan(high))
                 if (end.risk > minimum) == math.isnan(high):
                     return _counted(_evaluated(end, minimum), steps, programs), 0.0
-            here, stride = (high - stride if math.isnan(low) else low + stride), 2.0 * stride
+            step = min(STRIDE, FIRST_STRIDE * abs(miss)) if math.isnan(stride) else stride
+            here, stride = (high - step if math.isnan(low) else low + step), max(STRIDE, 2.0 * step)
+            near = step < STRIDE
             if abs(here) > FARTHEST:
                 break
-        found = program(problem, math.exp(here), found.guess, rough)
+        found = program(problem, math.exp(here), found.guess, sharp if near else rough)
     if best is not None:
         return best[0]._replace(iterations=steps, programs=programs), best[1]
     if found.outcome is Outcome.SOLVED and means.spending.late():

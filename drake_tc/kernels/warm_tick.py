@@ -1,0 +1,206 @@
+"""A whole tick of robust TSID in one call, from where the last tick ended.
+
+    problem -> minimum of J + w R, or of J - w s, from the last torque and the rows that held it -> status, vdot, f
+
+The entry calls those of the single stages (`problem`, `searches`, `scaling`, `reduction`), so that its numbers are
+theirs. It solves the trade-offs by one program each; that of a rectangle goes on from the last rectangle. Where it does
+not end with a torque it says which stage gave none, and `drake_tc.tsid.tick` goes through the stages one by one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel
+from drake_tc.kernels.linear_algebra import times_vector
+from drake_tc.kernels.linking import inlined
+from drake_tc.kernels.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS
+from drake_tc.kernels.problem import FOUND, Answer, problem
+from drake_tc.kernels.programs import RECTANGLE
+from drake_tc.kernels.reduction import response
+from drake_tc.kernels.scaling import box_program, box_risk, box_size, evaluated
+from drake_tc.kernels.searches import minimum
+from drake_tc.types import FloatArray, IntArray
+
+OPEN = 3
+"""Code beside those of `problem`: there is a problem, and the stages are to solve it."""
+KIND, WEIGHT, SIZE_WEIGHT, DAMPING, WIDTH, ACCURACY, EXACT, MOST, LARGEST = 0, 1, 2, 3, 4, 5, 6, 7, 8
+"""Places in the form: PLAIN or RECTANGLE, w of R_ind or R_rect and w of the box's size (both 0 for "classic"), damping,
+least width of a rectangle along each axis, accuracy of the minimum and what it may be of ||d||^2 beside that, steps at
+most, largest R."""
+
+
+class Reached(NamedTuple):
+    """What the entry returns; all but the code is empty where that is not FOUND.
+
+    Attributes:
+        code: FOUND, or what stands in the way.
+        torque: (n,) [N m].
+        vdot: (nv,).
+        force: (K,) of all contacts.
+        status: (9,) see `drake_tc.tsid.law.Status`.
+        rows: (a,) that hold the torque, with the next two.
+        sides: (a,).
+        multipliers: (a,).
+        inner: (1,) half width of the box, or sides (2 r,) of the rectangle and the rows (m,) that x keeps, or empty.
+        limits: How many rows the problem has.
+    """
+
+    code: int
+    torque: FloatArray
+    vdot: FloatArray
+    force: FloatArray
+    status: FloatArray
+    rows: IntArray
+    sides: IntArray
+    multipliers: FloatArray
+    inner: FloatArray
+    limits: int
+
+
+@inlined
+def erring_sides(found: Answer) -> tuple[FloatArray, FloatArray]:
+    """The sides of the rows that err; infinite where a row does not."""
+    lower, upper = found.lower, found.upper
+    if found.sure:
+        lower, upper = lower.copy(), upper.copy()
+        for i in range(lower.size):
+            if found.certain[i]:
+                lower[i], upper[i] = -np.inf, np.inf
+    return lower, upper
+
+
+@inlined
+def misses(found: Answer, x: FloatArray) -> bool:
+    """Whether x (n,) misses a side of the problem."""
+    value, missed = np.empty(found.lower.size), False
+    times_vector(value, found.rows, x)
+    for i in range(value.size):
+        missed = missed or value[i] > found.upper[i] + FEASIBLE or value[i] < found.lower[i] - FEASIBLE
+    return missed
+
+
+@kernel(
+    VECTOR, VECTOR, INDEX, TABLE, MATRIX, VECTOR, VECTOR, MATRIX, INDEX, TABLE, INDEX, INDEX, INDEX,
+    TABLE, TABLE, INDEX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR,
+    VECTOR, INDEX, VECTOR, INDEX, INDEX, VECTOR, VECTOR, INDEX,
+)  # fmt: skip
+def warm_tick(
+    given: FloatArray,
+    held: FloatArray,
+    floating: IntArray,
+    places: IntArray,
+    constants: FloatArray,
+    trunk: FloatArray,
+    gravity: FloatArray,
+    frames: FloatArray,
+    frame_bodies: IntArray,
+    contacts: IntArray,
+    active: IntArray,
+    actuated: IntArray,
+    positions: IntArray,
+    tasks: IntArray,
+    limits: IntArray,
+    integers: IntArray,
+    numbers: FloatArray,
+    dense: FloatArray,
+    scale: FloatArray,
+    root: FloatArray,
+    options: FloatArray,
+    form: FloatArray,
+    sizes: IntArray,
+    torque: FloatArray,
+    rows: IntArray,
+    sides: IntArray,
+    multipliers: FloatArray,
+    inner: FloatArray,
+    entries: IntArray,
+) -> Reached:
+    """See the module.
+
+    Args:
+        given: Up to `options` as `problem.problem` takes them.
+        held: The same.
+        floating: The same.
+        places: The same.
+        constants: The same.
+        trunk: The same.
+        gravity: The same.
+        frames: The same.
+        frame_bodies: The same.
+        contacts: The same.
+        active: The same.
+        actuated: The same.
+        positions: The same.
+        tasks: The same.
+        limits: The same.
+        integers: The same.
+        numbers: The same.
+        dense: The same.
+        scale: The same.
+        root: The same.
+        options: The same.
+        form: (9,) see `KIND` and what follows it.
+        sizes: (2,) rows of the last tick's problem, numbers K of the forces of all contacts.
+        torque: (n,) of the last tick [N m].
+        rows: (a,) that held it, with the next two; they count where this problem has as many rows.
+        sides: (a,).
+        multipliers: (a,).
+        inner: The same of the last tick.
+        entries: (k,) places of this tick's forces among those of all contacts.
+    """
+    none, nothing, nowhere = np.zeros((0, 0)), np.zeros(0), np.zeros(0, dtype=np.int64)
+    missing = Reached(OPEN, nothing, nothing, nothing, nothing, nowhere, nowhere, nothing, nothing, 0)
+    found = problem(
+        given, held, floating, places, constants, trunk, gravity, frames, frame_bodies, contacts, active, actuated,
+        positions, tasks, limits, integers, numbers, dense, scale, root, options,
+    )  # fmt: skip
+    if found.code != FOUND:
+        return Reached(found.code, nothing, nothing, nothing, nothing, nowhere, nowhere, nothing, nothing, 0)
+    n, m, kind, boxed = scale.size, found.lower.size, int(form[KIND]), form[SIZE_WEIGHT] > 0.0
+    known, axes = sizes[0] == m, 2 * found.noise.shape[1] if kind == RECTANGLE else 0
+    if kind == RECTANGLE and not (known and inner.size == axes + m):
+        return missing
+    begin, linear = np.zeros(n + axes + int(boxed)), np.zeros(n + 1 if boxed else 0)
+    for j in range(n):
+        begin[j] = torque[j] / scale[j]
+    matrix, lower, upper, cost = found.rows, found.lower, found.upper, found.cost
+    low, high, noise, kept, least = nothing, nothing, none, nothing, 1.0
+    if kind == RECTANGLE:
+        noise, kept, begin[n:] = found.noise, inner[axes:].copy(), inner[:axes]
+        for j in range(n, n + axes // 2):
+            least = min(least, begin[j] + begin[j + axes // 2])
+    elif form[WEIGHT] > 0.0:
+        low, high = erring_sides(found)
+    elif boxed:
+        begin[n] = inner[0] if known and inner.size == 1 else 0.0
+        linear[n] = -form[SIZE_WEIGHT]
+        matrix, lower, upper, cost = box_program(matrix, lower, upper, found.noise, cost)
+    search = np.zeros(6)
+    search[0], search[1], search[2] = form[WEIGHT], form[DAMPING], form[WIDTH] * least
+    search[3], search[4], search[5] = form[ACCURACY], form[MOST], FRESH
+    for value in found.target:
+        search[3] += form[EXACT] * value * value
+    if not known:
+        rows, sides, multipliers = rows[:0], sides[:0], multipliers[:0]
+    outcome, x, at, ends, forces, _, _, memory = minimum(
+        kind, matrix, noise, kept, cost, found.target, linear, low, high, search, lower, upper, begin,
+        rows, sides, multipliers, none, nothing, nothing, nothing,
+    )  # fmt: skip
+    if outcome != SOLVED or not np.isfinite(x.sum()):
+        return missing
+    answer, risk = x[:n].copy(), memory[RISK]
+    if kind == RECTANGLE and misses(found, answer):
+        return missing
+    if boxed:
+        half = box_size(answer, found.rows, found.lower, found.upper, found.noise, found.certain)
+        risk = box_risk(half, found.noise.shape[1])
+    applied, _, chance, _ = evaluated(
+        answer, scale, found.rows, found.lower, found.upper, found.certain, found.cost, found.target
+    )
+    vdot, force = response(applied, found.motion, found.push, entries, sizes[1])
+    box, status = np.empty(x.size - n + kept.size), np.zeros(9)
+    box[: x.size - n], box[x.size - n :] = x[n:], kept
+    status[2], status[3], status[4], status[5] = memory[STEPS], min(risk, form[LARGEST]), chance, -1.0
+    status[7], status[8] = found.relaxed, 1.0 if memory[DONE] > 0.0 else 0.0
+    return Reached(FOUND, applied, vdot, force, status, at, ends, forces, box, m)
