@@ -40,12 +40,13 @@ def dc_motor(terms: Terms) -> DcMotor | None:
 
 
 def with_torque_constant(projection: Projection, torque_constant: float, target: Vocabulary) -> Projection:
-    """The projection with the torque constant of a data sheet; that of another drive than a voltage is as it was.
+    """The projection with the torque constant of a data sheet; a drive that is not on a voltage has no use for it.
 
     Args:
         projection: Of one joint.
         torque_constant: kt [N m/A].
-        target: What it is projected to; where it has no place for the constant, this is one of the losses.
+        target: What it is projected to. Where the target or the drive has no use for the constant, this is one of the
+            losses.
 
     Raises:
         ParamsError: not positive, or a back-EMF that exceeds the viscous friction.
@@ -53,7 +54,8 @@ def with_torque_constant(projection: Projection, torque_constant: float, target:
     if not 0.0 < torque_constant < float("inf"):
         raise ParamsError(f"export: --torque-constant: expected a positive number [N m/A], got {torque_constant:g}")
     if projection.terms.drive != "voltage":
-        return projection
+        why = "the drive's input is not a voltage, so --torque-constant is not used"
+        return replace(projection, losses=(*projection.losses, Loss("torque_constant", why)))
     terms = replace(projection.terms, torque_constant=torque_constant)
     motor = dc_motor(terms)
     if motor is not None and motor.damping < 0.0:

@@ -313,6 +313,14 @@ def test_a_gain_that_a_file_has_no_place_for_is_lost(target, drive, lost):
     assert found == ([f"your controller has to apply {unit[drive.kind]}"] if lost else [])
 
 
+@pytest.mark.parametrize("drive", [Drive("position_servo", 2e-4), Drive("current", 0.5), Drive("torque", 1.0)])
+def test_a_torque_constant_of_a_drive_without_a_voltage_is_said_to_be_unused(drive):
+    model = ActuatorModel("knee", drive, (EffectValue("viscous", {"viscous": 0.8}),))
+    made = with_torque_constant(project(model, TARGETS["mjcf"]), 1.2, TARGETS["mjcf"])
+    assert made.terms.torque_constant is None
+    assert ["not a voltage" in loss.why for loss in made.losses if loss.effect == "torque_constant"] == [True]
+
+
 def test_bam_needs_a_voltage_and_a_torque_constant():
     with pytest.raises(ParamsError, match="BAM's servo is driven by a voltage; knee has drive position_servo"):
         to_bam(exported("bam"))
