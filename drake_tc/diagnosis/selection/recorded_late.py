@@ -2,9 +2,10 @@
 
 A current that passes the drive's low-pass before it is logged, a command that is logged one cycle after it was sent,
 and columns with the time stamp of their arrival run behind the motion. No effect can say so, because no drive acts
-before its command. Friction is then wrong and other effects imitate the lead. Where the model that was found leaves
-more than the noise, leads up to 50 ms are therefore tried on the declared model alone. One is taken if the declared
-model leaves at most half of its error with it, and less than everything that was found without it.
+before its command. Friction is then wrong, and other effects imitate the lead, together well enough on the runs that
+they are fitted to. Where the declared model leaves more than the noise, leads up to 50 ms are therefore tried on it
+alone. One is taken if the declared model leaves at most half of its error with it, and less than all that was found
+without it.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,10 +31,10 @@ def recorded_late(prepare: Callable[[float], Prepared], plain: Prepared, chosen:
         chosen: Terms of the model that was found for it.
 
     Returns:
-        None where the model that was found leaves at most `LEAD_FLOORS` noise floors, where a robot's model gives the
-        load, or where no lead leaves at most `LEAD_LEAVES` of the declared model's error and less than the model found.
+        None where the declared model leaves at most `LEAD_FLOORS` noise floors, where a robot's model gives the load,
+        or where no lead leaves at most `LEAD_LEAVES` of its error and less than the model that was found.
     """
-    left = fit(plain.train, chosen).cv_rms
+    left = fit(plain.train, plain.terms).cv_rms
     if plain.context.load in ("robot", "links") or left <= LEAD_FLOORS * plain.floor:
         return None
     period = plain.train.samples.signals.period
@@ -46,11 +47,16 @@ def recorded_late(prepare: Callable[[float], Prepared], plain: Prepared, chosen:
             return np.inf
         return float(fit(tried.train, tried.terms).cv_rms)
 
-    leads = [0.0, *(float(lead) for lead in np.geomspace(min(period, 0.5 * LONGEST_LEAD), LONGEST_LEAD, LEADS))]
-    errors = [error(lead) for lead in leads]
+    shortest = 0.5 * min(period, LONGEST_LEAD)
+    leads, errors = [0.0, shortest], [left, error(shortest)]
+    if errors[1] >= left:
+        return None
+    leads += [float(lead) for lead in np.geomspace(shortest, LONGEST_LEAD, LEADS)[1:]]
+    errors += [error(lead) for lead in leads[2:]]
     best = int(np.argmin(errors))
-    if best in (0, len(leads) - 1):
+    if best == len(leads) - 1:
         return None
     refined = minimize_scalar(error, bounds=(leads[best - 1], leads[best + 1]), options={"maxiter": REFINEMENTS})
     least, lead = min((float(refined.fun), float(refined.x)), (errors[best], leads[best]))
-    return prepare(-lead / period) if least <= LEAD_LEAVES * errors[0] and least < left else None
+    taken = least <= LEAD_LEAVES * left and least < fit(plain.train, chosen).cv_rms
+    return prepare(-lead / period) if taken else None

@@ -14,8 +14,6 @@ from drake_tc.logs.record import Run
 
 from .test_sampling_instants import COULOMB, PERIOD, RIG, VISCOUS, run
 
-SAMPLES = 4
-
 
 def logged_late(recorded: Run, samples: int) -> Run:
     """The run with the current of `samples` samples before; its first ones are repeated."""
@@ -24,18 +22,17 @@ def logged_late(recorded: Run, samples: int) -> Run:
     return replace(recorded, columns={**recorded.columns, "joint/current": late})
 
 
-@pytest.fixture(scope="module")
-def found() -> JointResult:
-    runs = [logged_late(run(shift, 0.0), SAMPLES) for shift in (0.0, 0.4, 0.7)]
+def diagnosed(samples: int) -> JointResult:
+    runs = [logged_late(run(shift, 0.0), samples) for shift in (0.0, 0.4, 0.7)]
     return diagnose_joint(runs[:2], runs[2:], RIG, "joint", DiagnosisOptions(assess_residual=False))
 
 
-def test_the_report_says_by_how_much(found):
+@pytest.mark.parametrize("samples", [2, 4])
+def test_the_report_says_by_how_much_and_friction_is_right(samples):
+    """Half a period of the hold makes the lead shorter."""
+    found = diagnosed(samples)
     (late,) = (note for note in found.notes if isinstance(note, RecordedLate))
-    assert late.lead == pytest.approx((SAMPLES - 0.5) * PERIOD, abs=0.2 * PERIOD)  # half a period is the hold
-
-
-def test_no_effect_is_named_and_friction_is_right(found):
+    assert late.lead == pytest.approx((samples - 0.5) * PERIOD, abs=0.2 * PERIOD)
     assert found.effects == ()
     assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(VISCOUS, rel=0.05)
     assert found.final_parameters["coulomb"]["coulomb"].value == pytest.approx(COULOMB, rel=0.05)
