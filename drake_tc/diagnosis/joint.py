@@ -34,6 +34,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
+from drake_tc.diagnosis.selection.recorded_late import recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
@@ -166,6 +167,8 @@ def diagnose_joint(
         rig.command_hold, lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms
     ):
         stage = _looked_for(older, options, progress, executor, without=LATE)
+    elif earlier := recorded_late(lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms):
+        stage = _looked_for(earlier, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     alternatives = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)

@@ -146,6 +146,14 @@ class OlderEffort:
 
 
 @dataclass(frozen=True)
+class RecordedLate:
+    """The effort acts before it is recorded, by `lead` [s]."""
+
+    drive: DriveKind
+    lead: float
+
+
+@dataclass(frozen=True)
 class HeldEffort:
     """The effort is taken to act unchanged from one sample to the next, one period [s]."""
 
@@ -250,6 +258,7 @@ DriveNote = (
     | GainDeclaredWrong
     | DelayBySampling
     | OlderEffort
+    | RecordedLate
     | HeldEffort
     | ServoDamping
 )

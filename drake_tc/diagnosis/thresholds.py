@@ -38,6 +38,14 @@ OF_HELD_EFFORT = 0.6
 BESIDE_TORQUE_SENSOR = 1.0
 """The same where the torque is measured, perhaps at the end of the hold."""
 
+LEAD_FLOORS = 1.5
+"""Noise floors that the declared model must leave before the effort is taken to be recorded late."""
+LEAD_LEAVES = 0.5
+"""Share of the declared model's error that it may leave at most with an earlier effort."""
+LONGEST_LEAD = 0.05
+"""Longest time by which an effort is recorded late [s], and the number of leads tried up to it."""
+LEADS = 6
+
 # Search: what counts as a real improvement
 
 LEAST_EFFORT = 0.7

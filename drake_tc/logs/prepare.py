@@ -27,6 +27,7 @@ from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
 from drake_tc.logs.torque_unit import check_torque_unit
 from drake_tc.logs.units import scale_of
+from drake_tc.logs.unsigned import refuse_unsigned
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
@@ -250,6 +251,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     require_alike(runs)
     _require_masses(runs, rig)
     refuse_exchanged(runs, rig)
+    refuse_unsigned(runs, rig)
     result = []
     for run, flips in zip(runs, wrong_signs(runs, rig), strict=True):
         if flips:

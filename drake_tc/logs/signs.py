@@ -71,24 +71,33 @@ def effort_and_motion(run: Run, rig: Rig, joint: str, rows: IntArray) -> tuple[F
     return effort, np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(rows.size)])
 
 
-def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
-    """Regress the effort on load torque, acceleration, velocity and its sign; None where there is nothing to go by."""
-    load = rig.load[joint]
-    q, usable = run.columns[f"{joint}/position"], run.segment >= 0
-    stride = max(1, int(usable.sum()) // MAX_ROWS)
-    pick = np.flatnonzero(usable)[::stride]
+def balance_of(run: Run, rig: Rig, joint: str) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Effort (N,), load torque (N,) and `effort_and_motion`'s other columns (N, 4) of the usable rows.
+
+    None where the load is not known before a fit, where fewer than 50 rows are usable, or where load or effort is
+    constant.
+    """
+    load, usable = rig.load[joint], np.flatnonzero(run.segment >= 0)
+    pick = usable[:: max(1, usable.size // MAX_ROWS)]
     if unknown_form(load) is not None or isinstance(load, RobotLoad) or pick.size < 50:
         return None
     y, others = effort_and_motion(run, rig, joint, pick)
-    qdd, qd = others[:, 0], others[:, 1]
     if isinstance(load, Pendulum):
-        tau = load.in_run(run).torque(q[pick], np.zeros(pick.size))
+        tau = load.in_run(run).torque(run.columns[f"{joint}/position"][pick], np.zeros(pick.size))
     else:
         tau = run.columns[f"{joint}/torque"][pick]
-    if np.ptp(tau) == 0.0 or np.ptp(y) == 0.0:
+    return None if np.ptp(tau) == 0.0 or np.ptp(y) == 0.0 else (y, tau, others)
+
+
+def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
+    """Regress the effort on load torque, acceleration, velocity and its sign; None where there is nothing to go by."""
+    balance = balance_of(run, rig, joint)
+    if balance is None:
         return None
+    y, tau, others = balance
+    qdd, qd = others[:, 0], others[:, 1]
     correlation = _partial(y, tau, others)
-    parts = np.array_split(np.arange(pick.size), 3)
+    parts = np.array_split(np.arange(y.size), 3)
     thirds = [_partial(y[part], tau[part], others[part]) for part in parts]
     columns = np.column_stack([others, tau])
     coefficients = np.linalg.lstsq(columns, y, rcond=None)[0]
@@ -96,12 +105,18 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     drag = others[:, 1:3] @ coefficients[1:3]
     power = np.linalg.norm(y - y.mean()) * np.linalg.norm(qd)
     friction = float(np.clip(drag @ qd / power, -1.0, 1.0)) if power > 0 else 0.0
-    servo, q = rig.drive[joint] == "position_servo", q[pick]
-    following = float(np.corrcoef(y + q, q)[0, 1]) if servo and np.ptp(q) > 0 else 0.0
+    following = _following(run, rig, joint) if rig.drive[joint] == "position_servo" else 0.0
     steady = all(np.sign(third) == np.sign(correlation) for third in thirds)
     inertia = _partial(y, qdd, np.column_stack([others[:, 1:], tau]))
     gain = float(min(gains)), float(max(gains))
-    return SignEvidence(correlation, friction, inertia, following, gain, int(pick.size), steady)
+    return SignEvidence(correlation, friction, inertia, following, gain, int(y.size), steady)
+
+
+def _following(run: Run, rig: Rig, joint: str) -> float:
+    """Correlation of a servo's command and position over the usable rows; 0 of one that does not move."""
+    usable = run.segment >= 0
+    command, q = (run.columns[name][usable] for name in (rig.command_column(joint), f"{joint}/position"))
+    return float(np.corrcoef(command, q)[0, 1]) if np.ptp(q) > 0 else 0.0
 
 
 def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:

@@ -87,10 +87,15 @@ def _final_kernel(
 
 
 def aged(effort: FloatArray, segments: Sequence[slice], age: float) -> FloatArray:
-    """Command or effort (T,) that is `age` <= 1 sampling periods older; one that is held is half a period old."""
+    """Command or effort (T,) that is `age` sampling periods older; one that is held is half a period old.
+
+    A negative age takes later samples: the effort acted before it was recorded. Linear between samples; beyond the ends
+    of a segment its first or last sample.
+    """
     out = effort.copy()
     for s in segments:
-        out[s][1:] = (1.0 - age) * effort[s][1:] + age * effort[s][:-1]
+        at = np.arange(s.stop - s.start, dtype=float)
+        out[s] = np.interp(at - age, at, effort[s])
     return out
 
 
@@ -115,7 +120,8 @@ def build_samples(
         compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
         final_s: Width of the final kernel [s]; None lets the data choose.
         at_rest: Filtered velocity that other runs of the joint show at rest [rad/s].
-        effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample.
+        effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
+            negative if it is recorded after it acted.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.

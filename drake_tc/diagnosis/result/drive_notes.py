@@ -12,6 +12,7 @@ from drake_tc.diagnosis.notes import (
     HeldEffort,
     OlderEffort,
     PayloadFromRatio,
+    RecordedLate,
     ServoDamping,
     SizeByRotorInertia,
 )
@@ -76,11 +77,13 @@ def late_note(found: Parameters, samples: Samples) -> tuple[DelayBySampling, ...
     return tuple(DelayBySampling(name, value, period) for name, value in values if period >= WORTH_SAYING * value)
 
 
-def age_note(samples: Samples, drive: DriveKind) -> tuple[HeldEffort | OlderEffort, ...]:
-    """That the command was taken to hold between samples, or that the effort is older than its sample."""
+def age_note(samples: Samples, drive: DriveKind) -> tuple[HeldEffort | OlderEffort | RecordedLate, ...]:
+    """That the command was taken to hold between samples, or that the effort is older or younger than its sample."""
     period, age = samples.signals.period, samples.effort_age
     if age == 0.0:
         return ()
+    if age < 0.0:
+        return (RecordedLate(drive, -age * period),)
     return (HeldEffort(drive, period) if age == HELD else OlderEffort(drive, age * period, period),)
 
 

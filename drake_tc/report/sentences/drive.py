@@ -12,6 +12,7 @@ from drake_tc.diagnosis.notes import (
     HeldEffort,
     OlderEffort,
     PayloadFromRatio,
+    RecordedLate,
     ServoDamping,
     SizeByRotorInertia,
 )
@@ -41,6 +42,13 @@ def drive_sentence(note: DriveNote) -> str:
                 f"On average, the {RECORDED[drive]} that acts at an instant is {_ms(age)} older than the one recorded "
                 f"there. Sampling within one period ({_ms(period)}) explains this, so no delay is named; a log at a "
                 "higher rate could show a delay of this size."
+            )
+        case RecordedLate(drive, lead):
+            return (
+                f"The {RECORDED[drive]} seems to act {_ms(lead)} before it is recorded, which no drive can do. It was "
+                "therefore taken to be recorded late: both models and their errors are for the earlier values. Check "
+                "its time stamps, whether it is filtered before it is logged, and whether it belongs to an earlier "
+                "cycle."
             )
         case HeldEffort(drive, period):
             return (
