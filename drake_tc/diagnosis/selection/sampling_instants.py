@@ -11,6 +11,7 @@ is taken for the age of the recorded effort and no cause is named, unless the ri
 of a continuous curve. The half period of an effort that is stated to be held is already in the fit. Where no delay was
 found, the effort of a current or voltage drive is taken to be older if the model then fits better in 90 % of the block
 resamples: half a period that is not taken into account biases friction and inertia, and other effects imitate it.
+Joints whose links are fitted are left out: a delay of theirs is sought for all joints together.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +33,7 @@ def most_of_sampling(stated: bool | None, context: Context, samples: Samples) ->
     sensor = context.load == "torque"
     if context.drive == "position_servo":
         return BESIDE_TORQUE_SENSOR - HELD if sensor and samples.effort_age == HELD else 0.0
-    if context.load in ("robot", "links"):
+    if context.load == "links":
         return 0.0
     return (BESIDE_TORQUE_SENSOR if sensor else OF_HELD_EFFORT) - samples.effort_age
 
@@ -67,7 +68,7 @@ def age_of_samples(
     """
     context = plain.context
     late = any(t.effect.id in LATE for t in chosen)
-    if stated is not None or late or context.drive == "position_servo" or context.load in ("robot", "links"):
+    if stated is not None or late or context.drive == "position_servo" or context.load == "links":
         return None
     without = fit(plain.train, chosen)
     aged = (prepare(age) for age in AGES if age <= most_of_sampling(stated, context, plain.train.samples))

@@ -3,7 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+import yaml
+from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.notes import OlderEffort
@@ -11,6 +14,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.selection.sampling_instants import sampled_late
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
@@ -65,6 +69,29 @@ def test_half_a_period_of_hold_is_no_delay():
     assert found.effects == ()
     (older,) = (note for note in found.notes if isinstance(note, OlderEffort))
     assert 0.0 < older.age <= older.period
+
+
+def test_half_a_period_of_hold_is_no_delay_where_a_robot_model_gives_the_load(tmp_path):
+    """The same pendulum as a robot of one link."""
+    mass, length = 2.0, MOMENT / (2.0 * 9.81)
+    about_com = 0.14 - mass * length**2
+    text = urdf(
+        joint_tag("joint", "base", "arm", axis=(0, -1, 0)),
+        link_tag("arm", (0, 0, -length), mass, (about_com, about_com, 1e-3)),
+    )
+    write_robot(tmp_path, text, ["joint"])
+    logs = []
+    for k, shift in enumerate((0.0, 0.4, 0.7)):
+        made = run(shift, 0.0)
+        logs.append(tmp_path / f"run_{k}.csv")
+        pd.DataFrame({"time": made.time, **made.columns}).to_csv(logs[-1], index=False)
+    rig = {"robot": "arm.yaml", "drive": "current", "load": {"robot": "inverse_dynamics"}}
+    rig |= {"declared": {"rotor_inertia": INERTIA}}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig), encoding="utf-8")
+    options = DiagnosisOptions(assess_residual=False)
+    found = close_loop(tmp_path / "rig.yaml", logs[:2], logs[2:], options).joints["joint"]
+    assert found.effects == ()
+    assert any(isinstance(note, OlderEffort) for note in found.notes)
 
 
 def test_a_delay_of_three_periods_is_one():
