@@ -46,9 +46,9 @@ def drive_sentence(note: DriveNote) -> str:
         case RecordedLate(drive, lead):
             return (
                 f"The {RECORDED[drive]} seems to act {_ms(lead)} before it is recorded, which no drive can do. It was "
-                "therefore taken to be recorded late: both models and their errors are for the earlier values. Check "
-                "its time stamps, whether it is filtered before it is logged, and whether it belongs to an earlier "
-                "cycle."
+                "therefore taken to be recorded late: both models and their errors are for the earlier values, and the "
+                "free run is driven by the recorded ones. Check its time stamps, whether it is filtered before it is "
+                "logged, and whether it belongs to an earlier cycle."
             )
         case HeldEffort(drive, period):
             return (
