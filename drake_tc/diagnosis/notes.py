@@ -248,18 +248,6 @@ class FreeRunDiverges:
     runs: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class FreeRunWorse:
-    """The held-out free run of the model after is worse than that of the model before, although the fit is better.
-
-    Attributes:
-        before, after: Their errors [rad].
-    """
-
-    before: float
-    after: float
-
-
 ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 """On what fixes the scale of the torques of an unknown load."""
 DriveNote = (
@@ -287,5 +275,4 @@ Note = (
     | RunsWithoutMotion
     | NoFreeRun
     | FreeRunDiverges
-    | FreeRunWorse
 )

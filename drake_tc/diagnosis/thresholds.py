@@ -38,8 +38,6 @@ OF_HELD_EFFORT = 0.6
 BESIDE_TORQUE_SENSOR = 1.0
 """The same where the torque is measured, perhaps at the end of the hold."""
 
-FREE_RUN_WORSE = 1.5
-"""Error of the free run of the model after over that of the model before, from which on a note says so."""
 LEAD_FLOORS = 1.5
 """Noise floors that the declared model must leave before the effort is taken to be recorded late."""
 LEAD_LEAVES = 0.5

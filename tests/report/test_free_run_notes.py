@@ -3,10 +3,9 @@
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from drake_tc.cli.close_loop_summary import print_summary
-from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunWorse, NoFreeRun
+from drake_tc.diagnosis.notes import FreeRunDiverges, NoFreeRun
 from drake_tc.diagnosis.result.free_running import with_free_runs
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.sentences.notes import note_sentence
@@ -38,18 +37,3 @@ def test_runs_on_which_a_model_diverges_are_named(joint, capsys, tmp_path):
     print_summary(CloseLoopResult({"knee": made}, made.verdict, 1.0, (), (), "rig.yaml"), tmp_path)
     out = " ".join(capsys.readouterr().out.split())
     assert note_sentence(note) in out and "nan" not in out
-
-
-@pytest.mark.parametrize(("offset", "told"), [(0.7, False), (2.0, True)])
-def test_a_model_that_fits_better_and_simulates_worse_is_told(joint, offset, told):
-    many = max(len(joint.baseline.terms), len(joint.final.terms))
-
-    def simulated(model, rig, name, run):
-        return TIME, TIME, TIME + (offset if len(model.effects) >= many else 0.5)
-
-    made = with_free_runs(joint, None, HELD, simulated, None)
-    notes = tuple(set(made.notes) - set(joint.notes))
-    assert notes == ((FreeRunWorse(0.5, offset),) if told else ())
-    if told:
-        assert "4 times as wrong" in note_sentence(notes[0])
-        assert "2e+03 mrad against 500 mrad" in note_sentence(notes[0])

@@ -13,7 +13,6 @@ from drake_tc.diagnosis.notes import (
     DriveNote,
     FreeRunDiverges,
     FreeRunObstacle,
-    FreeRunWorse,
     GainBesideEffects,
     GainDeclaredWrong,
     GainOfTorqueDrive,
@@ -143,7 +142,6 @@ NOTES = [
     (CorrelatedTorqueNoise(2.5, 0.04), ["about 40 ms", "2.5 times"]),
     (RunsWithoutMotion(("a", "b"), 0.3), ["filter window (300 ms)", "take no part: a, b."]),
     *((NoFreeRun(reason), ["There is no free run: "]) for reason in get_args(FreeRunObstacle)),
-    (FreeRunWorse(0.017, 0.22), ["is 13 times as wrong", "(220 mrad against 17 mrad)"]),
     (FreeRunDiverges("after", ("slow", "fast")), ["The model after has no free-run error", "diverges on slow, fast."]),
     (FreeRunDiverges("refined", ("slow",)), ["The refined model has no free-run error"]),
 ]

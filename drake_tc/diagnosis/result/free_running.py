@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunObstacle, FreeRunWorse, NoFreeRun, Note
+from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunObstacle, NoFreeRun, Note
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.result.run_errors import MODELS
-from drake_tc.diagnosis.thresholds import FREE_RUN_WORSE
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -53,7 +52,6 @@ def with_free_runs(
         squares[name].append((simulated - recorded) ** 2)
     notes: tuple[Note, ...] = _diverged(traces) if traces else (NoFreeRun(_why_none(result, models["after"])),)
     figures = {name: _rms(parts) for name, parts in squares.items()}
-    notes = (*notes, *_worse(figures["before"], figures["after"]))
     return replace(
         result,
         before=replace(result.before, free_run_heldout=figures["before"]),
@@ -83,13 +81,6 @@ def _diverged(traces: Mapping[str, Mapping[str, FloatArray]]) -> tuple[FreeRunDi
         for model in MODELS
     }
     return tuple(FreeRunDiverges(model, tuple(runs)) for model, runs in lost.items() if runs)
-
-
-def _worse(before: float | None, after: float | None) -> tuple[FreeRunWorse, ...]:
-    """That the effects found make the simulation worse: what lowers an equation error may be another cause."""
-    if before is None or after is None or after <= FREE_RUN_WORSE * before:
-        return ()
-    return (FreeRunWorse(before, after),)
 
 
 def _rms(parts: Sequence[FloatArray]) -> float | None:

@@ -8,7 +8,6 @@ from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
     FreeRunDiverges,
     FreeRunObstacle,
-    FreeRunWorse,
     GearBetweenEncoders,
     LogRemark,
     NoFreeRun,
@@ -78,7 +77,7 @@ def note_sentence(note: Note) -> str:
                 f"Runs without a stretch of motion as long as the filter window ({1e3 * window:.3g} ms) take no part: "
                 f"{', '.join(runs)}."
             )
-        case NoFreeRun() | FreeRunDiverges() | FreeRunWorse():
+        case NoFreeRun() | FreeRunDiverges():
             return _free_run_sentence(note)
         case _:
             return drive_sentence(note)
@@ -133,23 +132,12 @@ def _with_interval(name: str, unit: str, found: tuple[float, float, float]) -> s
     return f"a {name} of {value:.3g} {unit} (95 % interval {low:.3g} to {high:.3g})"
 
 
-def _free_run_sentence(note: NoFreeRun | FreeRunDiverges | FreeRunWorse) -> str:
+def _free_run_sentence(note: NoFreeRun | FreeRunDiverges) -> str:
     match note:
         case NoFreeRun(reason):
             return f"There is no free run: {NO_FREE_RUN[reason]}"
         case FreeRunDiverges(model, runs):
             name = "The refined model" if model == "refined" else f"The model {model}"
             return f"{name} has no free-run error, because its free run diverges on {', '.join(runs)}."
-        case FreeRunWorse(before, after):
-            return (
-                f"The held-out free run of the model after is {after / before:.2g} times as wrong as that of the model "
-                f"before ({_mrad(after)} against {_mrad(before)}), although the error of the fit is smaller. Find out "
-                "why before you simulate with the model after: an effect may stand for another cause, such as a late "
-                "column."
-            )
         case _:
             assert_never(note)
-
-
-def _mrad(angle: float) -> str:
-    return f"{1e3 * angle:.3g} mrad"
