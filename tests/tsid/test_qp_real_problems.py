@@ -57,7 +57,8 @@ def test_the_same_answer_on_thousands_of_states(family):
 @pytest.mark.parametrize("family", STRICT)
 def test_the_reference_finds_the_same_cost_on_hundreds_of_states(family):
     """Clarabel, by Drake. Its torques stray along the internal forces: by more than 1e-6 in 5 % of the states at most,
-    by 5e-6 at 99 %, by 6e-3 at worst (measured: 4 %, 4e-6 and 5.03e-3). There quadprog sides with DAQP, to 1e-6."""
+    by 1e-5 at 99 %, by 6e-3 at worst (measured: 4 %, 4 to 5e-6 and 5.03e-3: the states follow from a motion, which
+    rounding changes). There quadprog sides with DAQP, to 1e-6."""
     apart = []
     for problem in real(family, 400, seed=77):
         one, other = (solver(name).solve(problem) for name in ("daqp", "clarabel"))
@@ -66,7 +67,7 @@ def test_the_reference_finds_the_same_cost_on_hundreds_of_states(family):
         if apart[-1] > 1e-6:
             assert_allclose(solver("quadprog").solve(problem).x, one.x, rtol=0, atol=1e-6)
     assert np.percentile(apart, 95) <= 1e-6
-    assert np.percentile(apart, 99) <= 5e-6
+    assert np.percentile(apart, 99) <= 1e-5
     assert max(apart) <= 6e-3
 
 
