@@ -49,9 +49,9 @@ def test_a_block_says_what_the_stage_says(run, block, stage):
 
 def test_no_stage_is_asked_for_a_part_of_a_port_that_holds_all_parts(run):
     loop, _ = run
-    wires = {str(source[0].get_name()) + ":" + source[0].get_output_port(source[1]).get_name()
-             for source in loop.diagram.connection_map().values()}  # fmt: skip
-    assert wires.isdisjoint(stage for _, stage in SAME)
+    sources = loop.diagram.connection_map().values()
+    read = {f"{system.get_name()}:{system.get_output_port(port).get_name()}" for system, port in sources}
+    assert read.isdisjoint(stage for _, stage in SAME)
 
 
 def test_the_bias_is_not_zero(run):
