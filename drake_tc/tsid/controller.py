@@ -111,7 +111,7 @@ class RobustTsid(PortMethods, LeafSystem):
     def inner_stages(self) -> tuple[InnerStage, ...]:
         """What a tick computes, in the order of computation, for block graphs."""
         references = {task.name: reference_port(task.name) for task in self._law.tasks}
-        return inner_blocks(self._law, references, tuple(self._places))
+        return inner_blocks(self._law, references, (*self._places, "solution"))
 
     @property
     def constraints(self) -> tuple[str, ...]:

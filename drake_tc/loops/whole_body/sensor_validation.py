@@ -107,6 +107,9 @@ def add_sensor_validation(
     raised, names = monitor.GetOutputPort("flags"), monitor.flag_names
     joints = _joint_sensors(wiring, springs, encoder)
 
+    def of_joints(port: str) -> OutputPort:
+        return wiring.output("joint_sensors", port)
+
     def of(sensor: str) -> list[int]:
         return [names.index(f"{sensor}/{kind}") for kind in _BELIEVED_NOT]
 
@@ -125,15 +128,13 @@ def add_sensor_validation(
         "wrench": contact_wrench.GetOutputPort("reading"),
         "contacts": contact_wrench.GetOutputPort("contacts"),
     }
-    known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": wiring.output("joint_sensors", "link_angle")}
+    known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": of_joints("link_angle")}
     wiring.add("standing_feet", feet, **known)
     assumed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": contact_wrench}
     return ValidatedSensors(
         replace(sensors, **assumed),
-        replace(springs, **{name: wiring.output("joint_sensors", name) for name in ("motor_angle", "torque")}),
-        wiring.output(
-            "joint_sensors", "position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"
-        ),
+        replace(springs, motor_angle=of_joints("motor_angle"), torque=of_joints("torque")),
+        of_joints("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
         contact_wrench.GetOutputPort("contacts"),
         {
             names: raised,
