@@ -1,6 +1,5 @@
 """`CommandGuard`: the last stage before the drives; what leaves it is finite and close to where the joints are."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -83,16 +82,10 @@ class CommandGuard(PortMethods, LeafSystem):
         self._memory = int(memory)
         tickets = {port.ticket() for port in (self._command, self._position, self._fault)}
         tickets.add(self.discrete_state_ticket(memory))
-        for name, part in self.parts.items():
-            self.DeclareVectorOutputPort(name, part.stop - part.start, self._writer(part), tickets)
+        self.DeclareVectorOutputPort("command", size, self._write_command, tickets)
+        self.DeclareVectorOutputPort("mode", 1, self._write_mode, tickets)
         self._next: Any = self.DeclareVectorOutputPort("next", start.size, self._solve, tickets)
         self.DeclarePeriodicDiscreteUpdateEvent(float(dt), 0.0, self._update)
-
-    @property
-    def parts(self) -> dict[str, slice]:
-        """The other output ports by name, and where each stands in `next`."""
-        n = self._size
-        return {"command": slice(0, n), "mode": slice(3 * n, 3 * n + 1)}
 
     def coordinates(self, context: Context) -> FloatArray:
         """(n,) y[n-1], all that is state in the normal mode (`drake_tc.analysis`).
@@ -128,13 +121,11 @@ class CommandGuard(PortMethods, LeafSystem):
             vector.get_mutable_value(),
         )
 
-    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
-        """The calc function of an output that is a part of `next`."""
+    def _write_command(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._next.Eval(context)[: self._size])
 
-        def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._next.Eval(context)[part])
-
-        return write
+    def _write_mode(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._next.Eval(context)[3 * self._size : 3 * self._size + 1])
 
     def _update(self, context: Context, values: Any) -> None:
         values.set_value(self._memory, self._next.Eval(context))

@@ -150,9 +150,9 @@ class TorqueControl(PortMethods, LeafSystem):
         tickets |= {port.ticket() for port in (self._reference, self._lost) if port is not None}
         self._solution: Any = self.DeclareVectorOutputPort("solution", len(SOLUTION) * n, self._solve, tickets)
         divided = {*tickets, self._terms.ticket()}
-        for name, part in self.parts.items():
-            self.DeclareVectorOutputPort(name, n, self._writer(part), tickets)
+        self.DeclareVectorOutputPort("command", n, self._writer("command"), tickets)
         self.DeclareVectorOutputPort("components", 6 * n, self._write_components, divided)
+        self.DeclareVectorOutputPort("commanded_torque", n, self._writer("commanded_torque"), tickets)
         self.DeclareVectorOutputPort("integral", n, self._write_integral, tickets)
         if self._integrates:
             self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
@@ -161,13 +161,6 @@ class TorqueControl(PortMethods, LeafSystem):
     def size(self) -> int:
         """Joints n."""
         return self._size
-
-    @property
-    def parts(self) -> dict[str, slice]:
-        """Output ports that are rows of `solution`, and where each stands in it."""
-        n = self._size
-        rows = {name: SOLUTION.index(name) for name in ("command", "commanded_torque")}
-        return {name: slice(row * n, (row + 1) * n) for name, row in rows.items()}
 
     @property
     def k_tau(self) -> FloatArray:
@@ -222,8 +215,9 @@ class TorqueControl(PortMethods, LeafSystem):
             effort = self._compensator.effort_of(j, float(rows[5, j]), v, direction, q, a, REFERENCE_CELSIUS)
             rows[0, j], rows[3, j] = joints[j, SERVO] * position[j] + effort, effort
 
-    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
+    def _writer(self, row: str) -> Callable[[Context, Any], None]:
         """The calc function of an output that is a row of the solution."""
+        part = slice(SOLUTION.index(row) * self._size, (SOLUTION.index(row) + 1) * self._size)
 
         def write(context: Context, vector: Any) -> None:
             vector.set_value(self._solution.Eval(context)[part])

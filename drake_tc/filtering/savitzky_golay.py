@@ -182,8 +182,8 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         memory, fault = self.DeclareDiscreteState(start), self.DeclareDiscreteState(all_faulty)
         estimate = self.DeclareDiscreteState(3 * size)
         self._memory, self._fault, self._estimate = int(memory), int(fault), int(estimate)
-        for name, part in self.parts.items():
-            self.DeclareVectorOutputPort(name, size, self._writer(part), {self.discrete_state_ticket(estimate)})
+        for d, name in enumerate(("value", "first_derivative", "second_derivative")):
+            self.DeclareVectorOutputPort(name, size, self._writer(d), {self.discrete_state_ticket(estimate)})
         self.DeclareStateOutputPort("fault", fault)
         self.DeclareStateOutputPort("estimate", estimate)
         self.DeclarePeriodicDiscreteUpdateEvent(period_sec=dt, offset_sec=0.0, update=self._update)
@@ -192,13 +192,6 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
     def delay(self) -> float:
         """Age of the estimate just after a tick [s]."""
         return self._delay
-
-    @property
-    def parts(self) -> dict[str, slice]:
-        """Output ports that are parts of `estimate`, and where each stands in it."""
-        n = self._size
-        names = ("value", "first_derivative", "second_derivative")
-        return {name: slice(d * n, (d + 1) * n) for d, name in enumerate(names)}
 
     def coordinates(self, context: Context) -> FloatArray:
         """(N n,) the window, oldest sample first: the state without its bookkeeping (`drake_tc.analysis`)."""
@@ -221,8 +214,9 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         ages = range(self._window - 1, -1, -1)
         return tuple(f"input[{i}]@-{age}" for age in ages for i in range(self._size))
 
-    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
+    def _writer(self, derivative: int) -> Callable[[Context, Any], None]:
         """The calc function of an output with one of the three derivatives."""
+        part = slice(derivative * self._size, (derivative + 1) * self._size)
 
         def write(context: Any, output: Any) -> None:
             output.set_value(context.get_discrete_state(self._estimate).value()[part])

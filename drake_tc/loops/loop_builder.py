@@ -45,8 +45,7 @@ class LoopBuilder(Generic[ScenarioT]):
     flag_names: tuple[str, ...] = ()
     stages: Mapping[str, System] = field(default_factory=dict)
     between: Mapping[str, System] = field(default_factory=dict)
-    systems: dict[str, Any] = field(default_factory=dict)
-    _picked: dict[str, OutputPort] = field(default_factory=dict)
+    systems: dict[str, System] = field(default_factory=dict)
     _behind: dict[str, OutputPort] = field(default_factory=dict)
     _places: set[str] = field(default_factory=set)
 
@@ -81,23 +80,6 @@ class LoopBuilder(Generic[ScenarioT]):
         if stage not in self.stages or system.HasInputPort(port):
             self.builder.Connect(source, system.GetInputPort(port))
 
-    def pick(self, stage: str, block: str, whole: str) -> None:
-        """Take ports of a stage out of the one port that holds them all, with a block of Drake's own.
-
-        Every port of a stage that is evaluated is a call into Python; an element of the block is not. From here on,
-        `output` returns the ports of the block. A system of the user's own in the stage's place keeps its ports.
-
-        Args:
-            stage: With a property `parts`, port name to slice of `whole`.
-            block: Name of the block.
-            whole: Port that holds the others.
-        """
-        if stage not in self.stages:
-            system = self.systems[stage]
-            places = {name: list(range(part.start, part.stop)) for name, part in system.parts.items()}
-            ports = picked(self.builder, block, system.GetOutputPort(whole), places)
-            self._picked |= {f"{stage}.{name}": port for name, port in ports.items()}
-
     def output(self, stage: str, port: str) -> OutputPort:
         """An output port of a stage, behind the user's own system where there is one for "stage.port".
 
@@ -110,8 +92,7 @@ class LoopBuilder(Generic[ScenarioT]):
             raise ParamsError(
                 f"stages: {stage!r}: expected a system with an output port {port!r}; its ports: {', '.join(there)}"
             )
-        place = f"{stage}.{port}"
-        return self.passed(place, self._picked.get(place, system.GetOutputPort(port)))
+        return self.passed(f"{stage}.{port}", system.GetOutputPort(port))
 
     def passed(self, place: str, port: OutputPort) -> OutputPort:
         """The port, or that of the user's own system behind it.

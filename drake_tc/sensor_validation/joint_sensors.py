@@ -21,8 +21,6 @@ FLAGS = (
 )
 """Not finite; at odds with the other two sensors of its joint (a frozen encoder before the spring too); repeating
 itself; two of a joint's three wrong at once. What else ails encoders behind the springs, `FaultMonitor` says."""
-OUTPUTS = ("motor_angle", "torque", "link_angle", "position")
-"""Ports of the readings, in the order of the vote."""
 HOLD = 0.1
 """How long a flag stays up after its cause [s]."""
 GAUGE_REPEATS, LINK_REPEATS = 6, 20
@@ -48,7 +46,6 @@ class JointSensors(PortMethods, LeafSystem):
     Inputs (n each), raw: motor_angle [rad], torque [N m], link_angle [rad].
     Outputs: the same three, always finite, with direct feedthrough of every input; with it too
         position (n): of the links, theta - d [rad], as `LinkPosition` has it;
-        readings (4n): those four one behind the other, for one call into Python a tick;
     and, of the state alone,
         flags (7): 1 up, 0 down, `FLAGS`, from the tick after the cause;
         lost (n): 1 for `HOLD` after the joint had two of its three sensors wrong.
@@ -76,7 +73,8 @@ class JointSensors(PortMethods, LeafSystem):
         self._springs = np.array([compliance, dt / (dt + np.asarray(spring_time, dtype=float))], dtype=float)
         self._repeats = np.where((False, *noisy), (np.inf, GAUGE_REPEATS, LINK_REPEATS), np.inf)
         self._hold = float(np.ceil(HOLD / dt))
-        self._size, names = n, OUTPUTS[:-1]
+        names = ("motor_angle", "torque", "link_angle")
+        outputs = (*names, "position")
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
         state = self.DeclareDiscreteState(ROWS * n + 1)
         left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
@@ -86,18 +84,11 @@ class JointSensors(PortMethods, LeafSystem):
         self._solved: Any = self.DeclareCacheEntry(
             "solved", ValueProducer(allocate=Value(_Vote(n)).Clone, calc=self._solve), tickets
         )
-        for row, name in enumerate(OUTPUTS):
+        for row, name in enumerate(outputs):
             self.DeclareVectorOutputPort(name, n, self._writer(row), {self._solved.ticket()})
-        self.DeclareVectorOutputPort("readings", len(OUTPUTS) * n, self._write_all, {self._solved.ticket()})
         self.DeclareStateOutputPort("flags", flags)
         self.DeclareVectorOutputPort("lost", n, self._write_lost, {self.discrete_state_ticket(lost)})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
-
-    @property
-    def parts(self) -> dict[str, slice]:
-        """Output ports that are parts of `readings`, and where each stands in it."""
-        n = self._size
-        return {name: slice(row * n, (row + 1) * n) for row, name in enumerate(OUTPUTS)}
 
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's vote."""
@@ -123,10 +114,6 @@ class JointSensors(PortMethods, LeafSystem):
             vector.set_value(vote.given[row])
 
         return write
-
-    def _write_all(self, context: Context, vector: Any) -> None:
-        vote: Any = self._solved.Eval(context)
-        vector.set_value(vote.given.ravel())
 
     def _write_lost(self, context: Context, vector: Any) -> None:
         ticks: Any = context.get_discrete_state(self._lost).value()

@@ -37,7 +37,6 @@ class RobustTsid(PortMethods, LeafSystem):
         acceleration (nv): vdot that the model expects of it.
         contact_force (K): of all contacts, 0 where one does not carry, each in its own axes [N, N m].
         status (9): see `drake_tc.tsid.law.Status`; `constraints` names the rows that LIMIT counts.
-        solution (n + nv + K + 9): those four one behind the other, for one call into Python a tick.
 
         y[n] = F(u[n], s[n]),  x[n+1] = [t[n]; y[n]; s[n+1]],  s: what the next tick's solve knows of this one
 
@@ -88,7 +87,6 @@ class RobustTsid(PortMethods, LeafSystem):
         )
         for name, size in sizes.items():
             self.DeclareVectorOutputPort(name, size, self._writer(name), {self._solution.ticket()})
-        self.DeclareVectorOutputPort("solution", sum(sizes.values()), self._write_all, {self._solution.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(law.period, 0.0, self._update)
 
     def _declare_inputs(self) -> None:
@@ -111,17 +109,12 @@ class RobustTsid(PortMethods, LeafSystem):
     def inner_stages(self) -> tuple[InnerStage, ...]:
         """What a tick computes, in the order of computation, for block graphs."""
         references = {task.name: reference_port(task.name) for task in self._law.tasks}
-        return inner_blocks(self._law, references, (*self._places, "solution"))
+        return inner_blocks(self._law, references, tuple(self._places))
 
     @property
     def constraints(self) -> tuple[str, ...]:
         """Names of the rows that `Status.LIMIT` counts."""
         return self._constraints
-
-    @property
-    def parts(self) -> dict[str, slice]:
-        """The other output ports by name, and where each stands in `solution`."""
-        return {name: slice(place.start - 1, place.stop - 1) for name, place in self._places.items()}
 
     def last_error(self, context: Context) -> Exception | None:
         """The last exception of a task or limit in this context; None where there was none.
@@ -176,19 +169,16 @@ class RobustTsid(PortMethods, LeafSystem):
 
         return write
 
-    def _write_all(self, context: Context, vector: Any) -> None:
-        """The outputs one behind the other."""
-        np.concatenate(tuple(self._solution.Eval(context).outputs.values()), out=vector.get_mutable_value())
-
     def _update(self, context: Any, values: Any) -> None:
         """x[n+1]."""
         solution: _Solution = self._solution.Eval(context)
         if solution.tick is None:
             return
-        memory = values.get_mutable_value(self._memory)
+        memory: Any = np.empty(self._start.stop)
         memory[0] = context.get_time()
         np.concatenate(tuple(solution.outputs.values()), out=memory[1 : self._start.start])
         self._warm.pack(solution.tick.start, memory[self._start])
+        values.set_value(self._memory, memory)
 
 
 class _Solution:

@@ -42,7 +42,6 @@ class BaseEstimator(PortMethods, LeafSystem):
         estimated_state (nq + nv): [q; v] of the robot's plant (`make_plant`), joints included.
         cop (2k): centres of pressure in their contacts' frames [m].
         status (9 + 5k): `flag_names`.
-        memory: x, of which `cop` and `status` are parts.
     State: x, a packed `BaseState`; y shows the sample of the last tick, x[n+1] = step(x[n], u[n]), y[n] = read(x[n]).
     """
 
@@ -88,6 +87,7 @@ class BaseEstimator(PortMethods, LeafSystem):
         initial: Any = packed(self._estimator.initial_state(place, heading))
         state = self.DeclareDiscreteState(initial)
         self._state = int(state)
+        cop, flags = place_of("pressure", n, k), slice(place_of("flags", n, k).start, None)
         kinematics, of_state = self._estimator.kinematics, {self.discrete_state_ticket(state)}
         size = kinematics.state_size
         self._order = np.array(kinematics.order, dtype=np.int64)
@@ -103,19 +103,9 @@ class BaseEstimator(PortMethods, LeafSystem):
         for name, part in parts.items():
             width = len(whole[part])
             self.DeclareVectorOutputPort(name, width, self._shower(part), {self._shown.ticket()})
-        for name, part in self.parts.items():
-            self.DeclareVectorOutputPort(name, part.stop - part.start, self._writer(part), of_state)
-        self.DeclareStateOutputPort("memory", state)
+        self.DeclareVectorOutputPort("cop", 2 * k, self._writer(cop), of_state)
+        self.DeclareVectorOutputPort("status", len(self.flag_names), self._writer(flags), of_state)
         self.DeclarePeriodicDiscreteUpdateEvent(spec.period, 0.0, self._update)
-
-    @property
-    def parts(self) -> dict[str, slice]:
-        """Output ports that are parts of `memory`, and where each stands in it."""
-        first = place_of("flags", self._n, self._k).start
-        return {
-            "cop": place_of("pressure", self._n, self._k),
-            "status": slice(first, first + len(self.flag_names)),
-        }
 
     @property
     def flag_names(self) -> tuple[str, ...]:

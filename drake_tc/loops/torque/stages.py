@@ -13,7 +13,7 @@ from drake_tc.control.torque_control import TorqueControl
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.estimation.wrench_tare import WrenchTare
-from drake_tc.loops.ports import first_imu
+from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.torque.builder import TorqueLoopBuilder
 from drake_tc.loops.torque.observer import connect_observer, prediction
 from drake_tc.loops.torque.ports import base_now, zeroed
@@ -81,7 +81,6 @@ def _torque_control(
         ),
         **wires,
     )
-    parts.pick("torque_control", "torque_commands", "solution")
 
 
 def _inverse_dynamics(
@@ -126,9 +125,11 @@ def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[s
         wires = {name: ports[name] for name in ("joint_estimate", "imu_estimate") if name in ports}
         parts.add("wrench_tare", tare, wrench=ports["wrench_estimate"], **wires)
         ports["wrench_estimate"] = zeroed(parts, "zeroed_wrench", ports["wrench_estimate"])
-    estimator = parts.add("torque_estimator", JointTorqueEstimator(model), **ports)
-    parts.pick("torque_estimator", "torque_estimates", "estimate")
-    return {name: parts.output("torque_estimator", name) for name in estimator.parts}, ports
+    estimator = JointTorqueEstimator(model)
+    parts.add("torque_estimator", estimator, **ports)
+    places = {name: list(range(part.start, part.stop)) for name, part in estimator.parts.items()}
+    found = picked(parts.builder, "torque_estimates", estimator.GetOutputPort("estimate"), places)
+    return {name: parts.passed(f"torque_estimator.{name}", port) for name, port in found.items()}, ports
 
 
 def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], reference: OutputPort) -> OutputPort:
@@ -156,14 +157,13 @@ def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -
     """The command behind the guard."""
     encoder = parts.sensors.encoder.GetOutputPort("reading")
     n = len(parts.robot.joints)
-    parts.add(
+    guard = parts.add(
         "guard",
         lambda: CommandGuard(n, parts.scenario.dt, parts.scenario.guard),
         command=command,
         position=encoder,
         fault=fault,
     )
-    parts.pick("guard", "guard_state", "next")
-    if "guard" not in parts.stages:
-        parts.signals["mode"] = parts.output("guard", "mode")
+    if isinstance(guard, CommandGuard):
+        parts.signals |= picked(parts.builder, "guard_state", guard.GetOutputPort("next"), {"mode": [3 * n]})
     return parts.output("guard", "command")

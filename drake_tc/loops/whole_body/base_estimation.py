@@ -99,26 +99,26 @@ def base_state(
         raise ParamsError(f"{law.model.robot.source}: expected an IMU and F/T sensors; one of them is missing")
     filtered = SavitzkyGolayFilter(n, options.velocity_window, 2, law.period, options.velocity_window - 1)
     wiring.add("velocity_filter", filtered, signal=position)
-    wiring.pick("velocity_filter", "filtered", "estimate")
     numbers = [sensor_of(law.model.robot, contact) for contact in law.model.contacts]
     places = [6 * number + axis for number in numbers for axis in range(6)]
     inputs = {
         "position": position,
-        "velocity": wiring.output("velocity_filter", "first_derivative"),
+        "velocity": filtered.GetOutputPort("first_derivative"),
         "imu": first_imu(builder, sensors.imu.GetOutputPort("reading")),
         **picked(builder, "contact_wrenches", sensors.force_torque.GetOutputPort("reading"), {"wrench": places}),
     }
     if contacts is not None:
         inputs["contact_switch"] = _held_off(wiring, contacts)
     estimator: Any = wiring.add("base_estimator", BaseEstimator(law.model.robot, spec, method=options.method), **inputs)
-    wiring.pick("base_estimator", "base_outputs", "memory")
     estimators = [estimator]
     if options.beside is not None:
         watching = BaseEstimator(law.model.robot, spec, method=options.beside)
         estimators.append(wiring.add("watching_estimator", watching, **inputs))
         wiring.signals["beside_state"] = watching.GetOutputPort("estimated_state")
-    for signal, port in (("estimator_status", "status"), ("cop", "cop")):
-        wiring.signals[signal] = wiring.output("base_estimator", port)
+    wiring.signals |= {
+        "estimator_status": estimator.GetOutputPort("status"),
+        "cop": estimator.GetOutputPort("cop"),
+    }
 
     def start(root: Context) -> None:
         for each in estimators:
@@ -126,7 +126,8 @@ def base_state(
             after: Any = each.EvalUniquePeriodicDiscreteUpdate(mine)
             mine.SetDiscreteState(np.array(after.value()))
 
-    return wiring.output("base_estimator", "estimated_state"), start
+    port: OutputPort = estimator.GetOutputPort("estimated_state")
+    return port, start
 
 
 def _held_off(wiring: WholeBodyBuilder, contacts: OutputPort) -> OutputPort:

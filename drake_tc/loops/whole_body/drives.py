@@ -76,7 +76,6 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
         lambda: TorqueControl(models, gains, limits.effort, law.period, spec.compensation),
         **inputs,
     )
-    wiring.pick("torque_control", "torque_commands", "solution")
     servo = tuple(model.drive.kind == "position_servo" for model in models)
     start = GuardSpec(start_time=spec.start_time, start_rate=2.0)
     command = wiring.output("torque_control", "command")
@@ -87,12 +86,11 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
         position=encoder,
         fault=known["fault"],
     )
-    wiring.pick("guard", "guard_state", "next")
     actuators = add_actuators(wiring.builder, wiring.plant, simulated, wiring.plant.time_step() or law.period)
     wiring.systems["actuators"] = actuators
     wiring.builder.Connect(wiring.output("guard", "command"), actuators.GetInputPort("command"))
     wiring.signals |= {
-        "applied_torque": wiring.builder.GetSubsystemByName("actuation").get_output_port(0),
+        "applied_torque": actuators.GetOutputPort("actuation"),
         "estimated_torque": known["estimated_torque"],
         "command": wiring.output("guard", "command"),
     }

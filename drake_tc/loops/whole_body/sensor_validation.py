@@ -107,9 +107,6 @@ def add_sensor_validation(
     raised, names = monitor.GetOutputPort("flags"), monitor.flag_names
     joints = _joint_sensors(wiring, springs, encoder)
 
-    def of_joints(port: str) -> OutputPort:
-        return wiring.output("joint_sensors", port)
-
     def of(sensor: str) -> list[int]:
         return [names.index(f"{sensor}/{kind}") for kind in _BELIEVED_NOT]
 
@@ -128,13 +125,13 @@ def add_sensor_validation(
         "wrench": contact_wrench.GetOutputPort("reading"),
         "contacts": contact_wrench.GetOutputPort("contacts"),
     }
-    known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": of_joints("link_angle")}
+    known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": joints.GetOutputPort("link_angle")}
     wiring.add("standing_feet", feet, **known)
     assumed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": contact_wrench}
     return ValidatedSensors(
         replace(sensors, **assumed),
-        replace(springs, motor_angle=of_joints("motor_angle"), torque=of_joints("torque")),
-        of_joints("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
+        replace(springs, motor_angle=joints.GetOutputPort("motor_angle"), torque=joints.GetOutputPort("torque")),
+        joints.GetOutputPort("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
         contact_wrench.GetOutputPort("contacts"),
         {
             names: raised,
@@ -168,7 +165,6 @@ def _joint_sensors(wiring: WholeBodyBuilder, springs: SpringDrives, encoder: Out
         "link_angle": encoder,
     }
     wiring.add("joint_sensors", senses, **raw)
-    wiring.pick("joint_sensors", "joint_readings", "readings")
     return senses
 
 
@@ -225,13 +221,13 @@ def add_flags(wiring: WholeBodyBuilder, validated: ValidatedSensors) -> tuple[st
     named = dict(_OWN) | {name: name for name in known if name.partition("/")[2] in _OF_CONTACT}
     feet: Any = builder.GetSubsystemByName("standing_feet")
     for name in ("estimated_state", "cop"):
-        wiring.connect("standing_feet", name, wiring.output("base_estimator", name))
+        builder.Connect(estimator.GetOutputPort(name), feet.GetInputPort(name))
     builder.Connect(feet.GetOutputPort("imu_tilt"), estimator.GetInputPort("imu_tilt"))
     for name in wiring.references:
         moving: Any = builder.GetSubsystemByName(reference_port(name))
         builder.Connect(feet.GetOutputPort("lost"), moving.GetInputPort("stop"))
     places = [known.index(name) for name in named]
-    own = picked(builder, "estimator_flags", wiring.output("base_estimator", "status"), {"own": places})
+    own = picked(builder, "estimator_flags", estimator.GetOutputPort("status"), {"own": places})
     told = {
         **validated.flags,
         ("imu/turning",): feet.GetOutputPort("flag"),

@@ -96,8 +96,7 @@ def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: Ou
     encoder = sensors.encoder.GetOutputPort("reading")
     quick = SavitzkyGolayFilter(n, QUICK, 2, law.period, QUICK - 1)
     wiring.add("quick_filter", quick, signal=encoder)
-    wiring.pick("quick_filter", "filtered", "estimate")
-    inputs = {"position": encoder, "velocity": wiring.output("quick_filter", "first_derivative")}
+    inputs = {"position": encoder, "velocity": quick.GetOutputPort("first_derivative")}
     if sensors.imu is not None:
         inputs["imu"] = first_imu(wiring.builder, sensors.imu.GetOutputPort("reading"))
     if contacts is not None:

@@ -127,7 +127,6 @@ def add_whole_body_loop(
     sensors = add_whole_body_sensors(wiring) if sensed else None
     springs = add_spring_drives(wiring) if spec.torque == "series_elastic" else None
     wiring.add("tsid", lambda: RobustTsid(law))
-    wiring.pick("tsid", "tsid_outputs", "solution")
     _connect_references(wiring, references or {}, contacts)
     starts = _close(wiring, sensors, springs, contacts)
     wiring.check_own_systems()
