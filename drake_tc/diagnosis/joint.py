@@ -161,14 +161,14 @@ def diagnose_joint(
         soft = _of_soft_gear(prepare(compliance=compliance), options, progress, executor)
         if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage, prepare = soft, partial(prepare, compliance=compliance)
-    if (late := sampled_late(rig.command_hold, stage.prepared, stage.found.chosen.terms)) > 0.0:
+    first, terms = stage.prepared, stage.found.chosen.terms
+    if (late := sampled_late(rig.command_hold, first, terms)) > 0.0:
         stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
-    elif older := age_of_samples(
-        rig.command_hold, lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms
+    elif moved := (
+        age_of_samples(rig.command_hold, lambda age: prepare(sampled_late=age), first, terms)
+        or recorded_late(lambda age: prepare(sampled_late=age), first, terms)
     ):
-        stage = _looked_for(older, options, progress, executor, without=LATE)
-    elif earlier := recorded_late(lambda age: prepare(sampled_late=age), stage.prepared, stage.found.chosen.terms):
-        stage = _looked_for(earlier, options, progress, executor, without=LATE)
+        stage = _looked_for(moved, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     alternatives = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
