@@ -164,10 +164,7 @@ def diagnose_joint(
     first, terms = stage.prepared, stage.found.chosen.terms
     if (late := sampled_late(rig.command_hold, first, terms)) > 0.0:
         stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
-    elif moved := (
-        age_of_samples(rig.command_hold, lambda age: prepare(sampled_late=age), first, terms)
-        or recorded_late(lambda age: prepare(sampled_late=age), first, terms)
-    ):
+    elif moved := age_of_samples(rig.command_hold, prepare, first, terms) or recorded_late(prepare, first, terms):
         stage = _looked_for(moved, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     alternatives = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)

@@ -22,11 +22,11 @@ from drake_tc.errors import IdentificationError
 REFINEMENTS = 8
 
 
-def recorded_late(prepare: Callable[[float], Prepared], plain: Prepared, chosen: Sequence[Term]) -> Prepared | None:
+def recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]) -> Prepared | None:
     """The joint with an effort that acts before it is recorded, where its declared model then fits much better.
 
     Args:
-        prepare: The joint whose effort is so many sampling periods older than recorded; negative: younger.
+        prepare: The joint whose effort is `sampled_late` sampling periods older than recorded; negative: younger.
         plain: The joint with the effort as recorded.
         chosen: Terms of the model that was found for it.
 
@@ -42,7 +42,7 @@ def recorded_late(prepare: Callable[[float], Prepared], plain: Prepared, chosen:
     def error(lead: float) -> float:
         """Cross-validated error [effort] of the declared model, the effort taken `lead` [s] earlier."""
         try:
-            tried = prepare(-lead / period)
+            tried = prepare(sampled_late=-lead / period)
         except IdentificationError:
             return np.inf
         return float(fit(tried.train, tried.terms).cv_rms)
@@ -59,4 +59,4 @@ def recorded_late(prepare: Callable[[float], Prepared], plain: Prepared, chosen:
     refined = minimize_scalar(error, bounds=(leads[best - 1], leads[best + 1]), options={"maxiter": REFINEMENTS})
     least, lead = min((float(refined.fun), float(refined.x)), (errors[best], leads[best]))
     taken = least <= LEAD_LEAVES * left and least < fit(plain.train, chosen).cv_rms
-    return prepare(-lead / period) if taken else None
+    return prepare(sampled_late=-lead / period) if taken else None

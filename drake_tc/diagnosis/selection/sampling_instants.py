@@ -56,13 +56,13 @@ def sampled_late(stated: bool | None, prepared: Prepared, chosen: Sequence[Term]
 
 
 def age_of_samples(
-    stated: bool | None, prepare: Callable[[float], Prepared], plain: Prepared, chosen: Sequence[Term]
+    stated: bool | None, prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]
 ) -> Prepared | None:
     """The joint with an effort that is older than its samples, where the model then certainly fits better.
 
     Args:
         stated: `command_hold` of the rig file; None where it does not say. `prepare` does as it says.
-        prepare: The joint whose effort is so many sampling periods older.
+        prepare: The joint whose effort is `sampled_late` sampling periods older.
         plain: The joint with the effort as recorded.
         chosen: Terms of the model that was found.
     """
@@ -71,7 +71,7 @@ def age_of_samples(
     if stated is not None or late or context.drive == "position_servo" or context.load == "links":
         return None
     without = fit(plain.train, chosen)
-    aged = (prepare(age) for age in AGES if age <= most_of_sampling(stated, context, plain.train.samples))
+    aged = (prepare(sampled_late=age) for age in AGES if age <= most_of_sampling(stated, context, plain.train.samples))
     best, joint = min(((fit(each.train, chosen), each) for each in aged), key=lambda pair: pair[0].cv_rms)
     if best.block_sse.size != without.block_sse.size:
         return None
