@@ -75,12 +75,8 @@ class DynamicsTerms:
 
     def forces(self, scratch: "Scratch", vdot: FloatArray) -> FloatArray:
         """(n,) M vdot + h [N m] for vdot (n,) [rad/s^2], by one recursion; h = C(q, v) v - tau_g(q)."""
-        return self.forces_at(scratch.q, scratch.v, vdot)
-
-    def forces_at(self, q: FloatArray, v: FloatArray, vdot: FloatArray) -> FloatArray:
-        """`forces` at q, v (n,) [rad, rad/s], which needs no scratch memory."""
         out = np.empty(self.size)
-        _JOINT_FORCES(q, v, vdot, *self._tree, out)
+        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self._tree, out)
         return out
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:

@@ -217,12 +217,7 @@ class InverseDynamics(PortMethods, LeafSystem):
         gains, out = context.get_numeric_parameter(self._gains).value(), np.empty(3 * n)
         if not _FEEDBACK(estimate, reference, position, others, gains, out):
             return None
-        vdot = reference[2 * n :]
-        if self._base:
-            inertial = self._model.forces(self._placed(context), vdot)
-        else:
-            place = reference if self._at_reference else estimate
-            inertial = self._model.forces_at(place[:n], place[n : 2 * n], vdot)
+        inertial = self._model.forces(self._placed(context), reference[2 * n :])
         unmet = desired - felt if self._forces else desired
         return _Parts(inertial, inertial + out[:n], out[n:], desired, unmet)
 
