@@ -78,7 +78,36 @@ class Payload(EquationEffect):
         return parameters["payload_inertia"]
 
 
-class PendulumPayload(Payload):
+class OwnArmPayload(Payload):
+    """A mass beside a pendulum whose drive gain is declared: G_p sin(q - q_h) + J_p qddot [N m].
+
+    The drive gain and the rotor inertia are declared, so the logs tell both; J_p g/G_p is where the mass hangs [m].
+    `DeclaredGainPayload` is the payload that has the pendulum's own ratio of the two.
+    """
+
+    form = "own_arm"
+    equation = "tau_add = payload_moment * sin(q - hang_angle) + payload_inertia * qddot"
+    excludes = frozenset({"servo_gain"})
+    given_shapes = (
+        Parameter(
+            "hang_angle", "rad", description="joint position at which the pendulum hangs", plausible=HANG_ANGLE_RANGE
+        ),
+    )
+
+    def obstacle(self, context: Context) -> str:
+        """Needs a pendulum, a declared inertia and a declared drive gain."""
+        return _on_pendulum(context, gain_declared=True)
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Where the pendulum hangs."""
+        return [{"hang_angle": context.hang_angle}]
+
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A pendulum that hangs where the declared one does."""
+        return parameters["payload_moment"], parameters["hang_angle"], 0.0
+
+
+class PendulumPayload(OwnArmPayload):
     """More weight on a pendulum whose torque is computed: G_p sin(q - q_h) [N m], without inertia of its own.
 
     The drive gain is free, so the logs determine only the ratio of the load's inertia to its first moment. A payload of
@@ -91,6 +120,7 @@ class PendulumPayload(Payload):
 
     form = "pendulum"
     equation = "tau_add = payload_moment * sin(q - hang_angle)"
+    excludes = frozenset()
     coefficients = (
         Parameter(
             "payload_moment",
@@ -100,34 +130,15 @@ class PendulumPayload(Payload):
             plausible=PAYLOAD_MOMENT_RANGE,
         ),
     )
-    given_shapes = (
-        Parameter(
-            "hang_angle", "rad", description="joint position at which the pendulum hangs", plausible=HANG_ANGLE_RANGE
-        ),
-    )
     signature = Signature(x="position", split="", look_for="a sine of the angle, zero where the pendulum hangs")
 
     def obstacle(self, context: Context) -> str:
-        """Needs a pendulum, a declared inertia and a free drive gain: see `DeclaredGainPayload`."""
-        if context.taken_up:
-            return context.taken_up
-        if context.load != "pendulum":
-            return "the load is measured, whatever its mass"
-        if context.declared.get("drive_gain"):
-            return "the drive gain is declared, so the logs determine the mass of the load"
-        return "" if context.declared.get("rotor_inertia") else NO_INERTIA
-
-    def shape_grid(self, context: Context) -> list[dict[str, float]]:
-        """Where the pendulum hangs."""
-        return [{"hang_angle": context.hang_angle}]
+        """Needs a pendulum, a declared inertia and a free drive gain."""
+        return _on_pendulum(context, gain_declared=False)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """0."""
         return 0.0
-
-    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
-        """A pendulum that hangs where the declared one does."""
-        return parameters["payload_moment"], parameters["hang_angle"], 0.0
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """0."""
@@ -158,13 +169,7 @@ class DeclaredGainPayload(Payload):
 
     def obstacle(self, context: Context) -> str:
         """Needs a pendulum, a declared inertia and a declared drive gain."""
-        if context.taken_up:
-            return context.taken_up
-        if context.load != "pendulum":
-            return "the load is measured, whatever its mass"
-        if not context.declared.get("drive_gain"):
-            return "no drive gain is declared"
-        return "" if context.declared.get("rotor_inertia") else NO_INERTIA
+        return _on_pendulum(context, gain_declared=True)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """0: the load's own inertia is counted where its torque is computed."""
@@ -179,26 +184,14 @@ class DeclaredGainPayload(Payload):
         return 0.0
 
 
-class OwnArmPayload(Payload):
-    """A mass beside a pendulum whose drive gain is declared: G_p sin(q - q_h) + J_p qddot [N m].
-
-    The drive gain and the rotor inertia are declared, so the logs tell both; J_p g/G_p is where the mass hangs [m].
-    `DeclaredGainPayload` is the payload that has the pendulum's own ratio of the two.
-    """
-
-    form = "own_arm"
-    equation = "tau_add = payload_moment * sin(q - hang_angle) + payload_inertia * qddot"
-    excludes = frozenset({"servo_gain"})
-    given_shapes = PendulumPayload.given_shapes
-
-    def obstacle(self, context: Context) -> str:
-        """As `DeclaredGainPayload`."""
-        return DeclaredGainPayload().obstacle(context)
-
-    def shape_grid(self, context: Context) -> list[dict[str, float]]:
-        """Where the pendulum hangs."""
-        return [{"hang_angle": context.hang_angle}]
-
-    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
-        """A pendulum that hangs where the declared one does."""
-        return parameters["payload_moment"], parameters["hang_angle"], 0.0
+def _on_pendulum(context: Context, *, gain_declared: bool) -> str:
+    """Why a payload cannot be looked for on a pendulum whose drive gain is declared, or is not."""
+    if context.taken_up:
+        return context.taken_up
+    if context.load != "pendulum":
+        return "the load is measured, whatever its mass"
+    if gain_declared and not context.declared.get("drive_gain"):
+        return "no drive gain is declared"
+    if not gain_declared and context.declared.get("drive_gain"):
+        return "the drive gain is declared, so the logs determine the mass of the load"
+    return "" if context.declared.get("rotor_inertia") else NO_INERTIA

@@ -57,10 +57,14 @@ def state_code(given: FloatArray, floating: IntArray, largest: float, shortest: 
     return FOUND if turn > shortest else NO_POSE
 
 
-@kernel(
+PROBLEM = (
     VECTOR, VECTOR, INDEX, TABLE, MATRIX, VECTOR, VECTOR, MATRIX, INDEX, TABLE, INDEX, INDEX, INDEX,
     TABLE, TABLE, INDEX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR,
 )  # fmt: skip
+"""Types of the arguments of `problem`."""
+
+
+@kernel(*PROBLEM)
 def problem(
     given: FloatArray,
     held: FloatArray,

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel
+from drake_tc.kernels.compiling import INDEX, VECTOR, kernel
 from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.kernels.linking import inlined
 from drake_tc.kernels.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS
-from drake_tc.kernels.problem import FOUND, Answer, problem
+from drake_tc.kernels.problem import FOUND, PROBLEM, Answer, problem
 from drake_tc.kernels.programs import RECTANGLE
 from drake_tc.kernels.reduction import response
 from drake_tc.kernels.scaling import box_program, box_risk, box_size, evaluated
@@ -80,11 +80,7 @@ def misses(found: Answer, x: FloatArray) -> bool:
     return missed
 
 
-@kernel(
-    VECTOR, VECTOR, INDEX, TABLE, MATRIX, VECTOR, VECTOR, MATRIX, INDEX, TABLE, INDEX, INDEX, INDEX,
-    TABLE, TABLE, INDEX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR,
-    VECTOR, INDEX, VECTOR, INDEX, INDEX, VECTOR, VECTOR, INDEX,
-)  # fmt: skip
+@kernel(*PROBLEM, VECTOR, INDEX, VECTOR, INDEX, INDEX, VECTOR, VECTOR, INDEX)
 def warm_tick(
     given: FloatArray,
     held: FloatArray,

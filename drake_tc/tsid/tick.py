@@ -108,10 +108,11 @@ def solve_tick(
     if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
         return lost_tick(law, before)
     try:
-        tick = _continued(law, scratch, given, references, active, before)
+        written = _written(law, scratch, given, references, active)
+        tick = _continued(law, scratch, given, active, written, before)
         if tick is not None:
             return tick
-        found = _found(law, scratch, given, references, active)
+        found = _found(law, scratch, given, active, written)
         if found is not None and found.code == LOST:
             return lost_tick(law, before)
         if found is not None:
@@ -132,28 +133,25 @@ def _continued(
     law: Law,
     scratch: Scratch,
     given: FloatArray,
-    references: Sequence[FloatArray],
     active: tuple[bool, ...],
+    written: WrittenRows,
     before: PreviousTick,
 ) -> Tick | None:
     """The tick by one call from the last one's torque; None where the stages are to find it."""
-    warm = law.warm
-    if warm is None or before.start is None:
+    if law.warm is None or before.start is None:
         return None
-    contacts = scratch.select(active)
-    found = warm(given, contacts, _written(law, scratch, given, references, active), before.start)
+    found = law.warm(given, scratch.select(active), written, before.start)
     if found is None:
         return None
     return Tick(found.torque, found.acceleration, found.force, found.status, found.start)
 
 
 def _found(
-    law: Law, scratch: Scratch, given: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
+    law: Law, scratch: Scratch, given: FloatArray, active: tuple[bool, ...], written: WrittenRows
 ) -> ProgramResult | None:
     """The problem over the torques by one call; None for a law, or a state, that has none."""
     if law.fused is None:
         return None
-    written = _written(law, scratch, given, references, active)
     found = law.fused.problem(given, scratch.select(active), written)
     return None if found.code == NO_POSE else found
 

@@ -115,12 +115,14 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
             if gradient[undetermined].any():
                 half = np.inf
             low, high = bounds[key].get(name, (-np.inf, np.inf))
-            tight = 1e-9 * max(1.0, abs(value))
-            at_bound = bool(abs(value - low) <= tight or abs(value - high) <= tight)
-            out[key][name] = Estimate(
-                value, units[key].get(name, "-"), (max(value - half, low), min(value + half, high)), at_bound
-            )
+            ci95 = max(value - half, low), min(value + half, high)
+            out[key][name] = Estimate(value, units[key].get(name, "-"), ci95, rests_on_bound(value, low, high))
     return out
+
+
+def rests_on_bound(value: float, low: float, high: float) -> bool:
+    """Whether a value is one of its bounds, up to rounding."""
+    return min(abs(value - low), abs(value - high)) <= 1e-9 * max(1.0, abs(value))
 
 
 def _undetermined(jacobian: FloatArray, dead: BoolArray, coefficients: int) -> BoolArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
-from drake_tc.diagnosis.problem.estimates import estimates
+from drake_tc.diagnosis.problem.estimates import estimates, rests_on_bound
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.shapes import PERIOD
@@ -85,12 +85,12 @@ def _size_may_be_zero(fitted: Fit, term: Term, context: Context, columns: Column
     At the bound the search has found the end of a family of curves, not a curve: noise that acts just after reversals
     is presliding over the shortest travel that the rows can show. A true effect there has a size none the less.
     """
-    if not term.effect.shapes:
+    ends = [p.name for p in term.effect.shapes if rests_on_bound(term.shape[p.name], p.lower, p.upper)]
+    if not ends:
         return None
     found = estimates(columns, fitted, context.drive)[term.effect.key]
-    ends = [p.name for p in term.effect.shapes if p.name in found and found[p.name].at_bound]
     sizes = [p.name for p in term.effect.coefficients if p.name in found]
-    if not (ends and sizes and all(found[name].ci95[0] <= 0.0 <= found[name].ci95[1] for name in sizes)):
+    if not (sizes and all(found[name].ci95[0] <= 0.0 <= found[name].ci95[1] for name in sizes)):
         return None
     size = max(sizes, key=lambda name: abs(found[name].value))
     return SizeMayBeZero(ends[0], size, found[size].value, *found[size].ci95, found[size].unit)
