@@ -31,7 +31,8 @@ from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_te
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, fit_without, predict
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
+from drake_tc.diagnosis.selection.known_load import looks_like_known_load
+from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.runs_against import heldout_against, speaks_against
 from drake_tc.diagnosis.selection.wander import level_over_wander
 from drake_tc.diagnosis.selection.withdrawal import (

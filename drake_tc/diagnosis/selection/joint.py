@@ -13,8 +13,9 @@ from drake_tc.diagnosis.problem.regression import Fit, fit, score
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.selection.comparison import better_share, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, compare, select
+from drake_tc.diagnosis.selection.known_load import looks_like_known_load
 from drake_tc.diagnosis.selection.lag_or_noise import LATE, is_noise
-from drake_tc.diagnosis.selection.plausible_values import looks_like_known_load, objection_to_values
+from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, NoiseOfEffort

@@ -7,24 +7,23 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import estimates, rests_on_bound
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.selection.known_load import noise_of
 from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import (
     BelowEncoderStep,
     BelowLeastAmplitude,
     CorrectsCurve,
-    FormOfKnownLoad,
     ImpossibleValues,
     NotSeenToRepeat,
     Objection,
     SizeMayBeZero,
 )
-from drake_tc.diagnosis.thresholds import JOINT, MOST_OF_KNOWN_LOAD, OWN_FORM, RESOLVED
+from drake_tc.diagnosis.thresholds import JOINT, RESOLVED
 from drake_tc.effects.base import Context
-from drake_tc.effects.encoder_eccentricity import EncoderEccentricity
 from drake_tc.effects.plausibility import implausible
 from drake_tc.effects.position_dependent_load import SIZE as CURVE_SIZE
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
@@ -122,55 +121,10 @@ def _not_repeated(fitted: Fit, term: Term, context: Context, columns: Columns) -
     if not curve.unavailable(context):
         others = [t for t in fitted.terms if t is not term and not isinstance(t.effect, PositionDependentLoad)]
         instead = fit(columns, [*others, Term(curve, curve.shape_grid(context)[0])])
-        known = BalanceCoefficients.of(fitted.terms, fitted.beta, columns.samples.signals.rotor_inertia)
-        floor = fitted.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia)
-        if fitted.cv_rms <= min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * floor):
+        most = min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * noise_of(fitted, columns))
+        if fitted.cv_rms <= most:
             return None
     return NotSeenToRepeat(term.shape[PERIOD] * context.turns, REPEATS, term.shape[PERIOD])
-
-
-def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> FormOfKnownLoad | None:
-    """That a curve over the position is no cause of its own; None where it is.
-
-    A wave of one cycle a turn is gravity's own form where its phase is that of gravity.
-
-    Args:
-        fitted: To the rows of `columns`.
-        term: One of its effects.
-        columns: Training rows.
-    """
-    if not isinstance(term.effect, PositionDependentLoad | EncoderEccentricity):
-        return None
-    share, own = share_of_known_load(fitted, term, columns)
-    if share <= MOST_OF_KNOWN_LOAD or own > OWN_FORM * fitted.rms / fitted.gain:
-        return None
-    zero = term.effect.free_form and bool(np.ptp(columns.samples.signals.load_slope) > 0.0)
-    return FormOfKnownLoad(share, zero)
-
-
-def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> tuple[float, float]:
-    """Share of a curve's variance that the known load explains, R^2 of  curve = a tau + b qddot + c + d s, and the RMS
-    of what it leaves [N m].
-
-    Without its inertial part the load of a pendulum is gravity, and its slope s = d tau/dq is what a wrong zero adds to
-    a curve of free form (d = 0 for a wave, whose phase is held against gravity's). 0 where no load is known.
-
-    Args:
-        fitted: To the rows of `columns`.
-        term: The curve.
-        columns: Training rows.
-    """
-    signals = columns.samples.signals
-    slope_of = signals.load_slope if term.effect.free_form else np.zeros(len(signals))
-    forms = (signals.load_torque, signals.acceleration, slope_of)
-    load, acceleration, slope = (columns.samples.reduce(x) for x in forms)
-    theta = next(theta for t, theta in coefficients_by_term(fitted.terms, fitted.beta) if t is term)
-    curve = columns.of(term) @ theta
-    known = np.column_stack([np.ones(load.size), load, acceleration, slope])
-    if not (np.ptp(load) > 0.0 and np.ptp(curve) > 0.0):
-        return 0.0, float(np.std(curve))
-    left = curve - known @ np.linalg.lstsq(known, curve, rcond=None)[0]
-    return 1.0 - float(np.var(left) / np.var(curve)), float(np.std(left))
 
 
 def _is_whole_wave(term: Term, context: Context) -> bool:

@@ -14,9 +14,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.plausible_values import (
     crossed_steps,
-    looks_like_known_load,
     objection_to_values,
-    share_of_known_load,
 )
 from drake_tc.diagnosis.selection.withdrawal import (
     BelowLeastAmplitude,
@@ -25,7 +23,6 @@ from drake_tc.diagnosis.selection.withdrawal import (
     NotSeenToRepeat,
     SizeMayBeZero,
 )
-from drake_tc.diagnosis.thresholds import MOST_OF_KNOWN_LOAD
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 
@@ -160,21 +157,6 @@ def test_an_eccentricity_of_a_radian_is_impossible_however_fine_the_encoder(colu
 def test_friction_that_drives_is_impossible(columns, context, value, possible):
     found = objection_to_values(made_fit(QUADRATIC, [value]), QUADRATIC, context, columns)
     assert (found is None) == possible
-
-
-def test_a_curve_that_is_a_multiple_of_the_known_load_is_told_from_one_that_is_not(columns):
-    """A pendulum's load: gravity is a function of the angle, the inertial part is none."""
-    s = columns.samples.signals
-    hung = replace(s, load_torque=8.0 * np.sin(s.position) + 0.3 * s.acceleration)
-    pendulum = Columns(replace(columns.samples, signals=hung))
-    term = Term(effect("position_dependent_load"), {"curve_start": -1.1, "curve_end": 1.1})
-    gravity = pendulum.samples.reduce(8.0 * np.sin(s.position))
-    known = np.linalg.lstsq(pendulum.of(term), gravity, rcond=None)[0]
-    for theta, alike in ((-0.3 * known, True), (np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]), False)):
-        fitted = made_fit(term, theta)
-        assert (share_of_known_load(fitted, term, pendulum)[0] > MOST_OF_KNOWN_LOAD) == alike
-        assert (looks_like_known_load(fitted, term, pendulum) is not None) == alike
-    assert looks_like_known_load(made_fit(QUADRATIC, [1.0]), QUADRATIC, pendulum) is None
 
 
 @pytest.mark.parametrize(("periods", "beside_a_curve"), [(3.4, False), (3.6, True)])
