@@ -229,6 +229,8 @@ class ResidualThresholds:
         least_line: Share of the residual's variance that one spectral line must hold.
         least_wander: Share of the held-out residual, its mean included, that its own neighbourhood in time must explain
             where a sensor is said to wander.
+        least_beyond: Share of the held-out residual's energy that must lie beyond the range of the training runs, to
+            be called the error of extrapolated effects.
     """
 
     least_floors: float = 1.5
@@ -243,6 +245,7 @@ class ResidualThresholds:
     least_burst: float = 3.0
     least_line: float = 0.25
     least_wander: float = 0.6
+    least_beyond: float = 0.8
 
 
 LONGEST_CORRELATION = 0.5

@@ -140,6 +140,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             "confined_to": [{"run": s.run, "start": s.start, "end": s.end} for s in left.confined_to],
             "period_hz": _number(left.period_hz),
             "explainable_rms": _number(left.explainable_rms),
+            "beyond": None if left.beyond is None else json_value(asdict(left.beyond)),
         },
         "runs": [_run(errors) for errors in joint.runs],
         "free_runs": free_runs_json(joint),

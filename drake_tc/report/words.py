@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.diagnosis.problem.shared.causes import TITLES
-from drake_tc.diagnosis.residual.unexplained import Unexplained, Verdict
+from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained, Verdict
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
@@ -31,6 +31,8 @@ REASONS: dict[Withdrawal, str] = {
     "no_longer_needed": "explains too little without the withdrawn effects",
     "worse_than_declared": "the declared model has the smaller error",
 }
+NEAR = 0.25
+"""Held-out gain from which on an effect that was not added is named beside what is left."""
 NO_FLOOR = "there is no noise floor, because the logs show neither noise nor steps of the sensors"
 
 
@@ -57,6 +59,12 @@ def title_of(effect_id: str) -> str:
 def signal_name(name: str) -> str:
     """A signal as people call it."""
     return LABELS[name][0].split(",")[0] if name in LABELS else name.replace("_", " ")
+
+
+def signal_range(name: str, low: float, high: float) -> str:
+    """A signal's range with its unit, such as "24 to 59 °C"."""
+    scale = scale_for(max(abs(low), abs(high)), LABELS[name][1])
+    return f"{scale.text(low)} to {scale.quantity(high)}"
 
 
 def headline(joint: JointResult) -> str:
@@ -112,6 +120,8 @@ def _is_function(left: Unexplained) -> bool:
 def unexplained(joint: JointResult) -> str:
     """What is left in the residual, in one sentence that can follow "However,"."""
     left = joint.unexplained
+    if left.structured and left.beyond is not None:
+        return _extrapolated(left.beyond) + "."
     parts = []
     if not left.structured and left.excess:
         elsewhere = ""
@@ -119,18 +129,19 @@ def unexplained(joint: JointResult) -> str:
             several = len(joint.heldout.samples.runs) > 1
             where = "the training runs or on one of the held-out runs" if several else "the training runs"
             elsewhere = f" ({significant(left.floors_anywhere, 2)} times on {where})"
+        causes = (
+            "It depends on no recorded signal: possible causes are an unrecorded disturbance, a sensor that drifts, or "
+            "an effect that needs another sensor"
+        )
+        if left.beyond is not None:
+            causes = capital(_extrapolated(left.beyond))
         return (
             f"the remaining error on the held-out runs is {significant(left.floors, 2)} times the noise floor"
-            f"{elsewhere} and {percent(left.share_of_signal)} of the effort's RMS. It depends on no recorded "
-            "signal: possible causes are an unrecorded disturbance, a sensor that drifts, or an effect that needs "
-            "another sensor."
+            f"{elsewhere} and {percent(left.share_of_signal)} of the effort's RMS. {causes}."
         )
     if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
         names = joined([signal_name(n) for n in left.depends_on])
-        parts.append(
-            f"{percent(left.fraction)} of the remaining error can be predicted from {names}, and no effect in the "
-            "library has this form"
-        )
+        parts.append(f"{percent(left.fraction)} of the remaining error can be predicted from {names}{_near(joint)}")
     if left.confined_to:
         where = joined([f"{s.run} from {s.start:.1f} to {s.end:.1f} s" for s in left.confined_to[:3]])
         more = len(left.confined_to) - 3
@@ -142,6 +153,23 @@ def unexplained(joint: JointResult) -> str:
     if not parts:
         parts.append("the remaining error is larger on the held-out runs than on the training runs")
     return joined(parts) + "."
+
+
+def _near(joint: JointResult) -> str:
+    best = max(joint.rejected, key=lambda each: each.heldout_gain, default=None)
+    if best is None or not best.heldout_gain >= NEAR:
+        return ", and no effect in the library has this form"
+    return (
+        f"; of the effects that were not added, {title_of(best.id)} would lower the held-out error most (by "
+        f"{percent(best.heldout_gain)})"
+    )
+
+
+def _extrapolated(beyond: BeyondTraining) -> str:
+    return (
+        f"{percent(beyond.share)} of the remaining error lies where the {signal_name(beyond.signal)} goes beyond the "
+        f"{signal_range(beyond.signal, *beyond.trained)} of the training runs: there the effects are extrapolated"
+    )
 
 
 def band_sentence(joint: JointResult) -> str:

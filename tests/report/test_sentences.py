@@ -34,8 +34,10 @@ from drake_tc.diagnosis.notes import (
     TorqueAsCommanded,
     TorqueAsEffort,
 )
+from drake_tc.diagnosis.residual.unexplained import BeyondTraining
 from drake_tc.diagnosis.result.experiments import (
     CheckLoad,
+    CoverRange,
     FindPeriodicSource,
     NextExperiment,
     RepeatRun,
@@ -98,6 +100,10 @@ OBJECTIONS = [
 EXPERIMENTS = [
     (TellApart("stribeck", "delay"), ["To tell stribeck from delay: creep at", "(shows stribeck alone)"]),
     (CheckLoad(), ["the declared load (mass, length, zero) and the drive gain"]),
+    (
+        CoverRange(BeyondTraining("temperature", ("warm",), (24.4, 30.7), (24.4, 59.2), 0.998)),
+        ["in which the temperature covers 24.4 to", "as warm does: the present training runs cover 24.4 to"],
+    ),
     (RepeatRun("run_2", 1.04, 2.5), ["Repeat run_2: between 1.0 and 2.5 s"]),
     (FindPeriodicSource(49.987), ["periodic at 49.99 Hz"]),
     (VarySignals(("load_torque", "velocity")), ["in which load torque, velocity vary independently"]),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.residual.unexplained import SharedBand, TimeStretch, Unexplained
+from drake_tc.diagnosis.residual.unexplained import BeyondTraining, SharedBand, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
@@ -114,6 +114,32 @@ def test_structure_says_on_what_it_depends(joint, found):
     assert "70 % of the remaining error can be predicted from velocity and load torque expected by the model" in said
     assert ("However, 70 %" in said) == found
     assert "an unrecorded disturbance" not in said
+
+
+def test_structure_that_an_effect_not_added_would_explain_names_that_effect(joint):
+    """Friction that warms up, too small in the training runs to be added, is most of the held-out error."""
+    left = replace(QUIET, structured=True, fraction=0.93, depends_on=("velocity", "temperature"))
+    tried = (
+        RejectedEffect("thermal_friction", "thermal_friction", 0.86, 0.48, "imperfect_form"),
+        RejectedEffect("stribeck", "stribeck", 0.02, 0.01, "too_little_gain"),
+    )
+    said = plain(unexplained(replace(joint, unexplained=left, rejected=tried)))
+    assert said.endswith("temperature-dependent friction would lower the held-out error most (by 86 %).")
+    assert "no effect in the library" in plain(unexplained(replace(joint, unexplained=left, rejected=tried[1:])))
+
+
+WARMER = BeyondTraining("temperature", ("warm",), (24.4, 30.7), (24.4, 59.2), 0.998)
+
+
+@pytest.mark.parametrize("structured", [False, True])
+def test_an_error_beyond_the_training_range_is_called_one_of_extrapolation(joint, structured):
+    left = replace(QUIET, structured=structured, excess=True, floors=8.0, beyond=WARMER, depends_on=("time",))
+    said = plain(unexplained(replace(joint, unexplained=left)))
+    assert (
+        "99.8 % of the remaining error lies where the temperature goes beyond the 24.4 to 30.7 °C of the training "
+        "runs: there the effects are extrapolated."
+    ) in said
+    assert "no recorded signal" not in said
 
 
 def test_structure_in_time_names_three_stretches_and_counts_the_rest(joint):

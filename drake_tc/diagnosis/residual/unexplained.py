@@ -51,6 +51,24 @@ class TimeStretch:
 
 
 @dataclass(frozen=True)
+class BeyondTraining:
+    """Nearly all of the held-out residual lies where a signal goes beyond its range in the training runs.
+
+    Attributes:
+        signal: One of the residual's features.
+        runs: Held-out runs in which it goes beyond.
+        trained, reached: Its range in the training runs and in the held-out runs.
+        share: Of the held-out residual's energy that lies there.
+    """
+
+    signal: str
+    runs: tuple[str, ...]
+    trained: tuple[float, float]
+    reached: tuple[float, float]
+    share: float
+
+
+@dataclass(frozen=True)
 class Unexplained:
     """What is left in the residual.
 
@@ -65,6 +83,7 @@ class Unexplained:
         confined_to: Stretches that hold most of it.
         period_hz: Frequency of a line in its spectrum, or None.
         explainable_rms: RMS that would be left if that function were known [effort].
+        beyond: The signal beyond whose training range nearly all of it lies, or None.
     """
 
     floors: float
@@ -77,6 +96,7 @@ class Unexplained:
     confined_to: tuple[TimeStretch, ...] = ()
     period_hz: float | None = None
     explainable_rms: float = float("nan")
+    beyond: BeyondTraining | None = None
 
     def with_floors(self, heldout: float, anywhere: float, *, excess: bool) -> "Unexplained":
         """The same held against another noise floor."""

@@ -10,6 +10,7 @@ from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRe
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.extrapolation import beyond_training
 from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess, worst_rms
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
 from drake_tc.diagnosis.root_mean_square import rms
@@ -54,6 +55,9 @@ def what_is_left(
         notes = (NoiseOfRecordedEffort(context.drive, ratio),)
     sensor = context.load == "torque"
     left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor, sensor=sensor)
+    if left.structured or left.excess:
+        found = [t.effect for t in chosen.terms]
+        left = replace(left, beyond=beyond_training(splits[1], x, found, min(floors), thresholds))
     if left.structured:
         return left, min(floors), notes
     levels = floors

@@ -6,7 +6,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from drake_tc.diagnosis.residual.unexplained import Unexplained
+from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 
 
@@ -33,6 +33,13 @@ class RepeatRun:
 
 
 @dataclass(frozen=True)
+class CoverRange:
+    """Fit a run that covers the whole range of a signal: beyond that of the training runs effects extrapolate."""
+
+    beyond: BeyondTraining
+
+
+@dataclass(frozen=True)
 class FindPeriodicSource:
     """Look for what acts on the joint at this frequency."""
 
@@ -51,7 +58,10 @@ class RepeatUnchanged:
     """Repeat one run unchanged: what is left has structure that depends on no recorded signal."""
 
 
-NextExperiment = TellApart | CheckLoad | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
+NextExperiment = TellApart | CheckLoad | CoverRange | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
+
+EXPLAINED = 0.5
+"""Share of what is left that the recorded signals must explain for a line of its spectrum to be theirs."""
 
 
 def next_experiment(
@@ -68,12 +78,14 @@ def next_experiment(
         return TellApart(*alternatives[0])
     if "looks_like_known_load" in reasons:
         return CheckLoad()
+    if unexplained.beyond is not None:
+        return CoverRange(unexplained.beyond)
     if unexplained.confined_to:
         stretch = unexplained.confined_to[0]
         return RepeatRun(stretch.run, stretch.start, stretch.end)
-    if unexplained.period_hz is not None:
+    signals = tuple(name for name in unexplained.depends_on if name != "time")
+    if unexplained.period_hz is not None and not (signals and unexplained.fraction >= EXPLAINED):
         return FindPeriodicSource(unexplained.period_hz)
     if unexplained.structured:
-        signals = tuple(name for name in unexplained.depends_on if name != "time")
         return VarySignals(signals) if signals else RepeatUnchanged()
     return None

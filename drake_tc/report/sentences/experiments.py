@@ -5,6 +5,7 @@ from typing import assert_never
 
 from drake_tc.diagnosis.result.experiments import (
     CheckLoad,
+    CoverRange,
     FindPeriodicSource,
     NextExperiment,
     RepeatRun,
@@ -13,6 +14,7 @@ from drake_tc.diagnosis.result.experiments import (
     VarySignals,
 )
 from drake_tc.effects.library import effect
+from drake_tc.report.words import joined, signal_name, signal_range
 
 ISOLATES: Mapping[str, str] = {
     "rotor_inertia": "drive the joint with fast accelerations at small speed (a chirp of small amplitude)",
@@ -66,6 +68,15 @@ def experiment_sentence(experiment: NextExperiment) -> str:
                 "Check the declared load (mass, length, zero) and the drive gain first: an error of one of them "
                 "explains the residual equally well."
             )
+        case CoverRange(beyond):
+            reached = signal_range(beyond.signal, *beyond.reached)
+            trained = signal_range(beyond.signal, *beyond.trained)
+            does = "does" if len(beyond.runs) == 1 else "do"
+            return (
+                f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as "
+                f"{joined(beyond.runs)} {does}: the present training runs cover {trained}, and the effects are "
+                "extrapolated from there."
+            )
         case RepeatRun(run, start, end):
             return (
                 f"Repeat {run}: between {start:.1f} and {end:.1f} s something acted on the joint that the log does not "
@@ -88,11 +99,11 @@ def _vary(signals: list[str]) -> str:
     if len(signals) > 1:
         return (
             f"Record runs in which {', '.join(signals)} vary independently of each other: the residual depends on them "
-            "in a way that no effect of the library describes."
+            "in a way that the model does not describe."
         )
     return (
         f"Record runs in which {signals[0]} varies and the other signals do not: the residual depends on it in a way "
-        "that no effect of the library describes."
+        "that the model does not describe."
     )
 
 

@@ -1,0 +1,59 @@
+"""Does what is left lie where the held-out runs go beyond the training runs?
+
+There the effects that were found extrapolate: how their curves go on was never seen. A held-out run that is warmer than
+every training run shows the error of the extrapolated friction, and neither a missing effect nor an event.
+"""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from drake_tc.diagnosis.residual.structure import FEATURES
+from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit
+from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.effects.base import Effect
+from drake_tc.types import FloatArray
+
+CURVES_OVER = {name: name for name in ("velocity", "acceleration", "position", "temperature")} | {
+    "load_torque": "expected_torque"
+}
+"""Signals over which effects are curves, and their features."""
+MARGIN = 0.05
+"""Of the training range, by which a row must lie outside of it."""
+
+
+def beyond_training(
+    held: DataSplit,
+    x: tuple[FloatArray, FloatArray],
+    effects: Collection[Effect],
+    floor: float,
+    options: ResidualThresholds,
+) -> BeyondTraining | None:
+    """The signal beyond whose training range nearly all of the held-out residual lies; None where there is none.
+
+    Rows inside the range must leave little more than noise, and those beyond twice as much as these.
+
+    Args:
+        held: Held-out rows.
+        x: Features (N, 8) of the training rows, (M, 8) of the held-out ones.
+        effects: Those that were found; a signal counts if one of them is a curve over it, or needs it.
+        floor: Noise floor [effort].
+        options: How much more than noise is flagged, and which share of the residual must lie beyond.
+    """
+    names = {CURVES_OVER[n] for e in effects for n in (e.signature.x, *e.needs) if n in CURVES_OVER}
+    found = []
+    for name in sorted(names):
+        train, now = (part[:, FEATURES.index(name)] for part in x)
+        low, high = float(train.min()), float(train.max())
+        slack = MARGIN * (high - low)
+        beyond = (now < low - slack) | (now > high + slack)
+        if not beyond.any() or beyond.all():
+            continue
+        share = float(np.sum(held.after[beyond] ** 2) / np.sum(held.after**2))
+        inside, outside = rms(held.after[~beyond]), rms(held.after[beyond])
+        if share >= options.least_beyond and inside <= options.most_floors * floor and outside >= 2.0 * inside:
+            runs = [held.samples.runs[k] for k in np.unique(held.samples.run[beyond])]
+            reached = (float(now.min()), float(now.max()))
+            found.append((beyond.mean() - share, BeyondTraining(name, tuple(runs), (low, high), reached, share)))
+    return min(found, key=lambda each: each[0])[1] if found else None
