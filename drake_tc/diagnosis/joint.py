@@ -1,16 +1,17 @@
 """The main job for one joint: declared model, residual, missing effects, refit, errors before and after, verdict."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.notes import GearBetweenEncoders, Sticking
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.notes import GapCrossings, GearBetweenEncoders, Sticking
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_drive_gain, with_drive_gain
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit
@@ -29,98 +30,23 @@ from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.diagnosis.searches import Stage, of_its_gear, searched
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
-from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.recorded_late import recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
-from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.base import EFFORT_UNIT, Context
-from drake_tc.effects.elasticity import Elasticity
-from drake_tc.effects.library import looked_for
-from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
-from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 SETTLING_ROUNDS = 4
-SEARCHED_SAMPLES = 200_000
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One search: what it looked at and what it found."""
-
-    prepared: Prepared
-    subsample: Columns
-    obstacles: tuple[tuple[str, Obstacle], ...]
-    found: Search
-
-    @property
-    def passed_over(self) -> tuple[DidNotHold, ...]:
-        """Effects that fitted best and whose values are impossible."""
-        return self.found.passed_over
-
-
-def _looked_for(
-    prepared: Prepared,
-    options: DiagnosisOptions,
-    progress: Progress,
-    executor: Executor | None,
-    without: frozenset[str] = frozenset(),
-) -> Stage:
-    library = [each for each in looked_for(prepared.context, options.effects) if each.id not in without]
-    usable, obstacles = candidates(library, prepared.context, prepared.declared)
-    subsample = columns = prepared.train
-    if len(columns.samples.signals) > SEARCHED_SAMPLES:
-        subsample = Columns(
-            columns.samples.subsample(SEARCHED_SAMPLES),
-            columns.gain,
-            columns.floor,
-            declared_gain=columns.declared_gain,
-        )
-    found = search(
-        subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor
-    )
-    return Stage(prepared, subsample, tuple(obstacles), found)
-
-
-def _has_elasticity(found: Search) -> bool:
-    return any(isinstance(t.effect, Elasticity) for t in found.chosen.terms)
-
-
-def _wind_up(stage: Stage) -> float:
-    """The compliance [rad/(N m)] of a gear that may wind up between the servo's encoder and the logged one, or 0.
-
-    Elasticity and a torque sensor that reads too little scale the load alike. They differ in when the motor sticks:
-    under a soft gear the link still moves. So when either was found, the rows are chosen anew as a soft gear has them.
-    """
-    gain = next((t for t in stage.found.chosen.terms if isinstance(t.effect, TorqueSensorGain)), None)
-    if gain is None and not _has_elasticity(stage.found):
-        return 0.0
-    soft = Elasticity()
-    if soft.obstacle(stage.prepared.context):
-        return 0.0
-    tried = fit(stage.subsample, [*stage.found.baseline.terms, Term(soft)])
-    return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
-
-
-def _of_soft_gear(
-    prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None
-) -> Stage:
-    """The search on the rows of a soft gear, of the elasticity where a gain of the torque sensor is only as good."""
-    stage = _looked_for(prepared, options, progress, executor)
-    as_good = (term for others in stage.found.as_good for fitted in others for term in fitted.terms)
-    if not _has_elasticity(stage.found) and any(isinstance(term.effect, Elasticity) for term in as_good):
-        stage = _looked_for(prepared, options, progress, executor, without=frozenset({TorqueSensorGain.id}))
-    return stage
 
 
 def diagnose_joint(
@@ -149,23 +75,19 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    prepare = partial(
+    prepare: Callable[..., Prepared] = partial(
         prepare_joint,
         *(train_runs, held_runs, rig, joint),
         link_prior=link_prior,
         width_s=options.width_s,
         common=options.common,
     )
-    stage = _looked_for(prepare(), options, progress, executor)
-    if (compliance := _wind_up(stage)) > 0.0:
-        soft = _of_soft_gear(prepare(compliance=compliance), options, progress, executor)
-        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
-            stage, prepare = soft, partial(prepare, compliance=compliance)
+    stage, prepare = of_its_gear(prepare, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms
     if (late := sampled_late(rig.command_hold, first, terms)) > 0.0:
-        stage = _looked_for(prepare(sampled_late=late), options, progress, executor, without=LATE)
+        stage = searched(prepare(sampled_late=late), options, progress, executor, without=LATE)
     elif moved := age_of_samples(rig.command_hold, prepare, first, terms) or recorded_late(prepare, first, terms):
-        stage = _looked_for(moved, options, progress, executor, without=LATE)
+        stage = searched(moved, options, progress, executor, without=LATE)
     prepared, subsample, context = stage.prepared, stage.subsample, stage.prepared.context
     alternatives = indistinguishable(subsample, stage.found, context, prepared.floor, options.effects)
     stability = stabilities(stage.found, options.seed)
@@ -243,6 +165,7 @@ def diagnose_joint(
             *notes_of_joint((*columns.samples.notes, *held.samples.notes), joint, rig.joints),
             *notes,
             *without_rows((columns.samples, held.samples)),
+            *_open_gap(columns.samples),
             *_sticking(columns, chosen, context),
         ),
     )
@@ -251,6 +174,10 @@ def diagnose_joint(
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[Sticking, ...]:
     found = None if context.load in ("robot", "links", "unknown") else sticking(columns, chosen)
     return () if found is None else (found,)
+
+
+def _open_gap(samples: Samples) -> tuple[GapCrossings, ...]:
+    return (GapCrossings(samples.open_within),) if samples.open_within > 0.0 else ()
 
 
 def _gear(columns: Columns, context: Context) -> tuple[GearBetweenEncoders, ...]:

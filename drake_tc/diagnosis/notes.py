@@ -228,6 +228,17 @@ class RunsWithoutMotion:
 
 
 @dataclass(frozen=True)
+class GapCrossings:
+    """Rows near a change of the load's sign take no part, because the teeth of the gear are apart there.
+
+    Attributes:
+        within: Time on either side [s].
+    """
+
+    within: float
+
+
+@dataclass(frozen=True)
 class NoFreeRun:
     """A joint without a free run.
 
@@ -273,6 +284,7 @@ Note = (
     | Sticking
     | NoiseNote
     | RunsWithoutMotion
+    | GapCrossings
     | NoFreeRun
     | FreeRunDiverges
 )

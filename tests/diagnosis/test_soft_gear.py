@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from drake_tc.diagnosis import joint as module
+from drake_tc.diagnosis import searches as module
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 
@@ -35,7 +35,7 @@ def test_on_the_rows_of_a_soft_gear_elasticity_is_tried_alone_where_it_fits_as_w
         asked.append(without)
         return stage(Elasticity() if without else chosen, as_good)
 
-    monkeypatch.setattr(module, "_looked_for", looked_for)
-    result = module._of_soft_gear(None, None, None, None)
+    monkeypatch.setattr(module, "searched", looked_for)
+    result = module._on_soft_rows(None, None, None, None)
     assert asked == searches
     assert module._has_elasticity(result.found) == (bool(searches[1:]) or isinstance(chosen, Elasticity))

@@ -9,6 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
 from drake_tc.diagnosis.data.rest import speed_at_rest
 from drake_tc.diagnosis.data.samples import Samples
@@ -109,6 +110,7 @@ def build_samples(
     at_rest: float = 0.0,
     *,
     effort_age: float = 0.0,
+    gap: OpenGap | None = None,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -122,6 +124,7 @@ def build_samples(
         at_rest: Filtered velocity that other runs of the joint show at rest [rad/s].
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
             negative if it is recorded after it acted.
+        gap: Play of the gear; samples at which its teeth are apart take no part.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -140,12 +143,6 @@ def build_samples(
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest)
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
-    order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)
-    if load == "torque" and "rotor_inertia" not in rig.declared[joint]:
-        raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
-    kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
-    widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
-    final = _final_kernel(moving, segments, light, widths)
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
         for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
@@ -172,6 +169,14 @@ def build_samples(
         period=period,
         links=_links(channels, light),
     )
+    if gap is not None:
+        moving &= ~gap.is_open(signals, segments)
+    order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)
+    if load == "torque" and "rotor_inertia" not in rig.declared[joint]:
+        raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
+    kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
+    widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
+    final = _final_kernel(moving, segments, light, widths)
     rows, block = choose_rows(moving, segments, final, light, period)
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
     return Samples(
@@ -199,6 +204,7 @@ def build_samples(
         load_unknown=unknown_form(load) is not None,
         effort_age=effort_age,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
+        open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )
 

@@ -43,6 +43,7 @@ class Samples:
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
+        open_within: Time on either side of a change of the transmitted torque's sign whose samples take no part [s].
         loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 
@@ -66,6 +67,7 @@ class Samples:
     link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None
     loop_gains: tuple[float, ...] = ()
+    open_within: float = 0.0
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""

@@ -7,6 +7,7 @@ from functools import partial
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
@@ -97,6 +98,7 @@ def prepare_joint(
     width_s: float | None = None,
     common: Sequence[Term] = (),
     sampled_late: float = 0.0,
+    gap: OpenGap | None = None,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -110,13 +112,14 @@ def prepare_joint(
         width_s: Width of the light kernel [s]; None lets the data choose.
         common: Terms of all joints, which the declared model has besides the joint's own.
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
+        gap: As in `build_samples`.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
     loads = possible_loads(rig, joint) if link_prior is None else (link_load(link_prior.mean.size),)
-    build = partial(build_samples, rig=rig, joint=joint, width_s=width_s, compliance=compliance)
+    build = partial(build_samples, rig=rig, joint=joint, width_s=width_s, compliance=compliance, gap=gap)
     held_for = HELD if command_is_held(partial(build, train_runs), rig, joint, link_prior, loads) else 0.0
     build = partial(build, effort_age=held_for + sampled_late)
     train, held = _samples(build, train_runs, held_runs)

@@ -8,6 +8,7 @@ from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
     FreeRunDiverges,
     FreeRunObstacle,
+    GapCrossings,
     GearBetweenEncoders,
     LogRemark,
     NoFreeRun,
@@ -76,6 +77,11 @@ def note_sentence(note: Note) -> str:
             return (
                 f"Runs without a stretch of motion as long as the filter window ({1e3 * window:.3g} ms) take no part: "
                 f"{', '.join(runs)}."
+            )
+        case GapCrossings(within):
+            return (
+                f"Because the gear has play, rows within {1e3 * within:.0f} ms of a change of the load's sign take no "
+                "part: while the motor crosses the gap, the position of the link does not tell that of the motor."
             )
         case NoFreeRun() | FreeRunDiverges():
             return _free_run_sentence(note)

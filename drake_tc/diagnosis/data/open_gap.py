@@ -1,0 +1,42 @@
+"""Where the teeth of a gear with play are apart.
+
+They part when the torque that the gear transmits changes its sign. While the motor crosses the gap, and while it
+oscillates on its servo afterwards, the position of the link does not tell that of the motor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from drake_tc.effects.base import Shape, Signals, TorqueEffect
+from drake_tc.types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class OpenGap:
+    """How long the teeth are apart, and what the gear transmits besides the known load.
+
+    Attributes:
+        within: Time on either side of a change of the torque's sign [s].
+        loads: Effects that may act on the link's side, with their shapes and coefficients [N m].
+    """
+
+    within: float
+    loads: tuple[tuple[TorqueEffect, Shape, FloatArray], ...] = ()
+
+    def is_open(self, signals: Signals, segments: Sequence[slice]) -> BoolArray:
+        """(T,) whether the transmitted torque changes its sign within the time.
+
+        It counts with these loads and without them: a cable may pull at the link or at the motor.
+        """
+        known = signals.load_torque
+        more = sum((e.columns(signals, shape) @ theta for e, shape, theta in self.loads), np.zeros_like(known))
+        near = np.zeros(known.size, dtype=bool)
+        size = 2 * round(self.within / signals.period) + 1
+        for s in segments:
+            for torque in (known[s], known[s] + more[s]):
+                near[s][np.flatnonzero(np.diff(np.sign(torque)))] = True
+            near[s] = maximum_filter1d(near[s].astype(np.uint8), size, mode="constant").astype(bool)
+        return near

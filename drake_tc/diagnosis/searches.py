@@ -1,0 +1,165 @@
+"""Searches of one joint: on all rows, on those of a soft gear, and without those in which the teeth are apart.
+
+Which rows a joint has depends on its gear. Under a soft one the link still moves while the motor sticks. In one with
+play the motor crosses the gap when the transmitted torque changes its sign. It takes a while, in which the link's
+encoder does not say where the motor is, and oscillates on its servo afterwards. With the stiffness K of the servo and
+the reflected inertia J of the rotor, rows take no part within
+
+    w = light kernel + 2 pi sqrt(J/K)                                                                       (apart)
+
+of a change of the sign of the torque that the gear transmits.
+"""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+
+from drake_tc.diagnosis.data.open_gap import OpenGap
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.thresholds import SOFTER_GEAR
+from drake_tc.effects.backlash import Backlash
+from drake_tc.effects.base import TorqueEffect
+from drake_tc.effects.elasticity import Elasticity
+from drake_tc.effects.library import looked_for
+from drake_tc.effects.obstacle import Obstacle
+from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
+from drake_tc.errors import IdentificationError
+
+SEARCHED_SAMPLES = 200_000
+UNKNOWN_INERTIA = 0.07
+"""2 pi sqrt(J/K) where J is not known [s]: position loops of robot joints follow up to some 15 Hz."""
+ON_MOTOR_SIDE = frozenset({"rotor_inertia", "torque_ripple"})
+"""Loads that the gear does not transmit."""
+LONGEST_CROSSING = 0.3
+"""Longest 2 pi sqrt(J/K) that is believed [s]: a slower position loop would follow no motion."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One search: what it looked at and what it found."""
+
+    prepared: Prepared
+    subsample: Columns
+    obstacles: tuple[tuple[str, Obstacle], ...]
+    found: Search
+
+    @property
+    def passed_over(self) -> tuple[DidNotHold, ...]:
+        """Effects that fitted best and whose values are impossible."""
+        return self.found.passed_over
+
+
+def searched(
+    prepared: Prepared,
+    options: DiagnosisOptions,
+    progress: Progress,
+    executor: Executor | None,
+    without: frozenset[str] = frozenset(),
+) -> Stage:
+    """One search.
+
+    Args:
+        prepared: The joint.
+        options: Thresholds and seed.
+        progress: Told how far it is.
+        executor: Refines proposals; None does it here.
+        without: Ids of effects that are not looked for.
+    """
+    library = [each for each in looked_for(prepared.context, options.effects) if each.id not in without]
+    usable, obstacles = candidates(library, prepared.context, prepared.declared)
+    subsample = columns = prepared.train
+    if len(columns.samples.signals) > SEARCHED_SAMPLES:
+        subsample = Columns(
+            columns.samples.subsample(SEARCHED_SAMPLES),
+            columns.gain,
+            columns.floor,
+            declared_gain=columns.declared_gain,
+        )
+    found = search(
+        subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor
+    )
+    return Stage(prepared, subsample, tuple(obstacles), found)
+
+
+def _has_elasticity(found: Search) -> bool:
+    return any(isinstance(t.effect, Elasticity) for t in found.chosen.terms)
+
+
+def _wind_up(stage: Stage) -> float:
+    """The compliance [rad/(N m)] of a gear that may wind up between the servo's encoder and the logged one, or 0.
+
+    Elasticity and a torque sensor that reads too little scale the load alike. They differ in when the motor sticks:
+    under a soft gear the link still moves. So when either was found, the rows are chosen anew as a soft gear has them.
+    """
+    gain = next((t for t in stage.found.chosen.terms if isinstance(t.effect, TorqueSensorGain)), None)
+    if gain is None and not _has_elasticity(stage.found):
+        return 0.0
+    soft = Elasticity()
+    if soft.obstacle(stage.prepared.context):
+        return 0.0
+    tried = fit(stage.subsample, [*stage.found.baseline.terms, Term(soft)])
+    return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
+
+
+def _on_soft_rows(
+    prepared: Prepared, options: DiagnosisOptions, progress: Progress, executor: Executor | None
+) -> Stage:
+    """The search on the rows of a soft gear, of the elasticity where a gain of the torque sensor is only as good."""
+    stage = searched(prepared, options, progress, executor)
+    as_good = (term for others in stage.found.as_good for fitted in others for term in fitted.terms)
+    if not _has_elasticity(stage.found) and any(isinstance(term.effect, Elasticity) for term in as_good):
+        stage = searched(prepared, options, progress, executor, without=frozenset({TorqueSensorGain.id}))
+    return stage
+
+
+def _has_backlash(found: Search) -> bool:
+    return any(isinstance(t.effect, Backlash) for t in found.chosen.terms)
+
+
+def _open_gap(stage: Stage) -> OpenGap | None:
+    """The gap where backlash was found, with (apart); of `UNKNOWN_INERTIA` where no inertia of the rotor is known."""
+    if not _has_backlash(stage.found):
+        return None
+    samples, chosen = stage.prepared.train.samples, stage.found.chosen
+    known = BalanceCoefficients.of(chosen.terms, chosen.beta, samples.signals.rotor_inertia)
+    period = 2.0 * math.pi * math.sqrt(known.inertia / known.stiffness) if known.inertia > 0.0 else UNKNOWN_INERTIA
+    loads = [
+        (t.effect, t.shape, theta)
+        for t, theta in coefficients_by_term(chosen.terms, chosen.beta)
+        if isinstance(t.effect, TorqueEffect) and t.effect.kind == "load" and t.effect.id not in ON_MOTOR_SIDE
+    ]
+    return OpenGap(samples.light.actual_width_s + min(period, LONGEST_CROSSING), tuple(loads))
+
+
+def of_its_gear(
+    prepare: Callable[..., Prepared], options: DiagnosisOptions, progress: Progress, executor: Executor | None
+) -> tuple[Stage, Callable[..., Prepared]]:
+    """The search on the rows that the joint's gear asks for, and how these rows are prepared.
+
+    Args:
+        prepare: `prepare_joint` of the joint's runs, with keywords that choose rows.
+        options: Thresholds and seed.
+        progress: Told how far it is.
+        executor: Refines proposals; None does it here.
+    """
+    stage = searched(prepare(), options, progress, executor)
+    if (compliance := _wind_up(stage)) > 0.0:
+        soft = _on_soft_rows(prepare(compliance=compliance), options, progress, executor)
+        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
+            stage, prepare = soft, partial(prepare, compliance=compliance)
+    if (gap := _open_gap(stage)) is not None:
+        try:
+            closed = searched(prepare(gap=gap), options, progress, executor)
+        except IdentificationError:  # the load changes its sign so often that hardly a row is left
+            return stage, prepare
+        if _has_backlash(closed.found):
+            stage, prepare = closed, partial(prepare, gap=gap)
+    return stage, prepare

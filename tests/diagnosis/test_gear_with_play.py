@@ -1,0 +1,56 @@
+"""While the motor crosses the gap the link's encoder does not say where it is: those rows take no part."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.data.open_gap import OpenGap
+from drake_tc.diagnosis.notes import GapCrossings
+from drake_tc.effects.base import plain_signals
+from drake_tc.effects.cable_spring import CableSpring
+
+from .gear_with_play import Gear, diagnose
+
+
+@pytest.mark.parametrize("gear", [Gear(play=2e-3), Gear(play=6e-4), Gear(play=1.2e-3, stiffness=2500.0, rotor=0.3)])
+def test_play_explains_all_but_the_noise(gear: Gear) -> None:
+    found = diagnose(gear)
+    assert [e.id for e in found.effects] == ["backlash"]
+    assert_allclose(found.effects[0].parameters["backlash"].value, gear.play, rtol=0.03)
+    assert found.verdict == "effects_found"
+    assert found.unexplained.floors < 2.0
+    (note,) = [each for each in found.notes if isinstance(each, GapCrossings)]
+    swing = 2.0 * np.pi * np.sqrt(gear.rotor / gear.stiffness)
+    assert swing < note.within < swing + 0.06
+
+
+def test_a_spring_beside_play_is_found_too() -> None:
+    gear = Gear(play=1.2e-3, spring=3.0)
+    found = diagnose(gear)
+    assert {e.id for e in found.effects} == {"backlash", "cable_spring"}
+    stiffness = next(e for e in found.effects if e.id == "cable_spring").parameters["spring_stiffness"].value
+    assert_allclose(stiffness, gear.spring, rtol=0.05)
+    assert found.verdict == "effects_found"
+
+
+def test_a_gear_without_play_keeps_all_rows() -> None:
+    found = diagnose(Gear(play=0.0))
+    assert found.verdict == "no_missing_effect"
+    assert not [each for each in found.notes if isinstance(each, GapCrossings)]
+
+
+def test_the_gap_is_open_around_each_change_of_sign_of_one_of_the_torques() -> None:
+    """Load 5 s to 10 s, a spring moves the change of sign from 5.0 to 4.0 s; segments do not see each other."""
+    time = np.arange(200) * 0.05
+    signals = replace(plain_signals(200, {"position": np.ones(200), "load_torque": time - 5.01}), period=0.05)
+    segments = (slice(0, 120), slice(120, 200))
+    alone = OpenGap(0.1).is_open(signals, segments)
+    assert_allclose(time[alone], [4.9, 4.95, 5.0, 5.05, 5.1][: alone.sum()], atol=0.051)
+    assert alone.sum() == 5
+    pulled = OpenGap(0.1, ((CableSpring(), {}, np.array([1.0, 0.0])),)).is_open(signals, segments)
+    assert pulled.sum() == 10
+    assert (pulled & alone).sum() == 5
+    apart = replace(signals, load_torque=np.where(time < 6.0, 1.0, -1.0))
+    assert not OpenGap(0.1).is_open(apart, segments).any()
