@@ -15,6 +15,7 @@ from drake_tc.diagnosis.residual.structure import assess_residual, features, is_
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
+from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, TransmissionEffect
 
 
@@ -47,7 +48,8 @@ def what_is_left(
     servo = context.drive == "position_servo"
     known = BalanceCoefficients.of(chosen.terms, chosen.beta)
     x = (features(splits[0].samples, known, servo=servo), features(splits[1].samples, known, servo=servo))
-    thresholds = _residual_options(options.residual, chosen)
+    gap_left_out = splits[0].samples.open_within > 0.0
+    thresholds = _residual_options(options.residual, chosen, gap_left_out=gap_left_out)
     floors = [float(np.hypot(floor, left_by_effort_noise(s.samples, s.after))) for s in splits]
     ratio = floors[1] / floor
     notes: tuple[NoiseNote, ...] = ()
@@ -77,11 +79,12 @@ def what_is_left(
     return left, levels[1], notes
 
 
-def _residual_options(options: ResidualThresholds, chosen: Fit) -> ResidualThresholds:
-    """A gear's play or softness is modelled at rest only: three times as much may be left of what it explains."""
-    if any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms):
-        return replace(options, least_of_before=3.0 * options.least_of_before)
-    return options
+def _residual_options(options: ResidualThresholds, chosen: Fit, *, gap_left_out: bool) -> ResidualThresholds:
+    """A gear's softness, and its play in an open gap, is modelled at rest only: three times as much may be left."""
+    at_rest = [t for t in chosen.terms if isinstance(t.effect, TransmissionEffect)]
+    if all(gap_left_out and isinstance(t.effect, Backlash) for t in at_rest):
+        return options
+    return replace(options, least_of_before=3.0 * options.least_of_before)
 
 
 def verdict_of(left: Unexplained, *, found: bool) -> Verdict:
