@@ -36,7 +36,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.selection.recorded_late import recorded_late
+from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
 from drake_tc.effects.base import EFFORT_UNIT, Context
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
@@ -84,7 +84,9 @@ def diagnose_joint(
     )
     stage, prepare = of_its_gear(prepare, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms
-    if (late := sampled_late(rig.command_hold, first, terms)) > 0.0:
+    if moved := position_recorded_late(prepare, first, terms):
+        stage = searched(moved, options, progress, executor, without=LATE)
+    elif (late := sampled_late(rig.command_hold, first, terms)) > 0.0:
         stage = searched(prepare(sampled_late=late), options, progress, executor, without=LATE)
     elif moved := age_of_samples(rig.command_hold, prepare, first, terms) or recorded_late(prepare, first, terms):
         stage = searched(moved, options, progress, executor, without=LATE)

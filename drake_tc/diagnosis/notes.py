@@ -154,6 +154,13 @@ class RecordedLate:
 
 
 @dataclass(frozen=True)
+class PositionRecordedLate:
+    """The position is recorded after it was measured, by `lead` [s]."""
+
+    lead: float
+
+
+@dataclass(frozen=True)
 class HeldEffort:
     """The effort is taken to act unchanged from one sample to the next, one period [s]."""
 
@@ -270,6 +277,7 @@ DriveNote = (
     | DelayBySampling
     | OlderEffort
     | RecordedLate
+    | PositionRecordedLate
     | HeldEffort
     | ServoDamping
 )

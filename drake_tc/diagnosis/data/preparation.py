@@ -111,6 +111,7 @@ def build_samples(
     *,
     effort_age: float = 0.0,
     gap: OpenGap | None = None,
+    position_late: float = 0.0,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -125,6 +126,7 @@ def build_samples(
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
             negative if it is recorded after it acted.
         gap: Play of the gear; samples at which its teeth are apart take no part.
+        position_late: Time [s] by which the position is recorded after it was measured; of a torque sensor's joint.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -133,6 +135,7 @@ def build_samples(
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
     step, noise = encoder_of(channels, rig, raw_q)
+    raw_q = aged(raw_q, segments, -position_late / period)
     light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
@@ -204,6 +207,7 @@ def build_samples(
         load_unknown=unknown_form(load) is not None,
         effort_age=effort_age,
         torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
+        position_late=position_late,
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )

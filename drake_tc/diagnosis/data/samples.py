@@ -41,6 +41,7 @@ class Samples:
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
+        position_late: By how much the position is recorded after it was measured [s].
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
         open_within: Time on either side of a change of the transmitted torque's sign whose samples take no part [s].
@@ -68,6 +69,7 @@ class Samples:
     sensor_prior: SensorPrior | None = None
     loop_gains: tuple[float, ...] = ()
     open_within: float = 0.0
+    position_late: float = 0.0
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""

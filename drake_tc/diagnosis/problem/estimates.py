@@ -122,7 +122,7 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
 
 def rests_on_bound(value: float, low: float, high: float) -> bool:
     """Whether a value is one of its bounds, up to rounding."""
-    return min(abs(value - low), abs(value - high)) <= 1e-9 * max(1.0, abs(value))
+    return bool(min(abs(value - low), abs(value - high)) <= 1e-9 * max(1.0, abs(value)))
 
 
 def _undetermined(jacobian: FloatArray, dead: BoolArray, coefficients: int) -> BoolArray:

@@ -99,6 +99,7 @@ def prepare_joint(
     common: Sequence[Term] = (),
     sampled_late: float = 0.0,
     gap: OpenGap | None = None,
+    position_late: float = 0.0,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -113,13 +114,22 @@ def prepare_joint(
         common: Terms of all joints, which the declared model has besides the joint's own.
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
         gap: As in `build_samples`.
+        position_late: As in `build_samples` [s].
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
     loads = possible_loads(rig, joint) if link_prior is None else (link_load(link_prior.mean.size),)
-    build = partial(build_samples, rig=rig, joint=joint, width_s=width_s, compliance=compliance, gap=gap)
+    build = partial(
+        build_samples,
+        rig=rig,
+        joint=joint,
+        width_s=width_s,
+        compliance=compliance,
+        gap=gap,
+        position_late=position_late,
+    )
     held_for = HELD if command_is_held(partial(build, train_runs), rig, joint, link_prior, loads) else 0.0
     build = partial(build, effort_age=held_for + sampled_late)
     train, held = _samples(build, train_runs, held_runs)

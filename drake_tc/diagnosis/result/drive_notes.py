@@ -12,6 +12,7 @@ from drake_tc.diagnosis.notes import (
     HeldEffort,
     OlderEffort,
     PayloadFromRatio,
+    PositionRecordedLate,
     RecordedLate,
     ServoDamping,
     SizeByRotorInertia,
@@ -77,14 +78,15 @@ def late_note(found: Parameters, samples: Samples) -> tuple[DelayBySampling, ...
     return tuple(DelayBySampling(name, value, period) for name, value in values if period >= WORTH_SAYING * value)
 
 
-def age_note(samples: Samples, drive: DriveKind) -> tuple[HeldEffort | OlderEffort | RecordedLate, ...]:
-    """That the command was taken to hold between samples, or that the effort is older or younger than its sample."""
+def age_note(samples: Samples, drive: DriveKind) -> tuple[DriveNote, ...]:
+    """That the command was taken to hold between samples, or that a column is older or younger than its sample."""
     period, age = samples.signals.period, samples.effort_age
+    position = () if samples.position_late == 0.0 else (PositionRecordedLate(samples.position_late),)
     if age == 0.0:
-        return ()
+        return position
     if age < 0.0:
         return (RecordedLate(drive, -age * period),)
-    return (HeldEffort(drive, period) if age == HELD else OlderEffort(drive, age * period, period),)
+    return (*position, HeldEffort(drive, period) if age == HELD else OlderEffort(drive, age * period, period))
 
 
 def _other_gain(found: Parameters, declared: float | None, drive: DriveKind) -> tuple[DriveNote, ...]:

@@ -1,11 +1,15 @@
-"""An effort that is recorded after it acted: y*(t) = y(t + d), d > 0.
+"""A column that is recorded after its value held: x*(t) = x(t + d), d > 0.
 
-A current that passes the drive's low-pass before it is logged, a command that is logged one cycle after it was sent,
-and columns with the time stamp of their arrival run behind the motion. No effect can say so, because no drive acts
-before its command. Friction is then wrong, and other effects imitate the lead, together well enough on the runs that
-they are fitted to. Where the declared model leaves more than the noise, leads up to 50 ms are therefore tried on it
-alone. One is taken if the declared model leaves at most half of its error with it, and less than all that was found
-without it.
+*The effort.* A current that passes the drive's low-pass before it is logged, a command that is logged one cycle after
+it was sent, and columns with the time stamp of their arrival run behind the motion. No effect can say so, because no
+drive acts before its command. Friction is then wrong, and other effects imitate the lead, together well enough on the
+runs that they are fitted to.
+
+*The position of a servo beside a torque sensor.* With the servo's stiffness K, a position that is late by d adds K d to
+the viscous friction, which is always fitted, and K d^2/2 to the inertia, which looks like a payload.
+
+Where the declared model leaves more than the noise, leads up to 50 ms are therefore tried on it alone. One is taken if
+the declared model leaves at most half of its error with it, and less than all that was found without it.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,10 +20,13 @@ from scipy.optimize import minimize_scalar
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import LEAD_FLOORS, LEAD_LEAVES, LEADS, LONGEST_LEAD
 from drake_tc.errors import IdentificationError
 
 REFINEMENTS = 8
+LEAD_PARAMETERS = 3
+"""Parameters of effects in whose place a lead, which is one, may leave more than they do."""
 
 
 def recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]) -> Prepared | None:
@@ -34,15 +41,46 @@ def recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Seq
         None where the declared model leaves at most `LEAD_FLOORS` noise floors, where a robot's model gives the load,
         or where no lead leaves at most `LEAD_LEAVES` of its error and less than the model that was found.
     """
+    period = plain.train.samples.signals.period
+    return _earlier(lambda lead: prepare(sampled_late=-lead / period), plain, chosen)
+
+
+def position_recorded_late(
+    prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]
+) -> Prepared | None:
+    """The same of a servo's joint with a torque sensor, and of its position: `prepare(position_late=d)`, d in s.
+
+    A lead that leaves little but noise is also taken in place of several effects which leave less, if these have at
+    least two parameters more: together they imitate its second order. A single late effect is not replaced, because a
+    late command differs from a late position only in the rates of load and friction.
+    """
+    if plain.context.drive != "position_servo" or plain.context.load != "torque":
+        return None
+    several = fit(plain.train, chosen).size - fit(plain.train, plain.terms).size >= LEAD_PARAMETERS
+    if not several and any(term.effect.id in LATE for term in chosen):
+        return None
+    enough = LEAD_FLOORS * plain.floor if several else 0.0
+    return _earlier(lambda lead: prepare(position_late=lead), plain, chosen, enough)
+
+
+def _earlier(
+    way: Callable[[float], Prepared], plain: Prepared, chosen: Sequence[Term], enough: float = 0.0
+) -> Prepared | None:
     left = fit(plain.train, plain.terms).cv_rms
     if plain.context.load in ("robot", "links") or left <= LEAD_FLOORS * plain.floor:
         return None
-    period = plain.train.samples.signals.period
+    least, lead = _best_lead(way, left, plain.train.samples.signals.period)
+    taken = least <= LEAD_LEAVES * left and least < max(fit(plain.train, chosen).cv_rms, enough)
+    return way(lead) if taken else None
+
+
+def _best_lead(way: Callable[[float], Prepared], left: float, period: float) -> tuple[float, float]:
+    """Least error [effort] of the declared model, and the lead [s] that leaves it; `left` and 0 without a lead."""
 
     def error(lead: float) -> float:
-        """Cross-validated error [effort] of the declared model, the effort taken `lead` [s] earlier."""
+        """Cross-validated error [effort] of the declared model with this lead [s]."""
         try:
-            tried = prepare(sampled_late=-lead / period)
+            tried = way(lead)
         except IdentificationError:
             return np.inf
         return float(fit(tried.train, tried.terms).cv_rms)
@@ -50,13 +88,11 @@ def recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Seq
     shortest = 0.5 * min(period, LONGEST_LEAD)
     leads, errors = [0.0, shortest], [left, error(shortest)]
     if errors[1] >= left:
-        return None
+        return left, 0.0
     leads += [float(lead) for lead in np.geomspace(shortest, LONGEST_LEAD, LEADS)[1:]]
     errors += [error(lead) for lead in leads[2:]]
     best = int(np.argmin(errors))
     if best == len(leads) - 1:
-        return None
+        return left, 0.0
     refined = minimize_scalar(error, bounds=(leads[best - 1], leads[best + 1]), options={"maxiter": REFINEMENTS})
-    least, lead = min((float(refined.fun), float(refined.x)), (errors[best], leads[best]))
-    taken = least <= LEAD_LEAVES * left and least < fit(plain.train, chosen).cv_rms
-    return prepare(sampled_late=-lead / period) if taken else None
+    return min((float(refined.fun), float(refined.x)), (errors[best], leads[best]))

@@ -12,6 +12,7 @@ from drake_tc.diagnosis.notes import (
     HeldEffort,
     OlderEffort,
     PayloadFromRatio,
+    PositionRecordedLate,
     RecordedLate,
     ServoDamping,
     SizeByRotorInertia,
@@ -49,6 +50,12 @@ def drive_sentence(note: DriveNote) -> str:
                 "therefore taken to be recorded late: both models and their errors are for the earlier values, and the "
                 "free run is driven by the recorded ones. Check its time stamps, whether it is filtered before it is "
                 "logged, and whether it belongs to an earlier cycle."
+            )
+        case PositionRecordedLate(lead):
+            return (
+                f"The position seems to be recorded {_ms(lead)} after it was measured, because command and torque then "
+                "fit the motion. Both models and their errors are for the earlier positions. Check the time stamps of "
+                "the encoder."
             )
         case HeldEffort(drive, period):
             return (
