@@ -1,5 +1,6 @@
 """Intervals that cover, parameters in true units, and bounds that are said to be hit."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,13 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.diagnosis.problem.estimates import block_lengths, estimates, physical_parameters, shape_slopes
+from drake_tc.diagnosis.problem.estimates import (
+    block_lengths,
+    estimates,
+    physical_parameters,
+    rests_on_bound,
+    shape_slopes,
+)
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.result.widening import widened
 from drake_tc.diagnosis.selection.shape_refinement import refine
@@ -139,3 +146,8 @@ def test_a_shape_that_acts_as_another_parameter_does_has_no_interval():
     found = estimates(p.columns, saturated, "current")
     assert found["saturation"]["limit"].ci95 == (0.0, np.inf)
     assert np.isfinite(found["coulomb"]["coulomb"].ci95).all()
+
+
+@pytest.mark.parametrize("value", [0.3, 0.0])
+def test_the_answer_for_a_numpy_value_can_be_written_to_the_report(value):
+    assert json.dumps(rests_on_bound(np.float64(value), 0.0, 10.0)) == ("true" if value == 0.0 else "false")
