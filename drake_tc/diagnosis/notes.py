@@ -81,6 +81,13 @@ class SizeByRotorInertia:
 
 
 @dataclass(frozen=True)
+class LoadWithRotor:
+    """Effects, by title, that follow a load torque whose fitted inertia contains that of the rotor."""
+
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class PayloadFromRatio:
     """A payload on a pendulum under a drive whose gain is not declared: only its ratio of inertia to moment shows.
 
@@ -253,6 +260,7 @@ ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 DriveNote = (
     GainOfTorqueDrive
     | SizeByRotorInertia
+    | LoadWithRotor
     | PayloadFromRatio
     | GainBesideEffects
     | GainDeclaredWrong

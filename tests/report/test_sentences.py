@@ -18,6 +18,7 @@ from drake_tc.diagnosis.notes import (
     GainOfTorqueDrive,
     GearBetweenEncoders,
     HeldEffort,
+    LoadWithRotor,
     LogRemark,
     NoFreeRun,
     NoiseOfRecordedEffort,
@@ -117,6 +118,7 @@ NOTES = [
         ["as effort [V]", "to get N*m. The declared rotor inertia does"],
     ),
     (GainOfTorqueDrive(1.2, 1.15, 1.25), ["is 1.2 N*m of commanded torque", "interval 1.15 to 1.25)"]),
+    (LoadWithRotor(("load-dependent friction",)), ["load-dependent friction depends on the torque in the gear"]),
     (SizeByRotorInertia(("payload", "gain")), ["size of the payload and the gain rests on"]),
     (
         PayloadFromRatio(3.04, 5.21),

@@ -138,6 +138,14 @@ def test_what_is_not_known_of_a_shape_widens_its_interval():
     assert wide["viscous"] == found["viscous"]
 
 
+def test_a_wider_interval_ends_at_the_bound_of_its_parameter():
+    p = problem(Joint(duration=12.0, period=4e-3, torque_noise=0.4))
+    found = estimates(p.columns, p.baseline, "current")
+    wide = widened(found, p.baseline, np.diag(np.full(p.baseline.beta.size, 50.0**2)))
+    assert wide["coulomb"]["coulomb"].ci95[0] == 0.0
+    assert wide["coulomb"]["coulomb"].ci95[1] > 50.0
+
+
 def test_a_shape_that_acts_as_another_parameter_does_has_no_interval():
     """Of a drive that is always saturated, i = K limit sign(i): the gain and the limit only show as their product."""
     p = problem(Joint(duration=12.0, period=4e-3, torque_noise=0.2))
