@@ -41,6 +41,7 @@ from drake_tc.diagnosis.result.experiments import (
     NextExperiment,
     RepeatRun,
     RepeatUnchanged,
+    SeparateLoads,
     TellApart,
     VarySignals,
 )
@@ -99,6 +100,7 @@ OBJECTIONS = [
 EXPERIMENTS = [
     (TellApart("stribeck", "delay"), ["To tell stribeck from delay: creep at", "(shows stribeck alone)"]),
     (CheckLoad(), ["the declared load (mass, length, zero) and the drive gain"]),
+    (SeparateLoads(), ["The fitted load differs from run to run", "load: {pendulum: ...}"]),
     (RepeatRun("run_2", 1.04, 2.5), ["Repeat run_2: between 1.0 and 2.5 s"]),
     (FindPeriodicSource(49.987), ["periodic at 49.99 Hz"]),
     (VarySignals(("load_torque", "velocity")), ["in which load torque, velocity vary independently"]),

@@ -24,6 +24,11 @@ class CheckLoad:
 
 
 @dataclass(frozen=True)
+class SeparateLoads:
+    """Keep runs with different loads apart: the fitted parameters of the unknown load differ from run to run."""
+
+
+@dataclass(frozen=True)
 class RepeatRun:
     """Repeat a run: between `start` and `end` [s] something acted that the log does not show."""
 
@@ -51,11 +56,15 @@ class RepeatUnchanged:
     """Repeat one run unchanged: what is left has structure that depends on no recorded signal."""
 
 
-NextExperiment = TellApart | CheckLoad | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
+NextExperiment = TellApart | CheckLoad | SeparateLoads | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
 
 
 def next_experiment(
-    alternatives: Sequence[tuple[str, str]], unexplained: Unexplained, reasons: Collection[Withdrawal] = ()
+    alternatives: Sequence[tuple[str, str]],
+    unexplained: Unexplained,
+    reasons: Collection[Withdrawal] = (),
+    *,
+    loads_differ: bool = False,
 ) -> NextExperiment | None:
     """What to do first; None when nothing is open.
 
@@ -63,11 +72,14 @@ def next_experiment(
         alternatives: Pairs of effects, by id, that the logs cannot tell apart.
         unexplained: What the final model leaves.
         reasons: Why effects did not hold.
+        loads_differ: Whether the parameters of an unknown load differ from run to run.
     """
     if alternatives:
         return TellApart(*alternatives[0])
     if "looks_like_known_load" in reasons:
         return CheckLoad()
+    if loads_differ:
+        return SeparateLoads()
     if unexplained.confined_to:
         stretch = unexplained.confined_to[0]
         return RepeatRun(stretch.run, stretch.start, stretch.end)

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.result.experiments import (
     NextExperiment,
     RepeatRun,
     RepeatUnchanged,
+    SeparateLoads,
     TellApart,
     VarySignals,
 )
@@ -65,6 +66,11 @@ def experiment_sentence(experiment: NextExperiment) -> str:
             return (
                 "Check the declared load (mass, length, zero) and the drive gain first: an error of one of them "
                 "explains the residual equally well."
+            )
+        case SeparateLoads():
+            return (
+                "The fitted load differs from run to run. If the joint carried different loads, run close-loop for "
+                "the runs of each load separately, or state a mass for each log in load: {pendulum: ...}."
             )
         case RepeatRun(run, start, end):
             return (
