@@ -47,10 +47,10 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
         found: Parameters of the final model, by effect.
         fitted_gain: K of the final fit [effort/(N m)], an error of the declared gain included.
     """
-    payload = (*_payload(rig, joint, found), *_with_rotor(rig, joint, found))
+    load: tuple[DriveNote, ...] = (*_payload(rig, joint, found), *_with_rotor(rig, joint, found))
     if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
-        return (*_torque_scale(found["drive"]["gain"]), *payload)
-    notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *payload)
+        return (*_torque_scale(found["drive"]["gain"]), *load)
+    notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *load)
     damping = rig.derivative_gain.get(joint)
     if damping is None:
         return notes
