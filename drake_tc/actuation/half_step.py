@@ -17,6 +17,7 @@ from dataclasses import replace
 
 from drake_tc.actuation.constant_parts import split_parts
 from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.effects.base import TorqueEffect
 
 
 def simulated_inertia(model: ActuatorModel, step: float) -> float:
@@ -40,6 +41,9 @@ def simulated_inertia(model: ActuatorModel, step: float) -> float:
 def model_to_simulate(model: ActuatorModel, step: float) -> ActuatorModel:
     """The model with J - f_v h/2 [kg m^2] in place of J: simulated with this step, its log shows J.
 
+    J is the sum of all inertias of the model: of the rotor, of a payload and of an unknown load. Each one is made
+    smaller by the same factor.
+
     Of a constant torque, velocity then decays by (J - f_v h/2)/(J + f_v h/2) in a step, which is the trapezoidal rule
     on J. A step so long that less than half of J would be left gets J/2: it cannot show this friction.
 
@@ -56,6 +60,13 @@ def model_to_simulate(model: ActuatorModel, step: float) -> ActuatorModel:
     excess = min(simulated_inertia(model, step) - model.inertia, 0.5 * model.inertia)
     if excess <= 0.0:
         return model
-    lower = EffectValue("rotor_inertia", {"rotor_inertia": model.inertia - excess})
-    others = tuple(value for value in model.effects if value.effect.id != lower.effect.id)
-    return replace(model, effects=(lower, *others))
+    factor = 1.0 - excess / model.inertia
+    return replace(model, effects=tuple(_with_inertia(value, factor) for value in model.effects))
+
+
+def _with_inertia(value: EffectValue, factor: float) -> EffectValue:
+    """The effect with its inertia multiplied by the factor."""
+    name = value.effect.inertia_parameter if isinstance(value.effect, TorqueEffect) else ""
+    if not name:
+        return value
+    return replace(value, parameters={**value.parameters, name: factor * value.parameters[name]})

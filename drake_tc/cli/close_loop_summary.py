@@ -46,7 +46,7 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
             _say(console, f"closed loop: {escape(note)}")
     _print_export(console, result)
     if result.hints:
-        _say(console, f"rig file: {escape(' '.join(result.hints))}")
+        _say(console, f"rig file or log: {escape(' '.join(result.hints))}")
     console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
 
 

@@ -20,7 +20,7 @@ from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
 from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
-from drake_tc.diagnosis.result.consistency import consistency
+from drake_tc.diagnosis.result.consistency import consistency, loads_differ
 from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
@@ -122,6 +122,7 @@ def diagnose_joint(
         *_gear(columns, context),
     )
     alternatives = tuple(pair for pair in alternatives if pair[0] in kept)
+    by_condition = consistency(columns, chosen, context.drive)
     return JointResult(
         joint=joint,
         drive=context.drive,
@@ -151,6 +152,7 @@ def diagnose_joint(
             alternatives,
             unexplained,
             [each.reason for each in did_not_hold],
+            loads_differ=loads_differ(by_condition),
         ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),
@@ -158,7 +160,7 @@ def diagnose_joint(
         heldout=splits[1],
         did_not_hold=did_not_hold,
         runs=tuple(run_errors(splits)),
-        consistency=consistency(columns, chosen, context.drive),
+        consistency=by_condition,
         plausible=plausible_ranges(chosen, context),
         shared_band=shared_band(*splits),
         load_notes=load_notes,

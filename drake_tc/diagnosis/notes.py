@@ -6,6 +6,13 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from drake_tc.diagnosis.timing_notes import (
+    DelayBySampling,
+    HeldEffort,
+    OlderEffort,
+    PositionRecordedLate,
+    RecordedLate,
+)
 from drake_tc.effects.context import DriveKind
 
 FreeRunObstacle = Literal["load_beyond_gear", "no_fitted_inertia", "no_inertia", "nothing_to_simulate"]
@@ -81,6 +88,13 @@ class SizeByRotorInertia:
 
 
 @dataclass(frozen=True)
+class LoadWithRotor:
+    """Effects, by title, that follow a load torque whose fitted inertia contains that of the rotor."""
+
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class PayloadFromRatio:
     """A payload on a pendulum under a drive whose gain is not declared: only its ratio of inertia to moment shows.
 
@@ -121,51 +135,6 @@ class GainDeclaredWrong:
     gain: float
     declared: float
     factor: float
-
-
-@dataclass(frozen=True)
-class DelayBySampling:
-    """How much of a delay the instants of sampling may be.
-
-    Attributes:
-        name: "delay" or "lag". value: of it [s]. period: of the sampling [s].
-    """
-
-    name: str
-    value: float
-    period: float
-
-
-@dataclass(frozen=True)
-class OlderEffort:
-    """The effort that acts is `age` [s] older than the one that is recorded, within one period [s]."""
-
-    drive: DriveKind
-    age: float
-    period: float
-
-
-@dataclass(frozen=True)
-class RecordedLate:
-    """The effort acts before it is recorded, by `lead` [s]."""
-
-    drive: DriveKind
-    lead: float
-
-
-@dataclass(frozen=True)
-class PositionRecordedLate:
-    """The position is recorded after it was measured, by `lead` [s]."""
-
-    lead: float
-
-
-@dataclass(frozen=True)
-class HeldEffort:
-    """The effort is taken to act unchanged from one sample to the next, one period [s]."""
-
-    drive: DriveKind
-    period: float
 
 
 @dataclass(frozen=True)
@@ -271,6 +240,7 @@ ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 DriveNote = (
     GainOfTorqueDrive
     | SizeByRotorInertia
+    | LoadWithRotor
     | PayloadFromRatio
     | GainBesideEffects
     | GainDeclaredWrong

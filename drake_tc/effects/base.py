@@ -177,6 +177,9 @@ class Effect(ABC):
 class TorqueEffect(Effect):
     """An effect that costs torque between drive and link: friction, inertia, ripple, springs."""
 
+    inertia_parameter: ClassVar[str] = ""
+    """Name of the parameter that is an inertia [kg m^2]; empty where the effect has none."""
+
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """sum_k theta_k phi_k (T,): over a log, and for compensation; parameters may be one value a joint."""
         shape = {p.name: parameters[p.name] for p in (*self.shapes, *self.given_shapes)}
@@ -208,7 +211,7 @@ class TorqueEffect(Effect):
 
     def inertia(self, parameters: Mapping[str, float]) -> float:
         """Inertia [kg m^2] that the effect adds to the joint: the coefficient of the acceleration in `columns`."""
-        return 0.0
+        return parameters[self.inertia_parameter] if self.inertia_parameter else 0.0
 
     def hysteresis_travel(self, parameters: Mapping[str, float]) -> float:
         """Travel [rad] over which the effect's own hysteretic state turns over; 0 where it has none."""

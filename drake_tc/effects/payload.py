@@ -37,6 +37,7 @@ class Payload(EquationEffect):
     torque_kind = PENDULUM
     title = "payload"
     equation = "tau_add = payload_moment * sin(q) + payload_inertia * qddot"
+    inertia_parameter = "payload_inertia"
     kind = "load"
     depends_on_position = True
     linear = True
@@ -72,10 +73,6 @@ class Payload(EquationEffect):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """A pendulum that hangs at q = 0."""
         return parameters["payload_moment"], 0.0, 0.0
-
-    def inertia(self, parameters: Mapping[str, float]) -> float:
-        """J_p."""
-        return parameters["payload_inertia"]
 
 
 class OwnArmPayload(Payload):
@@ -119,6 +116,7 @@ class PendulumPayload(OwnArmPayload):
     """
 
     form = "pendulum"
+    inertia_parameter = ""
     equation = "tau_add = payload_moment * sin(q - hang_angle)"
     excludes = frozenset()
     coefficients = (
@@ -140,10 +138,6 @@ class PendulumPayload(OwnArmPayload):
         """0."""
         return 0.0
 
-    def inertia(self, parameters: Mapping[str, float]) -> float:
-        """0."""
-        return 0.0
-
 
 class DeclaredGainPayload(Payload):
     """Another mass on a pendulum whose drive gain is declared: s tau [N m] more, or less.
@@ -154,6 +148,7 @@ class DeclaredGainPayload(Payload):
     """
 
     form = "declared_gain"
+    inertia_parameter = ""  # the pendulum's torque holds that of the payload
     torque_kind = LOAD_SHARE
     equation = "tau_add = payload_share * tau"
     excludes = frozenset({"servo_gain"})
@@ -178,10 +173,6 @@ class DeclaredGainPayload(Payload):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """S, of the torque that the gear passes."""
         return (parameters["payload_share"],)
-
-    def inertia(self, parameters: Mapping[str, float]) -> float:
-        """None of its own: it rides on the pendulum's torque."""
-        return 0.0
 
 
 def _on_pendulum(context: Context, *, gain_declared: bool) -> str:

@@ -20,6 +20,7 @@ class RotorInertia(EquationEffect):
 
     id = "rotor_inertia"
     torque_kind = CONSTANT
+    inertia_parameter = "rotor_inertia"
     title = "reflected rotor inertia"
     equation = "tau_add = rotor_inertia * qddot"
     kind = "load"
@@ -46,7 +47,3 @@ class RotorInertia(EquationEffect):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """Zeros: it is an inertia alone."""
         return 0.0, 0.0, 0.0
-
-    def inertia(self, parameters: Mapping[str, float]) -> float:
-        """J."""
-        return parameters["rotor_inertia"]

@@ -34,6 +34,7 @@ class UnknownLoadEffect(TorqueEffect):
     """
 
     inertial: ClassVar[bool] = True
+    inertia_parameter = "inertia"
 
     id = "unknown_load"
     kind = "load"
@@ -42,10 +43,6 @@ class UnknownLoadEffect(TorqueEffect):
     def obstacle(self, context: Context) -> str:
         """Only a rig whose load is unknown has it."""
         return "" if context.load == "unknown" else "the load is known"
-
-    def inertia(self, parameters: Mapping[str, float]) -> float:
-        """J."""
-        return parameters["inertia"] if self.inertial else 0.0
 
 
 class UnknownPendulum(EquationEffect, UnknownLoadEffect):
@@ -155,6 +152,7 @@ def _smooth(intervals: int, inertial: bool) -> SmoothLoad:
         "form": f"{'smooth' if inertial else 'curve'}_{intervals}",
         "intervals": intervals,
         "inertial": inertial,
+        "inertia_parameter": "inertia" if inertial else "",
         "equation": SmoothLoad.equation if inertial else CURVE_EQUATION,
         "coefficients": levels + inertia,
     }

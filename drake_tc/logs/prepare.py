@@ -14,6 +14,7 @@ from drake_tc.logs import channels
 from drake_tc.logs.clock import GAP_PERIODS, MIN_ROWS, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
 from drake_tc.logs.exchanged import refuse_exchanged
+from drake_tc.logs.jumps import find_jumps
 from drake_tc.logs.live import require_live
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.local_motion import stepped_clock
@@ -174,7 +175,10 @@ def _prepare(path: Path, rig: Rig) -> Run:
     del table
     raw = without_outliers(with_positions(_in_order(raw)), rig.joints)
     notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
+    beside_jumps, told = find_jumps(raw, rig)
+    notes += told
     columns, excluded, more = _repair_channels(raw, rig)
+    excluded |= beside_jumps
     clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig), scale_of("time", rig.units).factor)
     resampled = {name: clock.resample(values) for name, values in columns.items()}
     segment = _segments(clock.block, clock.resample_mask(excluded))
@@ -201,7 +205,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
         segment=segment,
         notes=notes,
         steps=found,
-        hints=raw.hints,
+        hints=raw.hints + told,
         speed_only=raw.speed_only,
     )
 

@@ -81,7 +81,7 @@ def test_columns_that_seem_to_be_forgotten_are_told_in_one_line(capsys, tmp_path
     result = CloseLoopResult({}, "no_missing_effect", 1.0, (), (), "rig.yaml", hints=hints)
     print_summary(result, tmp_path)
     lines = " ".join(capsys.readouterr().out.split())
-    assert lines.startswith(f"rig file: {hints[0]} {hints[1]}")
+    assert lines.startswith(f"rig file or log: {hints[0]} {hints[1]}")
     print_summary(replace(result, hints=()), tmp_path)
     assert "rig file" not in capsys.readouterr().out
 

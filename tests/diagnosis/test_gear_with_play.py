@@ -8,7 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.open_gap import OpenGap
-from drake_tc.diagnosis.notes import GapCrossings, PositionRecordedLate
+from drake_tc.diagnosis.notes import GapCrossings
+from drake_tc.diagnosis.timing_notes import PositionRecordedLate
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.cable_spring import CableSpring
 from drake_tc.report.report_json import joint_json

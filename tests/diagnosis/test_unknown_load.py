@@ -16,6 +16,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, score
+from drake_tc.diagnosis.result.experiments import SeparateLoads
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
@@ -27,7 +28,7 @@ from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from drake_tc.report.report_json import joint_json
 
 from . import pendulum_rig
-from .pendulum_rig import JOINT, Swing, rig_of, runs_of
+from .pendulum_rig import JOINT, Swing, record, rig_of, runs_of
 
 SWING = Swing()
 SERVO = replace(SWING, drive="position_servo", gain=0.01, encoder_noise=2e-5)
@@ -145,6 +146,14 @@ def written(folder: Path, swing: Swing, rig: Rig) -> tuple[Path, list[Path]]:
         logs.append(folder / f"{run.name}.csv")
         pd.DataFrame({"time": run.time, **run.columns}).to_csv(logs[-1], index=False)
     return save_rig(rig, folder / "rig.yaml"), logs
+
+
+def test_runs_with_other_masses_are_told_apart() -> None:
+    other = replace(SWING, moment=1.6 * SWING.moment, inertia=1.6 * SWING.inertia)
+    train = [record(SWING, "light", 1), record(other, "heavy", 2, 0.37)]
+    result = diagnose_joint(train, [record(SWING, "held", 3, 0.74)], rig_of(SWING), JOINT, DiagnosisOptions())
+    assert result.effects == ()
+    assert result.next_experiment == SeparateLoads()
 
 
 @pytest.mark.parametrize("load", ["unknown", SMOOTH])

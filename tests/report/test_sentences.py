@@ -9,7 +9,6 @@ import pytest
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
-    DelayBySampling,
     DriveNote,
     FreeRunDiverges,
     FreeRunObstacle,
@@ -18,15 +17,12 @@ from drake_tc.diagnosis.notes import (
     GainOfTorqueDrive,
     GapCrossings,
     GearBetweenEncoders,
-    HeldEffort,
+    LoadWithRotor,
     LogRemark,
     NoFreeRun,
     NoiseOfRecordedEffort,
     Note,
-    OlderEffort,
     PayloadFromRatio,
-    PositionRecordedLate,
-    RecordedLate,
     RunsWithoutMotion,
     ScaleOfRotorInertia,
     ServoDamping,
@@ -44,6 +40,7 @@ from drake_tc.diagnosis.result.experiments import (
     NextExperiment,
     RepeatRun,
     RepeatUnchanged,
+    SeparateLoads,
     TellApart,
     VarySignals,
 )
@@ -67,6 +64,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     UncertainOnHeldOut,
     Withdrawal,
 )
+from drake_tc.diagnosis.timing_notes import DelayBySampling, HeldEffort, OlderEffort, PositionRecordedLate, RecordedLate
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT
 from drake_tc.report.html import render
 from drake_tc.report.report_json import joint_json
@@ -106,6 +104,7 @@ EXPERIMENTS = [
         CoverRange(BeyondTraining("temperature", ("warm",), (24.4, 30.7), (24.4, 59.2), 0.998)),
         ["in which the temperature covers 24.4 to", "as warm does: the present training runs cover 24.4 to"],
     ),
+    (SeparateLoads(), ["The fitted load differs from run to run", "load: {pendulum: ...}"]),
     (RepeatRun("run_2", 1.04, 2.5), ["Repeat run_2: between 1.0 and 2.5 s"]),
     (FindPeriodicSource(49.987), ["periodic at 49.99 Hz"]),
     (VarySignals(("load_torque", "velocity")), ["in which load torque, velocity vary independently"]),
@@ -125,6 +124,7 @@ NOTES = [
         ["as effort [V]", "to get N*m. The declared rotor inertia does"],
     ),
     (GainOfTorqueDrive(1.2, 1.15, 1.25), ["is 1.2 N*m of commanded torque", "interval 1.15 to 1.25)"]),
+    (LoadWithRotor(("load-dependent friction",)), ["load-dependent friction depends on the torque in the gear"]),
     (SizeByRotorInertia(("payload", "gain")), ["size of the payload and the gain rests on"]),
     (
         PayloadFromRatio(3.04, 5.21),

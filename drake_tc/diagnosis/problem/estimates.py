@@ -116,7 +116,8 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
                 half = np.inf
             low, high = bounds[key].get(name, (-np.inf, np.inf))
             ci95 = max(value - half, low), min(value + half, high)
-            out[key][name] = Estimate(value, units[key].get(name, "-"), ci95, rests_on_bound(value, low, high))
+            unit, at_bound = units[key].get(name, "-"), rests_on_bound(value, low, high)
+            out[key][name] = Estimate(float(value), unit, (float(ci95[0]), float(ci95[1])), at_bound)
     return out
 
 

@@ -25,6 +25,7 @@ from drake_tc.diagnosis.problem.estimates import GAIN_UNIT, block_lengths, unit_
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.result.joint_result import ParameterByCondition
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.linear_fit import LinearFit
@@ -98,6 +99,11 @@ def consistency(columns: Columns, final: Fit, drive: DriveKind) -> tuple[Paramet
         if np.bincount(split.part, minlength=len(split.names)).min() >= FEWEST_ROWS:
             out += _parameters(rows, split)
     return tuple(out)
+
+
+def loads_differ(parameters: Sequence[ParameterByCondition]) -> bool:
+    """Whether the parameters of an unknown load differ from run to run."""
+    return any(p.moves and p.by == "run" and p.effect.partition(".")[0] == UnknownLoadEffect.id for p in parameters)
 
 
 @dataclass(frozen=True, eq=False)

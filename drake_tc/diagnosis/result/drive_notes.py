@@ -2,22 +2,21 @@
 
 from collections.abc import Mapping
 
+from drake_tc.actuation.recorded_run import NEEDS_LOAD
+from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.notes import (
-    DelayBySampling,
     DriveNote,
     GainBesideEffects,
     GainDeclaredWrong,
     GainOfTorqueDrive,
-    HeldEffort,
-    OlderEffort,
+    LoadWithRotor,
     PayloadFromRatio,
-    PositionRecordedLate,
-    RecordedLate,
     ServoDamping,
     SizeByRotorInertia,
 )
 from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.timing_notes import DelayBySampling, HeldEffort, OlderEffort, PositionRecordedLate, RecordedLate
 from drake_tc.effects.base import DriveKind, Effect
 from drake_tc.effects.library import effect
 from drake_tc.logs.loads import Pendulum
@@ -45,10 +44,10 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
         found: Parameters of the final model, by effect.
         fitted_gain: K of the final fit [effort/(N m)], an error of the declared gain included.
     """
-    payload = _payload(rig, joint, found)
+    load: tuple[DriveNote, ...] = (*_payload(rig, joint, found), *_with_rotor(rig, joint, found))
     if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
-        return (*_torque_scale(found["drive"]["gain"]), *payload)
-    notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *payload)
+        return (*_torque_scale(found["drive"]["gain"]), *load)
+    notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *load)
     damping = rig.derivative_gain.get(joint)
     if damping is None:
         return notes
@@ -119,6 +118,17 @@ def _payload(rig: Rig, joint: str, found: Parameters) -> tuple[PayloadFromRatio,
     if load.by_run or left <= 0.0:
         return (PayloadFromRatio(least, None),)
     return (PayloadFromRatio(least, load.weight * (rotor / left - 1.0)),)
+
+
+def _with_rotor(rig: Rig, joint: str, found: Parameters) -> tuple[LoadWithRotor, ...]:
+    """Whether effects follow the torque in the gear where the fitted inertia of the load contains the rotor's.
+
+    The gear passes J_l qddot + G(q); the fitted load is (J_l + J) qddot + G(q) where no rotor inertia J is subtracted.
+    """
+    scale = load_scale(rig, joint)
+    followers = tuple(effect(key).title for key in found if key.partition(".")[0] in NEEDS_LOAD)
+    unknown = scale.fitted_inertia and scale.rotor_inertia == 0.0
+    return (LoadWithRotor(followers),) if unknown and followers else ()
 
 
 def _torque_scale(gain: Estimate) -> tuple[GainOfTorqueDrive, ...]:

@@ -24,6 +24,11 @@ class CheckLoad:
 
 
 @dataclass(frozen=True)
+class SeparateLoads:
+    """Keep runs with different loads apart: the fitted parameters of the unknown load differ from run to run."""
+
+
+@dataclass(frozen=True)
 class RepeatRun:
     """Repeat a run: between `start` and `end` [s] something acted that the log does not show."""
 
@@ -58,14 +63,20 @@ class RepeatUnchanged:
     """Repeat one run unchanged: what is left has structure that depends on no recorded signal."""
 
 
-NextExperiment = TellApart | CheckLoad | CoverRange | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
+NextExperiment = (
+    TellApart | CheckLoad | SeparateLoads | CoverRange | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
+)
 
 EXPLAINED = 0.5
 """Share of what is left that the recorded signals must explain for a line of its spectrum to be theirs."""
 
 
 def next_experiment(
-    alternatives: Sequence[tuple[str, str]], unexplained: Unexplained, reasons: Collection[Withdrawal] = ()
+    alternatives: Sequence[tuple[str, str]],
+    unexplained: Unexplained,
+    reasons: Collection[Withdrawal] = (),
+    *,
+    loads_differ: bool = False,
 ) -> NextExperiment | None:
     """What to do first; None when nothing is open.
 
@@ -73,6 +84,7 @@ def next_experiment(
         alternatives: Pairs of effects, by id, that the logs cannot tell apart.
         unexplained: What the final model leaves.
         reasons: Why effects did not hold.
+        loads_differ: Whether the parameters of an unknown load differ from run to run.
     """
     if alternatives:
         return TellApart(*alternatives[0])
@@ -80,6 +92,8 @@ def next_experiment(
         return CheckLoad()
     if unexplained.beyond is not None:
         return CoverRange(unexplained.beyond)
+    if loads_differ:
+        return SeparateLoads()
     if unexplained.confined_to:
         stretch = unexplained.confined_to[0]
         return RepeatRun(stretch.run, stretch.start, stretch.end)

@@ -39,7 +39,7 @@ def parameters_of(columns: Columns, fitted: Fit, drive: str) -> Parameters:
 
 
 def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:
-    """The parameters with intervals that hold more.
+    """The parameters with intervals that hold more, and that end at the parameters' bounds.
 
     Args:
         parameters: Of the fit, by effect and name.
@@ -60,18 +60,24 @@ def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Paramete
         changed = physical_parameters(fitted, changed_point[:size], changed_point[size:])
         for (key, name), slope in slopes.items():
             slope[k] = (changed[key][name] - named[key][name]) / step
+    bounds = {(t.effect.key, p.name): (p.lower, p.upper) for t in fitted.terms for p in t.effect.parameters}
+    bounds["drive", "gain"] = (0.0, np.inf)
+    flat, unbounded = np.zeros(point.size), (-np.inf, np.inf)
     return {
-        key: {name: _wider(e, slopes.get((key, name), np.zeros(point.size)), spread) for name, e in group.items()}
+        key: {
+            name: _wider(e, slopes.get((key, name), flat), spread, bounds.get((key, name), unbounded))
+            for name, e in group.items()
+        }
         for key, group in parameters.items()
     }
 
 
-def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray) -> Estimate:
+def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray, bounds: tuple[float, float]) -> Estimate:
     slope = slope[: len(spread)]
     more = float(norm.ppf(0.975)) ** 2 * max(float(slope @ spread @ slope), 0.0)
     low, high = (abs(estimate.value - end) for end in estimate.ci95)
     ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))
-    return replace(estimate, ci95=(float(ends[0]), float(ends[1])))
+    return replace(estimate, ci95=(max(float(ends[0]), bounds[0]), min(float(ends[1]), bounds[1])))
 
 
 def moved(parameters: Parameters, values: Mapping[str, Mapping[str, float]]) -> Parameters:

@@ -4,19 +4,16 @@ from collections.abc import Mapping
 from typing import assert_never
 
 from drake_tc.diagnosis.notes import (
-    DelayBySampling,
     DriveNote,
     GainBesideEffects,
     GainDeclaredWrong,
     GainOfTorqueDrive,
-    HeldEffort,
-    OlderEffort,
+    LoadWithRotor,
     PayloadFromRatio,
-    PositionRecordedLate,
-    RecordedLate,
     ServoDamping,
     SizeByRotorInertia,
 )
+from drake_tc.diagnosis.timing_notes import DelayBySampling, HeldEffort, OlderEffort, PositionRecordedLate, RecordedLate
 from drake_tc.effects.context import EFFORT_UNIT, DriveKind
 
 RECORDED: Mapping[DriveKind, str] = {
@@ -27,7 +24,9 @@ RECORDED: Mapping[DriveKind, str] = {
 }
 """What is recorded of the effort."""
 
-_Gain = GainOfTorqueDrive | SizeByRotorInertia | PayloadFromRatio | GainBesideEffects | GainDeclaredWrong
+_Gain = (
+    GainOfTorqueDrive | SizeByRotorInertia | LoadWithRotor | PayloadFromRatio | GainBesideEffects | GainDeclaredWrong
+)
 
 
 def drive_sentence(note: DriveNote) -> str:
@@ -90,6 +89,12 @@ def _gain_sentence(note: _Gain) -> str:
                 f"The size of the {' and the '.join(effects)} rests on the declared rotor_inertia, which alone fixes "
                 "the scale of the torques where no drive gain is declared: a wrong rotor_inertia would look the same. "
                 "Declare drive_gain to have it checked."
+            )
+        case LoadWithRotor(effects):
+            return (
+                f"The {' and the '.join(effects)} depends on the torque in the gear. The fitted inertia of the unknown "
+                "load contains that of the rotor, whose torque the gear does not pass, so these parameters are wrong "
+                "by more than their intervals if the rotor's inertia matters. Declare rotor_inertia and drive_gain."
             )
         case PayloadFromRatio(least, like_pendulum):
             other = (

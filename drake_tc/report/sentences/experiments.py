@@ -10,6 +10,7 @@ from drake_tc.diagnosis.result.experiments import (
     NextExperiment,
     RepeatRun,
     RepeatUnchanged,
+    SeparateLoads,
     TellApart,
     VarySignals,
 )
@@ -76,6 +77,11 @@ def experiment_sentence(experiment: NextExperiment) -> str:
                 f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as "
                 f"{joined(beyond.runs)} {does}: the present training runs cover {trained}, and the effects are "
                 "extrapolated from there."
+            )
+        case SeparateLoads():
+            return (
+                "The fitted load differs from run to run. If the joint carried different loads, run close-loop for "
+                "the runs of each load separately, or state a mass for each log in load: {pendulum: ...}."
             )
         case RepeatRun(run, start, end):
             return (

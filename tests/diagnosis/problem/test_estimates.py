@@ -1,5 +1,6 @@
 """Intervals that cover, parameters in true units, and bounds that are said to be hit."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,13 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.diagnosis.problem.estimates import block_lengths, estimates, physical_parameters, shape_slopes
+from drake_tc.diagnosis.problem.estimates import (
+    block_lengths,
+    estimates,
+    physical_parameters,
+    rests_on_bound,
+    shape_slopes,
+)
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.result.widening import widened
 from drake_tc.diagnosis.selection.shape_refinement import refine
@@ -131,6 +138,14 @@ def test_what_is_not_known_of_a_shape_widens_its_interval():
     assert wide["viscous"] == found["viscous"]
 
 
+def test_a_wider_interval_ends_at_the_bound_of_its_parameter():
+    p = problem(Joint(duration=12.0, period=4e-3, torque_noise=0.4))
+    found = estimates(p.columns, p.baseline, "current")
+    wide = widened(found, p.baseline, np.diag(np.full(p.baseline.beta.size, 50.0**2)))
+    assert wide["coulomb"]["coulomb"].ci95[0] == 0.0
+    assert wide["coulomb"]["coulomb"].ci95[1] > 50.0
+
+
 def test_a_shape_that_acts_as_another_parameter_does_has_no_interval():
     """Of a drive that is always saturated, i = K limit sign(i): the gain and the limit only show as their product."""
     p = problem(Joint(duration=12.0, period=4e-3, torque_noise=0.2))
@@ -139,3 +154,8 @@ def test_a_shape_that_acts_as_another_parameter_does_has_no_interval():
     found = estimates(p.columns, saturated, "current")
     assert found["saturation"]["limit"].ci95 == (0.0, np.inf)
     assert np.isfinite(found["coulomb"]["coulomb"].ci95).all()
+
+
+@pytest.mark.parametrize("value", [0.3, 0.0])
+def test_the_answer_for_a_numpy_value_can_be_written_to_the_report(value):
+    assert json.dumps(rests_on_bound(np.float64(value), 0.0, 10.0)) == ("true" if value == 0.0 else "false")

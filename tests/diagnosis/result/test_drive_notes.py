@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_tc.diagnosis.notes import GainBesideEffects, PayloadFromRatio, SizeByRotorInertia
+from drake_tc.diagnosis.notes import GainBesideEffects, LoadWithRotor, PayloadFromRatio, SizeByRotorInertia
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.drive_notes import drive_notes
 from drake_tc.effects.library import effect
@@ -37,6 +37,20 @@ def test_what_scales_the_torques_alone_says_what_its_size_rests_on() -> None:
     rig = parse_rig({"joint": "joint", "drive": "position_servo"})
     notes = drive_notes(rig, "joint", found(0.1, "viscous", "torque_sensor_gain"), 0.1)
     assert notes == (SizeByRotorInertia((effect("torque_sensor_gain").title,)),)
+
+
+@pytest.mark.parametrize(
+    ("declared", "friction", "told"),
+    [
+        ({}, "load_dependent_friction", True),
+        ({"rotor_inertia": 0.1}, "load_dependent_friction", False),
+        ({}, "stribeck", False),
+    ],
+)
+def test_friction_over_an_unknown_load_that_contains_the_rotor_is_told(declared, friction, told) -> None:
+    described = {"joint": "joint", "drive": "current", "drive_gain": 0.5, "load": "unknown", "declared": declared}
+    notes = drive_notes(parse_rig(described), "joint", found(0.5, "unknown_load.pendulum", friction), 0.5)
+    assert notes == ((LoadWithRotor((effect(friction).title,)),) if told else ())
 
 
 ROTOR, MASS, LENGTH = 0.4, 4.0, 0.5

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.result.experiments import (
     FindPeriodicSource,
     RepeatRun,
     RepeatUnchanged,
+    SeparateLoads,
     TellApart,
     VarySignals,
     next_experiment,
@@ -24,6 +25,7 @@ def test_what_is_open_asks_for_an_experiment_effects_first():
     pairs = (("encoder_ripple", "delay"), ("delay", "encoder_ripple"))
     assert next_experiment(pairs, everything, ["looks_like_known_load"]) == TellApart("encoder_ripple", "delay")
     assert next_experiment((), everything, ["implausible", "looks_like_known_load"]) == CheckLoad()
+    assert next_experiment((), everything, loads_differ=True) == SeparateLoads()
     assert next_experiment((), everything) == RepeatRun("run_1", 2.0, 3.5)
     assert next_experiment((), replace(everything, confined_to=())) == FindPeriodicSource(4.0)
     assert next_experiment((), STRUCTURED) == VarySignals(("velocity",))

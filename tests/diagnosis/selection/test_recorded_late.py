@@ -7,9 +7,9 @@ import pytest
 
 from drake_tc.diagnosis.data.preparation import aged
 from drake_tc.diagnosis.joint import diagnose_joint
-from drake_tc.diagnosis.notes import RecordedLate
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.timing_notes import RecordedLate
 from drake_tc.logs.record import Run
 
 from .test_sampling_instants import COULOMB, PERIOD, RIG, VISCOUS, run

@@ -9,13 +9,13 @@ import yaml
 from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.diagnosis.joint import diagnose_joint
-from drake_tc.diagnosis.notes import OlderEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.selection.sampling_instants import sampled_late
+from drake_tc.diagnosis.timing_notes import OlderEffort
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig

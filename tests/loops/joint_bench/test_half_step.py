@@ -1,5 +1,7 @@
 """A rig that lacks nothing, simulated at 1 ms and at 0.1 ms: the step of the simulation is no missing effect."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -83,6 +85,18 @@ def test_a_model_made_for_its_step_shows_its_own_inertia():
     step = 1e-3
     assert shown_inertia(model(), step) == pytest.approx(ROTOR + 0.5 * step * VISCOUS, rel=2e-3)
     assert shown_inertia(model_to_simulate(model(), step), step) == pytest.approx(ROTOR, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "key, carried",
+    [("payload", {"payload_moment": 0.0, "payload_inertia": 0.2}), ("unknown_load.pendulum", {"inertia": 0.2})],
+)
+def test_the_inertia_of_a_payload_or_of_an_unknown_load_counts_once(key, carried):
+    loaded = ActuatorModel("knee", Drive("current", 0.4), (*model().effects, EffectValue(key, carried)))
+    excess = 0.5e-3 * VISCOUS
+    assert model_to_simulate(loaded, 1e-3).inertia == pytest.approx(ROTOR + 0.2 - excess)
+    alone = tuple(value for value in loaded.effects if value.key != "rotor_inertia")
+    assert model_to_simulate(replace(loaded, effects=alone), 1e-3).inertia == pytest.approx(0.2 - excess)
 
 
 def test_a_step_that_is_too_long_leaves_half_of_the_inertia():
