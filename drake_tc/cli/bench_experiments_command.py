@@ -48,7 +48,8 @@ def bench_experiments(
     as_json: AsJson = False,
 ) -> None:
     """Count how often a designed experiment, and how often a sinusoid, separates two effects that logs left open."""
-    from drake_tc.experiments.evidence.loop import PAIRS, decided_rows, run_cases
+    from drake_tc.experiments.evidence.loop import decided_rows, run_cases
+    from drake_tc.experiments.evidence.pairs import PAIRS
 
     pairs = [PAIRS[i] for i in pair] if pair else list(PAIRS)
     with progress_bar("bench experiments", quiet=as_json) as progress:
@@ -59,5 +60,6 @@ def bench_experiments(
         return
     print_rows("", rows, as_json=False)
     for case in cases:
-        words = case.refusal or f"first {case.first}, designed {case.designed}, sinusoid {case.default}"
+        words = case.refusal or f"designed {case.designed} (predicted {case.predicted:.2f}), sinusoid {case.default}"
+        words = f"first {case.first}; {words}"
         print(f"{case.truth} against {case.other}: {words}")
