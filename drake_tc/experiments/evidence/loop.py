@@ -214,6 +214,7 @@ def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
     return [
         FigureRow("cases", len(cases), "-"),
         FigureRow("open after the first logs", len(left_open), "-"),
+        FigureRow("open: the first logs name the other effect", sum(c.first == "other" for c in left_open), "-"),
         FigureRow("open: refused with the reason", sum(bool(c.refusal) for c in left_open), "-"),
         FigureRow(f"open: predicted below {100.0 * TOLD:.0f} %", len(doubtful), "-"),
         FigureRow.share("of these, told by the designed run", [c.designed == "truth" for c in doubtful], "max", 0.5),
