@@ -33,6 +33,11 @@ class Pair:
     gravity: float = 1.0
     weight: float = 0.0
 
+    def scaled(self, factor: float) -> "Pair":
+        """The pair with both sizes multiplied by a factor."""
+        first, second = ((name, factor * size) for name, size in (self.first, self.second))
+        return replace(self, first=first, second=second)
+
 
 PAIRS: tuple[Pair, ...] = (
     Pair(("delay", 4e-3), ("current_lag", 4e-3), "voltage"),
