@@ -45,12 +45,16 @@ def bench_check(
 def bench_experiments(
     seed: Annotated[int, typer.Option(help="Seed of the joints, motions and noise.")] = 1,
     pair: Annotated[list[int] | None, typer.Option(help="Number of a pair, from 0; repeat. Default: all.")] = None,
+    size: Annotated[
+        float, typer.Option(min=0.01, help="Factor by which the sizes of all effects are multiplied.")
+    ] = 1.0,
     as_json: AsJson = False,
 ) -> None:
     """Count how often a designed experiment, and how often a sinusoid, separates two effects that logs left open."""
-    from drake_tc.experiments.evidence.loop import PAIRS, decided_rows, run_cases
+    from drake_tc.experiments.evidence.loop import decided_rows, run_cases
+    from drake_tc.experiments.evidence.pairs import PAIRS
 
-    pairs = [PAIRS[i] for i in pair] if pair else list(PAIRS)
+    pairs = [PAIRS[i].scaled(size) for i in (pair or range(len(PAIRS)))]
     with progress_bar("bench experiments", quiet=as_json) as progress:
         cases = run_cases(pairs, seed, progress)
     rows = decided_rows(cases)
@@ -59,5 +63,6 @@ def bench_experiments(
         return
     print_rows("", rows, as_json=False)
     for case in cases:
-        words = case.refusal or f"first {case.first}, designed {case.designed}, sinusoid {case.default}"
+        words = case.refusal or f"designed {case.designed} (predicted {case.predicted:.2f}), sinusoid {case.default}"
+        words = f"first {case.first}; {words}"
         print(f"{case.truth} against {case.other}: {words}")

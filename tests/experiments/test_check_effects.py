@@ -1,6 +1,7 @@
 """From which size on an effect would be found: closed forms, and a search that finds it there and not below."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.analysis.executors import processes
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.joint import candidates, search
 from drake_tc.diagnosis.thresholds import JOINT
@@ -17,6 +19,8 @@ from drake_tc.experiments.check.joint import joint_effects, joint_numbers
 from drake_tc.experiments.check.visibility import Noise, Visibility, confused_with, smallest_sizes
 from drake_tc.experiments.evidence.predicted import compared, predictions
 from drake_tc.experiments.sizes import Size, size_of
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import load_rig
 
 
 def linear(values, span=None):
@@ -136,6 +140,18 @@ def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):
     assert warm.status == "not_seen" and "temperature not recorded" in warm.reason
     bias = next(each for each in found.effects if each.key == "asymmetric_friction.coulomb")
     assert "torque_sensor_bias" in bias.not_separable_from
+
+
+def test_a_wrong_drive_gain_is_not_hidden_by_a_gain_that_is_declared(demo):
+    """Where it is declared, no fit changes it: its error is seen, and is not taken for noise of the balance."""
+    rig = load_rig(demo[0])
+    runs, joint = load_runs(demo[1], rig), rig.joints[0]
+    free = prepare_joint(runs, [], rig, joint)
+    gain = fit(free.train, free.terms).gain
+    wrong = prepare_joint(runs, [], replace(rig, drive_gain={joint: 1.3 * gain}), joint)
+    found = joint_effects(wrong)
+    assert next(each for each in found.effects if each.key == "servo_gain").status in ("seen", "not_separable")
+    assert_allclose(found.noise.left, joint_effects(free).noise.left, rtol=0.3)
 
 
 def test_predictions_compare_the_true_size_with_both_stated_sizes():

@@ -13,13 +13,13 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.criteria import Parameters
-from drake_tc.experiments.design.discrimination import Discrimination, distinction_probability
+from drake_tc.experiments.design.discrimination import Discrimination, detection_probability, distinction_probability
 from drake_tc.experiments.design.forms import Projection, form_of, remainder
 from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.run import DesignOptions, default_motion, design_joint
+from drake_tc.experiments.design.run import DesignOptions, default_motion, design_joint, joint_within
 from drake_tc.experiments.design.solve import random_start
 from drake_tc.experiments.sizes import JointNumbers, size_of, sizes_found
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -258,6 +258,59 @@ def test_a_rival_keeps_the_bounds_of_its_parameters(joint):
     down, up = payload.left(declared, columns, np.hstack([pulls, -pulls]))
     free = remainder(declared.of(columns.of(Term(payload.effect))), pulls)
     assert down >= float(np.sum(free**2)) * (1.0 - 1e-9) and up > down
+
+
+def test_of_two_effects_the_one_with_fewer_parameters_need_not_be_told_from_the_other(joint):
+    """A diagnosis takes the smaller of two models that fit alike: a wrong gain that a payload imitates is named."""
+    held = replace(joint, context=replace(joint.context, declared=joint.context.declared | {"drive_gain": 2e-4}))
+    criterion = criterion_of(parse_goal("tell:servo_gain,payload"), held, 30.0)
+    assert isinstance(criterion, Discrimination)
+    assert [(a.effect.id, b.effect.id) for a, b in criterion.orders] == [("payload", "servo_gain")]
+    both = criterion_of(parse_goal("tell:cable_spring,payload"), joint, 30.0)
+    assert isinstance(both, Discrimination) and len(both.orders) == 2
+
+
+def test_a_motion_that_hides_both_effects_tells_nothing(joint):
+    """However far the two are from each other in a motion, each of them must be found in it."""
+    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    columns = MotionColumns(joint, basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(11))), 5e-3)
+    truth, other = form(joint, "load_dependent_friction"), form(joint, "quadratic_viscous")
+    for size, expected in ((1e-3, 0.0), (1.0, 1.0)):
+        forms = [replace(each, strength=size * each.strength) for each in (truth, other)]
+        found = Discrimination(joint, ((forms[0], forms[1]), (forms[1], forms[0])), 10.0)
+        seen = found.visibilities(columns)
+        assert all(np.min(seen[a]) >= np.min(found.distances(columns)[a, b]) for a, b in found.distances(columns))
+        assert_allclose(found.probability(columns), expected, atol=0.05)
+    # half a noise floor is explained in half of the logs
+    assert_allclose(detection_probability(250.0, 1000.0), 0.5, atol=1e-12)
+
+
+def test_a_declared_drive_gain_is_no_free_parameter_of_a_design(joint):
+    """A wrong drive gain is then an effect that can be told from others, and one that declared columns do not hide."""
+    held = replace(joint, context=replace(joint.context, declared=joint.context.declared | {"drive_gain": 2e-4}))
+    basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
+    columns = MotionColumns(held, basis.motion(random_start(held, basis, LIMITS, np.random.default_rng(10))), 5e-3)
+    gain, ripple = form(held, "servo_gain"), form(held, "cable_spring")
+    assert gain.either_sign
+    distances = Discrimination(held, ((gain, ripple), (ripple, gain)), 10.0).distances(columns)
+    root = np.sqrt(columns.weight)[:, None]
+    free = columns.design(held.declared)[:, 1:]
+    target = gain.strength * columns.effort(())[:, None] / held.numbers.gain
+    left = remainder(root * np.hstack([free, columns.of(Term(ripple.effect))]), root * target)
+    expected = float(np.sum(left**2)) * 60.0 * 10.0 / (len(left) * 0.1**2)
+    assert_allclose(distances["servo_gain", "cable_spring"], [expected] * 2, rtol=1e-6)
+    assert identity(held, gain, ripple) is None
+    with pytest.raises(ParamsError, match="no drive gain is declared"):
+        criterion_of(parse_goal("tell:servo_gain,cable_spring"), joint, 30.0)
+
+
+def test_the_next_run_spans_its_limits(joint):
+    """Shapes that only the wider motion shows take part: a Stribeck speed beyond that of the logs."""
+    wide = JointLimits((-1.5, 1.5), 6.0, 30.0, bandwidth_hz=2.0)
+    context = joint_within(joint, wide).context
+    assert context.position_span == (-1.5, 1.5) and context.max_speed == 6.0
+    design = design_joint(joint, wide, parse_goal("tell:load_dependent_friction,stribeck"), QUICK)
+    assert design.joint.context.max_speed == 6.0
 
 
 def test_sizes_of_a_report_are_those_of_the_parameter_that_tells_the_size():

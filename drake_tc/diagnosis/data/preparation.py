@@ -78,7 +78,7 @@ def _filtered_motion(
     return light.smooth(position), light.derivative(position), acceleration
 
 
-def _final_kernel(
+def final_kernel(
     moving: BoolArray, segments: Sequence[slice], light: CommonKernel, widths: Sequence[float]
 ) -> CommonKernel:
     """The widest of the kernels under which enough of the moving samples stay usable."""
@@ -179,7 +179,7 @@ def build_samples(
         raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
     kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
     widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
-    final = _final_kernel(moving, segments, light, widths)
+    final = final_kernel(moving, segments, light, widths)
     rows, block = choose_rows(moving, segments, final, light, period)
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
     return Samples(

@@ -69,13 +69,18 @@ class ContributionBuilder:
     """Contributions of effects to one joint's rows."""
 
     def __init__(self, prepared: Prepared, numbers: JointNumbers) -> None:
-        """Over the training rows of `prepared`; `numbers` of its declared model."""
+        """Over the training rows of `prepared`; `numbers` of its declared model.
+
+        A declared drive gain is no free parameter: nothing is refitted that could imitate a wrong one.
+        """
         self._columns: Columns = prepared.train
         self._context = prepared.context
         self._numbers = numbers
         self._step = max(1, -(-prepared.train.target.size // MOST_ROWS))
         self.declared: Fit = fit(prepared.train, prepared.terms)
         design = prepared.train.design(prepared.terms)[:: self._step]
+        if prepared.train.declared_gain is not None:
+            design = design[:, 1:]
         norms = np.linalg.norm(design, axis=0)
         self.design = design / np.where(norms > 0.0, norms, 1.0)
         self._basis = np.linalg.qr(self.design)[0]
@@ -131,13 +136,13 @@ def imitators(declared: Fit, design: FloatArray, change: FloatArray) -> list[str
 
     Args:
         declared: The declared model.
-        design: (N, m) its columns with unit length.
+        design: (N, m) its columns with unit length; without that of the effort where the drive gain is declared.
         change: (N,) [N m].
     """
     solution = np.linalg.lstsq(design, change, rcond=None)[0]
-    titles = ["the drive gain"]
-    for term in declared.terms:
-        titles += [term.effect.title] * len(term.effect.coefficients)
+    titles = [term.effect.title for term in declared.terms for _ in term.effect.coefficients]
+    if design.shape[1] > len(titles):
+        titles = ["the drive gain", *titles]
     weights = np.abs(solution)
     order = [int(i) for i in np.argsort(-weights) if weights[i] > 0.2 * weights.max()]
     return list(dict.fromkeys(titles[i] for i in order))[:2]

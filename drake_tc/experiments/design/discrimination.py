@@ -6,7 +6,11 @@ For effect A of size z beside a model whose other effect is B (Atkinson and Fedo
 
 X: declared columns; w: weights of the rows in motion; s: noise [N m]; n: independent samples; theta and the shape
 inside their bounds. T is twice the expected logarithm of the ratio of the likelihoods. The design makes the smallest T
-over both orders of A and B, over both signs of A and over its shapes, largest.
+over the orders of A and B, over both signs of A and over its shapes, largest.
+
+An order in which B has more parameters than A takes no part: a diagnosis takes the smaller of two models that fit
+alike, and lists the larger one only where it fits better. A itself must be found all the same, so that the probability
+also rests on the distance of A and of B from the declared model alone.
 """
 
 from collections.abc import Mapping
@@ -18,7 +22,7 @@ from scipy.stats import norm
 from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
 from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.design.criteria import Criterion, information_scale
-from drake_tc.experiments.design.forms import EffectForm, Projection
+from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.types import FloatArray
 
@@ -36,7 +40,7 @@ class Discrimination(Criterion):
 
     Attributes:
         joint: The joint.
-        orders: (truth, other) of both orders; of one where the other model contains the truth.
+        orders: (truth, other) of both orders; of one where the other model contains the truth or has more parameters.
         duration: Of the experiment [s].
         contained: (truth, other, proof) of an order in which the other model contains the truth.
     """
@@ -48,8 +52,7 @@ class Discrimination(Criterion):
 
     def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
         """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
-        declared = Projection(columns.design(self.joint.declared), columns.weight)
-        scale = information_scale(self.joint, self.duration if duration is None else duration, columns.weight.size)
+        declared = Projection(declared_columns(columns), columns.weight)
         out = {}
         for truth, other in self.orders:
             targets, widths = [], []
@@ -58,11 +61,23 @@ class Discrimination(Criterion):
                 signs = (1.0, -1.0) if truth.either_sign else (1.0,)
                 targets += [sign * left for sign in signs]
                 widths += [left.shape[1]] * len(signs)
-            least = scale * other.left(declared, columns, np.concatenate(targets, axis=1))
+            least = self._scale(columns, duration) * other.left(declared, columns, np.concatenate(targets, axis=1))
             ends = np.cumsum(widths)
             means = [np.mean(least[e - w : e]) for e, w in zip(ends, widths, strict=True)]
             out[truth.effect.key, other.effect.key] = np.array(means)
         return out
+
+    def visibilities(self, columns: BalanceColumns, duration: float | None = None) -> dict[str, FloatArray]:
+        """By effect, the distance of each shape from the declared model alone, over `duration` [s] of rows."""
+        declared = Projection(declared_columns(columns), columns.weight)
+        scale, out = self._scale(columns, duration), {}
+        for form in dict.fromkeys(form for order in self.orders for form in order):
+            left = [declared.of(form.change(columns, shape)) for shape in form.shapes]
+            out[form.effect.key] = np.array([scale * np.mean(np.sum(each**2, axis=0)) for each in left])
+        return out
+
+    def _scale(self, columns: BalanceColumns, duration: float | None) -> float:
+        return information_scale(columns.joint, self.duration if duration is None else duration, columns.weight.size)
 
     def value(self, columns: BalanceColumns) -> float:
         """Smooth minimum of log T over both orders and all shapes."""
@@ -70,16 +85,35 @@ class Discrimination(Criterion):
         least = float(logs.min())
         return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
 
-    def probability(self, distances: Distances, seconds: float) -> float:
-        """That a diagnosis tells the true effect from the other one, for the worst order, sign and shape.
+    def probability(self, columns: BalanceColumns, duration: float | None = None) -> float:
+        """That a diagnosis of rows like these tells the true effect from the other one, for the worst order and shape.
 
         Args:
-            distances: Of `distances`.
-            seconds: Length of the rows that they come from [s].
+            columns: Of the motion.
+            duration: Of the run [s]; None for that of the experiment.
         """
-        worst = min(float(np.min(each)) for each in distances.values())
+        sliding = (self.duration if duration is None else duration) * float(np.mean(columns.weight))
+        independent = columns.joint.independent_per_second * sliding
+        worst = min(float(np.min(each)) for each in self.distances(columns, duration).values())
+        weakest = min(float(np.min(each)) for each in self.visibilities(columns, duration).values())
         late = all(is_late(form.effect) for form in self.orders[0])
-        return distinction_probability(worst, self.joint.independent_per_second * seconds, late=late)
+        found = detection_probability(weakest, independent)
+        return min(distinction_probability(worst, independent, late=late), found)
+
+
+def detection_probability(distance: float, independent: float) -> float:
+    """Probability that a diagnosis takes an effect for real whose distance from the declared model is T.
+
+    It must explain half a noise floor, and lower the error by 5 % (`diagnosis.thresholds`).
+
+    Args:
+        distance: T.
+        independent: Samples n.
+    """
+    if distance <= 0.0:
+        return 0.0
+    needed = independent * max(JOINT.least_removed**2, 1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
+    return float(norm.cdf((distance - needed) / (2.0 * np.sqrt(distance))))
 
 
 def distinction_probability(distance: float, independent: float, *, late: bool = False) -> float:

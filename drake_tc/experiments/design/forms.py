@@ -9,6 +9,7 @@ from drake_tc.diagnosis.problem.bounded import solve_bounded
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
+from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.experiments.sizes import Size, acts_through_shape, directions
 from drake_tc.types import FloatArray
@@ -37,6 +38,8 @@ class EffectForm:
     @property
     def either_sign(self) -> bool:
         """Whether its contribution may have either sign."""
+        if isinstance(self.effect, ServoGain):
+            return True
         return bool(self.effect.coefficients) and self.effect.coefficients[0].lower < 0.0
 
     def change(self, columns: BalanceColumns, shape: Mapping[str, float]) -> FloatArray:
@@ -44,8 +47,10 @@ class EffectForm:
         numbers = columns.joint.numbers
         if acts_through_shape(self.effect):
             return self._at_sizes(columns, np.array([self.strength]))
-        phi = columns.of(Term(self.effect, shape))
-        thetas = np.stack(directions(self.effect, numbers), axis=-1)
+        phi = _columns_of(columns, Term(self.effect, shape))
+        thetas = np.ones((1, 1))
+        if not isinstance(self.effect, ServoGain):
+            thetas = np.stack(directions(self.effect, numbers), axis=-1)
         return np.asarray(self.strength * phi @ thetas)
 
     def _at_sizes(self, columns: BalanceColumns, sizes: FloatArray) -> FloatArray:
@@ -66,10 +71,23 @@ class EffectForm:
         """
         if acts_through_shape(self.effect):
             return _least_on_path(declared.of(self._at_sizes(columns, FACTORS * self.strength)), targets)
-        spans = [declared.of(columns.of(Term(self.effect, shape))) for shape in self.shapes]
-        coefficients = self.effect.coefficients
+        spans = [declared.of(_columns_of(columns, Term(self.effect, shape))) for shape in self.shapes]
+        coefficients = self.effect.parameters if isinstance(self.effect, ServoGain) else self.effect.coefficients
         low, high = (np.array([getattr(c, side) for c in coefficients]) for side in ("lower", "upper"))
         return np.asarray(np.min([_least_in_box(span, targets, low, high) for span in spans], axis=0))
+
+
+def _columns_of(columns: BalanceColumns, term: Term) -> FloatArray:
+    """Phi (T, k) [N m] of a term; an error of the drive gain scales the torque of the effort, y/K."""
+    if isinstance(term.effect, ServoGain):
+        return np.asarray(columns.effort(())[:, None] / columns.joint.numbers.gain)
+    return columns.of(term)
+
+
+def declared_columns(columns: BalanceColumns) -> FloatArray:
+    """(T, m) columns of what every fit leaves free: the declared terms, and the drive gain unless it is declared."""
+    design = columns.design(columns.joint.declared)
+    return design[:, 1:] if columns.joint.context.declared.get("drive_gain") else design
 
 
 class Projection:

@@ -15,7 +15,9 @@ from typing import Literal
 
 import numpy as np
 
+from drake_tc.effects.base import Signals
 from drake_tc.effects.library import effect, looked_for
+from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.check.visibility import Noise
@@ -89,9 +91,16 @@ def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: b
     if goal.kind == "tell":
         forms = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
         require_different(joint, forms[0], forms[1])
-        # of two models one of which contains the other, only the larger one can be told from the other
+        # a diagnosis takes the smaller of two models that fit alike: only the larger one must be told from the other
         pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
-        orders = tuple(pair for pair in pairs if identity(joint, *pair) is None)
+        larger = [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
+        orders = tuple(pair for pair in larger if identity(joint, *pair) is None)
+        if not orders:
+            truth, other = larger[0]
+            raise ParamsError(
+                f"{other.effect.key} is {truth.effect.key} with fewer parameters while the joint slides, so no motion "
+                f"shows the latter: {identity(joint, truth, other)}"
+            )
         return Discrimination(joint, orders, duration, tuple(each for pair in pairs for each in _ties(joint, *pair)))
     if goal.kind == "parameters":
         return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
@@ -187,15 +196,16 @@ def identity(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> str | 
     motion = _random_states(joint)
     signals = replace(joint.signals(motion, 1.0), direction=np.sign(motion[1]))
     rows = np.abs(motion[1]) > 0.1 * joint.numbers.speed
-    phi = truth.effect.columns(signals, truth.shapes[0])[rows]
-    names = ["effort"]
-    blocks = [signals.effort[rows, None]]
+    phi = _columns(truth, signals)[rows]
+    gain_declared = bool(joint.context.declared.get("drive_gain"))
+    names = [] if gain_declared else ["effort"]
+    blocks = [] if gain_declared else [signals.effort[rows, None]]
     for term in joint.declared:
         if term.effect.coefficients:
             blocks.append(term.effect.columns(signals, term.shape)[rows])
             names += [p.name for p in term.effect.coefficients]
-    blocks.append(other.effect.columns(signals, other.shapes[0])[rows])
-    names += [p.name for p in other.effect.coefficients]
+    blocks.append(_columns(other, signals)[rows])
+    names += _names(other)
     basis = np.concatenate(blocks, axis=1)
     if not (np.isfinite(phi).all() and np.isfinite(basis).all()):
         return None
@@ -207,17 +217,30 @@ def identity(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> str | 
     return _written(truth, names, solution * 1.0, basis, phi, error)
 
 
+def _columns(form: EffectForm, signals: Signals) -> FloatArray:
+    """(T, k) of an effect at its first shape; the effort itself for an error of the drive gain."""
+    if isinstance(form.effect, ServoGain):
+        return signals.effort[:, None]
+    return form.effect.columns(signals, form.shapes[0])
+
+
+def _names(form: EffectForm) -> list[str]:
+    """Of the columns of `_columns`."""
+    named = form.effect.parameters if isinstance(form.effect, ServoGain) else form.effect.coefficients
+    return [p.name for p in named]
+
+
 def _written(
     truth: EffectForm, names: Sequence[str], solution: FloatArray, basis: FloatArray, phi: FloatArray, error: float
 ) -> str:
     parts = []
-    for j, parameter in enumerate(truth.effect.coefficients):
+    for j, name in enumerate(_names(truth)):
         size = float(np.sqrt(np.mean(phi[:, j] ** 2)))
         weights = solution[:, j] * np.sqrt(np.mean(basis**2, axis=0))
         terms = [
             f"{solution[i, j]:.6g} {names[i]}" for i in range(len(names)) if abs(weights[i]) > 1e-6 * max(size, 1e-300)
         ]
-        parts.append(f"column of {parameter.name} = {' + '.join(terms) or '0'}")
+        parts.append(f"column of {name} = {' + '.join(terms) or '0'}")
     return f"{'; '.join(parts)} at {basis.shape[0]} random states (largest difference {error:.1g})"
 
 

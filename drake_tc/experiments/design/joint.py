@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.effects.base import Context, DriveEffect, Signals, TorqueEffect, plain_signals
@@ -45,11 +46,13 @@ class DesignJoint:
         link_inertia, gravity, zero, constant: Of the load: J_l [kg m^2], m g l [N m], angle at which it hangs [rad], c
             [N m].
         declared: Terms of the declared model that every fit has.
-        present: Effects that the model lists beyond these, with their numbers.
         noise: What noise leaves of the balance [N m].
         independent_per_second: Independent samples in it [1/s].
         slowest: Speed below which samples take no part [rad/s].
         kernel_width: Of the first filter that a diagnosis applies [s]. final_width: of the second one.
+        present: Effects that the model lists beyond the declared ones, with their numbers.
+        floor: Part of `noise` that the sensors' noise and the encoder's steps leave [N m].
+        resolution: Of the sensors; None where no log tells it.
     """
 
     name: str
@@ -67,6 +70,8 @@ class DesignJoint:
     kernel_width: float
     final_width: float
     present: tuple[tuple[str, dict[str, float]], ...] = field(default=())
+    floor: float = 0.0
+    resolution: Resolution | None = None
 
     @property
     def inertia(self) -> float:

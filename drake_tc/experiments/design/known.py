@@ -66,6 +66,8 @@ def joint_from_logs(
         slowest=samples.resolution.least_speed,
         kernel_width=samples.light.actual_width_s,
         final_width=samples.kernel.actual_width_s,
+        floor=found.noise.floor,
+        resolution=samples.resolution,
     )
     made = made if model is None else with_model(made, model)
     low, high = prepared.context.position_span

@@ -142,9 +142,12 @@ def _goals(request: DesignRequest, rig: Rig) -> dict[str, Goal]:
                 f"no joint {joint!r} in the rig{did_you_mean(joint, rig.joints)}; joints: {', '.join(rig.joints)}"
             )
     joints = request.joints or rig.joints
-    if request.after is None or request.goal is not None:
+    if request.after is None:
         return dict.fromkeys(joints, parse_goal(request.goal or "parameters"))
     entries = _report(request.after).get("joints", {})
+    if request.goal is not None:
+        asked = parse_goal(request.goal)
+        return {joint: replace(asked, strengths=_sizes(entries.get(joint, {}))) for joint in joints}
     out = {}
     for joint in joints:
         entry = entries.get(joint)

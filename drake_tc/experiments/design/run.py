@@ -1,7 +1,7 @@
 """`design` for one joint: from what is known to the best motion, and what it is expected to tell."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BPoly
@@ -14,6 +14,7 @@ from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.noise import measured_as
 from drake_tc.experiments.design.solve import Optimum, optimise
 from drake_tc.experiments.design.wider import what_limits
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
@@ -150,6 +151,10 @@ def design_joint(
     Raises:
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
+    logged, joint = joint, joint_within(joint, limits)
+    fill = default_motion(limits, options.duration, FINE)
+    if goal.kind == "tell":
+        joint = measured_as(joint, fill, FINE)
     criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
     repeats = max(1, round(options.duration / PERIOD))
     basis = scaled(motion_basis(options.basis, options.duration / repeats, STEP, limits.bandwidth_hz), limits)
@@ -163,14 +168,22 @@ def design_joint(
         iterations=options.iterations,
         progress=progress,
     )
-    designed = MotionColumns(joint, basis.motion(found.x), basis.step)
-    default = MotionColumns(joint, default_motion(limits, options.duration, FINE), FINE, periodic=False)
-    before = None if logs is None else LogColumns(joint, logs.train)
+    motion = basis.motion(found.x)
+    own = measured_as(joint, motion, basis.step) if goal.kind == "tell" else joint
+    designed = MotionColumns(own, motion, basis.step)
+    default = MotionColumns(joint, fill, FINE, periodic=False)
+    before = None if logs is None else LogColumns(logged, logs.train)
     expected, sentences = _expected(criterion, before, default, designed)
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
         sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
     contained = criterion.contained if isinstance(criterion, Discrimination) else ()
     return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
+
+
+def joint_within(joint: DesignJoint, limits: JointLimits) -> DesignJoint:
+    """The joint whose next run spans the limits: what effects there are, and their shapes, follow from that."""
+    wide = replace(joint.context, position_span=limits.position, max_speed=limits.velocity)
+    return replace(joint, context=wide)
 
 
 def default_motion(limits: JointLimits, duration: float, step: float = STEP) -> FloatArray:
@@ -199,16 +212,19 @@ def _expected(
 def _of_discrimination(
     criterion: Discrimination, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    own = None if before is None else criterion.distances(before, before.seconds)
-    chances = [float("nan") if before is None or own is None else criterion.probability(own, before.seconds)]
-    found = [criterion.distances(columns) for columns in (default, designed)]
-    for columns, each in zip((default, designed), found, strict=True):
-        chances.append(criterion.probability(each, criterion.duration * float(np.mean(columns.weight))))
+    given = ((before, None if before is None else before.seconds), (default, None), (designed, None))
+    none = float("nan")
+    chances = [none if c is None else criterion.probability(c, seconds) for c, seconds in given]
     rows = [Expected("probability that these runs alone distinguish them", "-", *chances)]
+    found = [None if c is None else criterion.distances(c, seconds) for c, seconds in given]
     for truth, other in criterion.orders:
         key = truth.effect.key, other.effect.key
-        values = [float("nan") if d is None else float(np.sqrt(np.min(d[key]))) for d in (own, *found)]
+        values = [none if d is None else float(np.sqrt(np.min(d[key]))) for d in found]
         rows.append(Expected(f"{key[0]} fitted by {key[1]}: distance in standard deviations", "-", *values))
+    seen = [None if c is None else criterion.visibilities(c, seconds) for c, seconds in given]
+    for name in seen[-1] or ():
+        values = [none if d is None else float(np.sqrt(np.min(d[name]))) for d in seen]
+        rows.append(Expected(f"{name} not modelled: distance in standard deviations", "-", *values))
     names = " and ".join(
         f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")")
         for form in (criterion.orders[0][0], criterion.orders[0][1])

@@ -1,0 +1,59 @@
+"""What a diagnosis makes of the noise of a run that has not been recorded yet.
+
+A diagnosis filters a fast run less than a slow one, so that its columns keep their form. The acceleration of the fast
+run is therefore noisier. With the widths w of both filters and the floor f [N m] of the logs, and w', f' of the motion,
+
+    s'^2 = f'^2 + s^2 - f^2,   n'/t = (n/t) w/w'
+
+s: what noise and anything else that no effect explains leave of the logs [N m]; n/t: independent samples a second.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from drake_tc.diagnosis.data.preparation import final_kernel
+from drake_tc.diagnosis.data.resolution import NoiseFloor, final_widths, light_width
+from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.types import FloatArray
+
+
+def measured_as(joint: DesignJoint, motion: FloatArray, step: float) -> DesignJoint:
+    """The joint with the filters, the noise and the independent samples of a run of a motion.
+
+    It is the joint itself where no log tells its sensors, or where the logs recorded its speed alone.
+
+    Args:
+        joint: As its logs show it.
+        motion: (4, T) position [rad] and its three derivatives.
+        step: Time between the samples of the motion [s].
+    """
+    resolution, period = joint.resolution, joint.context.period
+    if resolution is None or resolution.raw_velocity_noise > 0.0 or not period > 0.0:
+        return joint
+    grid = np.arange(motion.shape[1]) * step
+    spline = CubicHermiteSpline(grid, motion[0], motion[1])
+    time: FloatArray = np.asarray(np.arange(int(grid[-1] / period)) * period, dtype=np.float64)
+    q, v, a = spline(time), spline(time, 1), np.interp(time, grid, motion[2])
+    whole, noise = slice(0, time.size), resolution.position_noise
+    light = CommonKernel(light_width(q, noise, [whole], period), period)
+    # as in `build_samples`: a fit without inertia has no use for a wider filter
+    no_inertia = joint.context.load == "torque" and "rotor_inertia" not in joint.context.declared
+    moving = np.abs(v) > joint.slowest
+    final = final_kernel(moving, [whole], light, final_widths(a, 0.0 if no_inertia else noise, light))
+    signals = joint.signals(np.stack([q, v, a, np.zeros_like(q)]), period)
+    servo = joint.context.drive == "position_servo"
+    floor = NoiseFloor.of(resolution, light, final, signals, np.flatnonzero(moving), servo=servo)
+    left = floor.torque(1.0 / joint.numbers.gain, joint.numbers.viscous)
+    beyond = max(joint.noise**2 - joint.floor**2, 0.0)
+    widths = [np.hypot(joint.kernel_width, joint.final_width), np.hypot(light.actual_width_s, final.actual_width_s)]
+    return replace(
+        joint,
+        noise=float(np.hypot(left, np.sqrt(beyond))),
+        floor=left,
+        independent_per_second=joint.independent_per_second * float(widths[0] / widths[1]),
+        kernel_width=light.actual_width_s,
+        final_width=final.actual_width_s,
+    )
