@@ -21,7 +21,7 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency, loads_differ
-from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note
+from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note, viscous_age_note
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -118,6 +118,7 @@ def diagnose_joint(
         *drive_notes(rig, joint, final_parameters, chosen.gain),
         *gain_note(final_parameters, context.drive),
         *age_note(columns.samples, context.drive),
+        *viscous_age_note(rig.command_hold, columns.samples, final_parameters, context.drive),
         *late_note(final_parameters, columns.samples),
         *_gear(columns, context),
     )

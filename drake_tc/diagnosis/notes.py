@@ -12,6 +12,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    ViscousByAge,
 )
 from drake_tc.effects.context import DriveKind
 
@@ -249,6 +250,7 @@ DriveNote = (
     | RecordedLate
     | PositionRecordedLate
     | HeldEffort
+    | ViscousByAge
     | ServoDamping
 )
 """On the drive that the rig file describes."""

@@ -48,3 +48,16 @@ class HeldEffort:
 
     drive: DriveKind
     period: float
+
+
+@dataclass(frozen=True)
+class ViscousByAge:
+    """Viscous friction that a position servo's command adds or takes away where its age within a period is not known.
+
+    Attributes:
+        shift: K T/2, on either side [N m s/rad].
+        period: T [s].
+    """
+
+    shift: float
+    period: float

@@ -64,7 +64,14 @@ from drake_tc.diagnosis.selection.withdrawal import (
     UncertainOnHeldOut,
     Withdrawal,
 )
-from drake_tc.diagnosis.timing_notes import DelayBySampling, HeldEffort, OlderEffort, PositionRecordedLate, RecordedLate
+from drake_tc.diagnosis.timing_notes import (
+    DelayBySampling,
+    HeldEffort,
+    OlderEffort,
+    PositionRecordedLate,
+    RecordedLate,
+    ViscousByAge,
+)
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT
 from drake_tc.report.html import render
 from drake_tc.report.report_json import joint_json
@@ -150,6 +157,7 @@ NOTES = [
     (CorrelatedTorqueNoise(2.5, 0.04), ["about 40 ms", "2.5 times"]),
     (GapCrossings(0.0884), ["the gear has play, rows within 88 ms of a change of the load's sign take no part"]),
     (PositionRecordedLate(0.01), ["recorded 10 ms after it was measured", "Check the time stamps of the encoder."]),
+    (ViscousByAge(0.04, 0.002), ["one sampling period (2 ms)", "the viscous friction by up to 0.04 N*m*s/rad"]),
     (RunsWithoutMotion(("a", "b"), 0.3), ["filter window (300 ms)", "take no part: a, b."]),
     *((NoFreeRun(reason), ["There is no free run: "]) for reason in get_args(FreeRunObstacle)),
     (FreeRunDiverges("after", ("slow", "fast")), ["The model after has no free-run error", "diverges on slow, fast."]),

@@ -16,7 +16,14 @@ from drake_tc.diagnosis.notes import (
     SizeByRotorInertia,
 )
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.timing_notes import DelayBySampling, HeldEffort, OlderEffort, PositionRecordedLate, RecordedLate
+from drake_tc.diagnosis.timing_notes import (
+    DelayBySampling,
+    HeldEffort,
+    OlderEffort,
+    PositionRecordedLate,
+    RecordedLate,
+    ViscousByAge,
+)
 from drake_tc.effects.base import DriveKind, Effect
 from drake_tc.effects.library import effect
 from drake_tc.logs.loads import Pendulum
@@ -26,7 +33,8 @@ NEAR_ONE = 0.02
 """Relative departure of a drive gain from the expected one that is not worth a note."""
 
 WORTH_SAYING = 0.05
-"""Sampling period over a delay, from which on it is said how much of the delay the instants of sampling may be."""
+"""Share of a delay, or of the viscous friction, from which on it is said how much of it the instants of sampling may
+be."""
 SCALE_ALONE = ("torque_sensor_gain",)
 """Effects that do nothing but scale the torques of a load."""
 PENDULUM_PAYLOAD = "payload.pendulum"
@@ -86,6 +94,28 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[DriveNote, ...]:
     if age < 0.0:
         return (RecordedLate(drive, -age * period),)
     return (*position, HeldEffort(drive, period) if age == HELD else OlderEffort(drive, age * period, period))
+
+
+def viscous_age_note(
+    stated: bool | None, samples: Samples, found: Parameters, drive: DriveKind
+) -> tuple[ViscousByAge, ...]:
+    """How much of a servo's viscous friction the instants at which its command was recorded may be.
+
+    A command that is older by d adds K d qdot to the servo's torque, which viscous friction takes up. Within one period
+    T a log does not show d. It is told where K T/2 is more than half the interval and a twentieth of the friction.
+
+    Args:
+        stated: `command_hold` of the rig file; None where it does not say.
+        samples: Training rows.
+        found: Parameters of the final model, by effect.
+        drive: Kind of drive.
+    """
+    if stated is not None or drive != "position_servo":
+        return ()
+    viscous, period = found["viscous"]["viscous"], samples.signals.period
+    shift = 0.5 * period / found["drive"]["gain"].value
+    least = max(0.5 * (viscous.ci95[1] - viscous.ci95[0]), WORTH_SAYING * viscous.value)
+    return (ViscousByAge(shift, period),) if shift > least else ()
 
 
 def _other_gain(found: Parameters, declared: float | None, drive: DriveKind) -> tuple[DriveNote, ...]:

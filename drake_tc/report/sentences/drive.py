@@ -13,7 +13,14 @@ from drake_tc.diagnosis.notes import (
     ServoDamping,
     SizeByRotorInertia,
 )
-from drake_tc.diagnosis.timing_notes import DelayBySampling, HeldEffort, OlderEffort, PositionRecordedLate, RecordedLate
+from drake_tc.diagnosis.timing_notes import (
+    DelayBySampling,
+    HeldEffort,
+    OlderEffort,
+    PositionRecordedLate,
+    RecordedLate,
+    ViscousByAge,
+)
 from drake_tc.effects.context import EFFORT_UNIT, DriveKind
 
 RECORDED: Mapping[DriveKind, str] = {
@@ -60,6 +67,12 @@ def drive_sentence(note: DriveNote) -> str:
             return (
                 f"The {RECORDED[drive]} is taken to act unchanged from one sample to the next ({_ms(period)}); declare "
                 "command_hold: false if the samples are points of a continuous curve."
+            )
+        case ViscousByAge(shift, period):
+            return (
+                f"These logs do not show the age of the command within one sampling period ({_ms(period)}). It may "
+                f"change the viscous friction by up to {shift:.3g} N*m*s/rad, which the 95 % interval does not "
+                "include. State command_hold in the rig file if you know it."
             )
         case ServoDamping(viscous, servo, exceeds) if exceeds:
             return (

@@ -1,10 +1,13 @@
 """What the report says of a drive gain that the model after does not share with the rig file."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from drake_tc.diagnosis.notes import GainBesideEffects, LoadWithRotor, PayloadFromRatio, SizeByRotorInertia
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.drive_notes import drive_notes
+from drake_tc.diagnosis.result.drive_notes import drive_notes, viscous_age_note
+from drake_tc.diagnosis.timing_notes import ViscousByAge
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
 
@@ -51,6 +54,24 @@ def test_friction_over_an_unknown_load_that_contains_the_rotor_is_told(declared,
     described = {"joint": "joint", "drive": "current", "drive_gain": 0.5, "load": "unknown", "declared": declared}
     notes = drive_notes(parse_rig(described), "joint", found(0.5, "unknown_load.pendulum", friction), 0.5)
     assert notes == ((LoadWithRotor((effect(friction).title,)),) if told else ())
+
+
+@pytest.mark.parametrize(
+    ("stated", "drive", "half_width", "told"),
+    [
+        (None, "position_servo", 0.01, True),
+        (None, "position_servo", 0.3, False),
+        (False, "position_servo", 0.01, False),
+        (True, "position_servo", 0.01, False),
+        (None, "current", 0.01, False),
+    ],
+)
+def test_the_age_of_a_servos_command_may_be_viscous_friction(stated, drive, half_width, told) -> None:
+    """K = 200 N m/rad at 500 Hz: K T/2 = 0.2 N m s/rad beside 1.1 N m s/rad."""
+    friction = Estimate(1.1, "N*m*s/rad", (1.1 - half_width, 1.1 + half_width), False)
+    samples = SimpleNamespace(signals=SimpleNamespace(period=2e-3))
+    notes = viscous_age_note(stated, samples, found(DECLARED) | {"viscous": {"viscous": friction}}, drive)
+    assert notes == ((ViscousByAge(0.2, 2e-3),) if told else ())
 
 
 ROTOR, MASS, LENGTH = 0.4, 4.0, 0.5
