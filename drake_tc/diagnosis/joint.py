@@ -154,6 +154,7 @@ def diagnose_joint(
             unexplained,
             [each.reason for each in did_not_hold],
             loads_differ=loads_differ(by_condition),
+            load_measured=context.load == "torque",
         ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),

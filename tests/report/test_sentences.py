@@ -106,7 +106,8 @@ OBJECTIONS = [
 ]
 EXPERIMENTS = [
     (TellApart("stribeck", "delay"), ["To tell stribeck from delay: creep at", "(shows stribeck alone)"]),
-    (CheckLoad(), ["the declared load (mass, length, zero) and the drive gain"]),
+    (CheckLoad(measured=False), ["the declared load (mass, length, zero) and the drive gain"]),
+    (CheckLoad(measured=True), ["the torque sensor (scale, sign, zero) and the drive gain"]),
     (
         CoverRange(BeyondTraining("temperature", ("warm",), (24.4, 30.7), (24.4, 59.2), 0.998)),
         ["in which the temperature covers 24.4 to", "as warm does: the present training runs cover 24.4 to"],

@@ -20,7 +20,13 @@ class TellApart:
 
 @dataclass(frozen=True)
 class CheckLoad:
-    """Check the declared load and drive gain: their error would look like the effect that did not hold."""
+    """Check the known load and the drive gain: their error would look like the effect that did not hold.
+
+    Attributes:
+        measured: Whether a torque sensor measures the load, which the rig file declares otherwise.
+    """
+
+    measured: bool
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,7 @@ def next_experiment(
     reasons: Collection[Withdrawal] = (),
     *,
     loads_differ: bool = False,
+    load_measured: bool = False,
 ) -> NextExperiment | None:
     """What to do first; None when nothing is open.
 
@@ -84,12 +91,13 @@ def next_experiment(
         alternatives: Pairs of effects, by id, that the logs cannot tell apart.
         unexplained: What the final model leaves.
         reasons: Why effects did not hold.
+        load_measured: Whether a torque sensor measures the load.
         loads_differ: Whether the parameters of an unknown load differ from run to run.
     """
     if alternatives:
         return TellApart(*alternatives[0])
     if "looks_like_known_load" in reasons:
-        return CheckLoad()
+        return CheckLoad(load_measured)
     if unexplained.beyond is not None:
         return CoverRange(unexplained.beyond)
     if loads_differ:

@@ -64,6 +64,11 @@ def experiment_sentence(experiment: NextExperiment) -> str:
                 f"To tell {first} from {second}: {isolating(first)} (shows {first} alone); {isolating(second)} (shows "
                 f"{second} alone)."
             )
+        case CheckLoad(measured) if measured:
+            return (
+                "Check the torque sensor (scale, sign, zero) and the drive gain first: an error of one of them explains "
+                "the residual equally well."
+            )
         case CheckLoad():
             return (
                 "Check the declared load (mass, length, zero) and the drive gain first: an error of one of them "

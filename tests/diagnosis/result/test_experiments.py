@@ -24,7 +24,9 @@ def test_what_is_open_asks_for_an_experiment_effects_first():
     everything = replace(STRUCTURED, confined_to=(STRETCH,), period_hz=4.0)
     pairs = (("encoder_ripple", "delay"), ("delay", "encoder_ripple"))
     assert next_experiment(pairs, everything, ["looks_like_known_load"]) == TellApart("encoder_ripple", "delay")
-    assert next_experiment((), everything, ["implausible", "looks_like_known_load"]) == CheckLoad()
+    refused = ["implausible", "looks_like_known_load"]
+    for measured in (False, True):
+        assert next_experiment((), everything, refused, load_measured=measured) == CheckLoad(measured)
     assert next_experiment((), everything, loads_differ=True) == SeparateLoads()
     assert next_experiment((), everything) == RepeatRun("run_1", 2.0, 3.5)
     assert next_experiment((), replace(everything, confined_to=())) == FindPeriodicSource(4.0)

@@ -35,7 +35,7 @@ def test_what_only_the_first_diagnosis_tried_is_kept():
         rejected=rejected,
         did_not_hold=(spring,),
         indistinguishable=pairs,
-        next_experiment=CheckLoad(),
+        next_experiment=CheckLoad(measured=False),
     )
     again = with_first(first, result(["stribeck"], next_experiment=RepeatUnchanged()))
     assert [each.id for each in again.effects] == ["stribeck"]
@@ -43,7 +43,7 @@ def test_what_only_the_first_diagnosis_tried_is_kept():
     assert again.did_not_hold == (spring, DidNotHold("deadzone", "deadzone", "deadzone", NotFoundAgain(), 0.1))
     assert again.indistinguishable == (("stribeck", "deadzone"),)
     assert again.next_experiment == RepeatUnchanged()  # the one of the first asked for a pair that is gone
-    assert with_first(first, result(["stribeck", "deadzone"])).next_experiment == CheckLoad()
+    assert with_first(first, result(["stribeck", "deadzone"])).next_experiment == CheckLoad(measured=False)
 
 
 def test_an_effect_that_the_repeated_diagnosis_withdraws_has_its_own_reason():
