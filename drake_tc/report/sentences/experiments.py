@@ -66,8 +66,8 @@ def experiment_sentence(experiment: NextExperiment) -> str:
             )
         case CheckLoad(measured) if measured:
             return (
-                "Check the torque sensor (scale, sign, zero) and the drive gain first: an error of one of them explains "
-                "the residual equally well."
+                "Check the torque sensor (scale, sign, zero) and the drive gain first: an error of one of them "
+                "explains the residual equally well."
             )
         case CheckLoad():
             return (
