@@ -41,8 +41,8 @@ def simulated_inertia(model: ActuatorModel, step: float) -> float:
 def model_to_simulate(model: ActuatorModel, step: float) -> ActuatorModel:
     """The model with J - f_v h/2 [kg m^2] in place of J: simulated with this step, its log shows J.
 
-    J is the sum of all inertias of the model: of the rotor, of a payload and of an unknown load. Each one is made
-    smaller by the same factor.
+    J is the sum of all inertias of the model: of the rotor, of a payload and of an unknown load. Each of them is
+    multiplied by the same factor.
 
     Of a constant torque, velocity then decays by (J - f_v h/2)/(J + f_v h/2) in a step, which is the trapezoidal rule
     on J. A step so long that less than half of J would be left gets J/2: it cannot show this friction.

@@ -63,6 +63,8 @@ def bench_experiments(
         return
     print_rows("", rows, as_json=False)
     for case in cases:
-        words = case.refusal or f"designed {case.designed} (predicted {case.predicted:.2f}), sinusoid {case.default}"
-        words = f"first {case.first}; {words}"
-        print(f"{case.truth} against {case.other}: {words}")
+        words = case.refusal or (
+            f"after the designed run: {case.designed} (predicted probability {case.predicted:.2f}); "
+            f"after the sinusoid: {case.default}"
+        )
+        print(f"{case.truth} against {case.other}: after the first logs: {case.first}; {words}")

@@ -90,7 +90,7 @@ class SizeByRotorInertia:
 
 @dataclass(frozen=True)
 class LoadWithRotor:
-    """Effects, by title, that follow a load torque whose fitted inertia contains that of the rotor."""
+    """Effects, by title, that depend on a load torque whose fitted inertia includes that of the rotor."""
 
     effects: tuple[str, ...]
 
@@ -206,10 +206,10 @@ class RunsWithoutMotion:
 
 @dataclass(frozen=True)
 class GapCrossings:
-    """Rows near a change of the load's sign take no part, because the teeth of the gear are apart there.
+    """Rows near a sign change of the load torque take no part, because the teeth of the gear are apart there.
 
     Attributes:
-        within: Time on either side [s].
+        within: Time before and after the sign change [s].
     """
 
     within: float

@@ -1,13 +1,13 @@
-"""Searches of one joint: on all rows, on those of a soft gear, and without those in which the teeth are apart.
+"""Searches of one joint: on all rows, on the rows of a soft gear, and without the rows in which the teeth are apart.
 
-Which rows a joint has depends on its gear. Under a soft one the link still moves while the motor sticks. In one with
-play the motor crosses the gap when the transmitted torque changes its sign. It takes a while, in which the link's
-encoder does not say where the motor is, and oscillates on its servo afterwards. With the stiffness K of the servo and
-the reflected inertia J of the rotor, rows take no part within
+Which rows are usable depends on the gear. With a soft gear the link still moves while the motor sticks. In a gear with
+play, the motor crosses the gap when the transmitted torque changes its sign, and then oscillates on the stiffness of
+its servo. During this time the encoder of the link does not show where the motor is. With the stiffness K of the servo
+[N m/rad] and the reflected inertia J of the rotor [kg m^2], rows take no part within
 
-    w = light kernel + 2 pi sqrt(J/K)                                                                       (apart)
+    w = light kernel + min(2 pi sqrt(J/K), LONGEST_CROSSING)                                                (apart)
 
-of a change of the sign of the torque that the gear transmits.
+[s] of a sign change of the torque that the gear transmits.
 """
 
 import math
@@ -39,7 +39,7 @@ UNKNOWN_INERTIA = 0.07
 ON_MOTOR_SIDE = frozenset({"rotor_inertia", "torque_ripple"})
 """Loads that the gear does not transmit."""
 LONGEST_CROSSING = 0.3
-"""Longest 2 pi sqrt(J/K) that is believed [s]: a slower position loop would follow no motion."""
+"""Upper limit of 2 pi sqrt(J/K) [s]: a slower position loop could not follow a motion."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def searched(
         options: Thresholds and seed.
         progress: Told how far it is.
         executor: Refines proposals; None does it here.
-        without: Ids of effects that are not looked for.
+        without: Ids of effects that are not searched for.
     """
     library = [each for each in looked_for(prepared.context, options.effects) if each.id not in without]
     usable, obstacles = candidates(library, prepared.context, prepared.declared)
@@ -125,7 +125,7 @@ def _has_backlash(found: Search) -> bool:
 
 
 def _open_gap(stage: Stage) -> OpenGap | None:
-    """The gap where backlash was found, with (apart); of `UNKNOWN_INERTIA` where no inertia of the rotor is known."""
+    """The gap with w of (apart) if backlash was found; its second term is `UNKNOWN_INERTIA` where J is not known."""
     if not _has_backlash(stage.found):
         return None
     samples, chosen = stage.prepared.train.samples, stage.found.chosen
@@ -142,7 +142,7 @@ def _open_gap(stage: Stage) -> OpenGap | None:
 def of_its_gear(
     prepare: Callable[..., Prepared], options: DiagnosisOptions, progress: Progress, executor: Executor | None
 ) -> tuple[Stage, Callable[..., Prepared]]:
-    """The search on the rows that the joint's gear asks for, and how these rows are prepared.
+    """The search on the rows that are usable with the joint's gear, and the function that prepares these rows.
 
     Args:
         prepare: `prepare_joint` of the joint's runs, with keywords that choose rows.

@@ -229,8 +229,8 @@ class ResidualThresholds:
         least_line: Share of the residual's variance that one spectral line must hold.
         least_wander: Share of the held-out residual, its mean included, that its own neighbourhood in time must explain
             where a sensor is said to wander.
-        least_beyond: Share of the held-out residual's energy that must lie beyond the range of the training runs, to
-            be called the error of extrapolated effects.
+        least_beyond: Share of the held-out residual's energy that must lie outside the range of the training runs for
+            the residual to be called an error of extrapolation.
     """
 
     least_floors: float = 1.5

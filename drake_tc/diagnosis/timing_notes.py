@@ -1,4 +1,4 @@
-"""What the reader of a result must know of the instants at which its columns were sampled."""
+"""Notes on the instants at which the columns of a log were sampled."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from drake_tc.effects.context import DriveKind
 
 @dataclass(frozen=True)
 class DelayBySampling:
-    """How much of a delay the instants of sampling may be.
+    """A delay that is partly or wholly explained by the instants of sampling.
 
     Attributes:
         name: "delay" or "lag". value: of it [s]. period: of the sampling [s].
@@ -37,7 +37,7 @@ class RecordedLate:
 
 @dataclass(frozen=True)
 class PositionRecordedLate:
-    """The position is recorded after it was measured, by `lead` [s]."""
+    """The position is recorded `lead` [s] after it was measured."""
 
     lead: float
 
@@ -52,11 +52,11 @@ class HeldEffort:
 
 @dataclass(frozen=True)
 class ViscousByAge:
-    """Viscous friction that a position servo's command adds or takes away where its age within a period is not known.
+    """Possible error of the viscous friction of a position servo, whose command has an unknown age within one period.
 
     Attributes:
-        shift: K T/2, on either side [N m s/rad].
-        period: T [s].
+        shift: Largest error +-K T/2 [N m s/rad], with the stiffness K of the servo [N m/rad].
+        period: Sampling period T [s].
     """
 
     shift: float

@@ -148,7 +148,7 @@ class DeclaredGainPayload(Payload):
     """
 
     form = "declared_gain"
-    inertia_parameter = ""  # the pendulum's torque holds that of the payload
+    inertia_parameter = ""  # the payload scales the whole torque of the pendulum, its inertial part included
     torque_kind = LOAD_SHARE
     equation = "tau_add = payload_share * tau"
     excludes = frozenset({"servo_gain"})

@@ -1,7 +1,7 @@
-"""Angles that jump and stay there: an encoder that lost its zero, or rows that a logger dropped without a gap in time.
+"""Jumps of a recorded angle: an encoder that lost its zero, or rows that a logger dropped without a gap in time.
 
-No joint moves like this. The steps s_k = q_{k+1} - q_k of a joint differ from those around them by what it accelerates,
-so a step that is far larger than all others is a step of the reading.
+The steps s_k = q_{k+1} - q_k of a moving joint differ from their neighbours only by its acceleration. A step that is
+far larger than all others is therefore a jump of the reading and not a motion.
 """
 
 import numpy as np
@@ -12,21 +12,22 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 NEIGHBOURHOOD = 9
-"""Steps whose median is what the joint does there."""
+"""Number of steps whose median is taken as the motion of the joint there."""
 ALONE, AROUND = 10.0, 10
-"""A jump departs so many times further from that median than any other step within so many rows: an impact rings."""
+"""A jump departs from that median by more than `ALONE` times as much as any other step within `AROUND` rows. An impact
+rings, and has several large steps."""
 LARGEST = 3.0
-"""And is so many times larger than the largest other step of the run: no motion of this joint is as fast."""
+"""A jump is so many times larger than the largest other step of the run: no motion of this joint is as fast."""
 MANY_STEPS = 30.0
-"""And so many of the encoder's smallest steps: the last digit flickers."""
+"""A jump has so many times the encoder's smallest step: the last digit may flicker."""
 LONG = 1.5
-"""Periods from which on rows are missing between two samples; the joint moved on meanwhile."""
+"""Sampling periods between two samples above which rows are missing: the joint moved on meanwhile."""
 MOST = 5
-"""Jumps of one column; more of them are no lost zero."""
+"""Most jumps of one column that are taken for a lost zero."""
 
 
 def jumps(time: FloatArray, angle: FloatArray) -> IntArray:
-    """Rows k (m,) whose angle [rad] jumps until row k + 1 and stays there; NaN are left out, and spikes are no jumps.
+    """Rows k (m,) after which the angle jumps and stays at its new value. NaN are skipped, and spikes are not jumps.
 
     Args:
         time: (T,) [s].
@@ -54,7 +55,7 @@ def _alone(departure: FloatArray, k: int) -> bool:
 
 
 def find_jumps(raw: RawLog, rig: Rig) -> tuple[BoolArray, tuple[str, ...]]:
-    """Rows (T,) on both sides of jumps of the joints' positions, where the run is to be split, and notes."""
+    """Rows (T,) beside jumps of the joints' positions, at which the run is to be split, and one note for each jump."""
     beside, notes = np.zeros(raw.time.size, dtype=bool), []
     for name in (f"{joint}/position" for joint in rig.joints if joint not in raw.speed_only):
         rows = jumps(raw.time, raw.columns[name])
@@ -64,8 +65,8 @@ def find_jumps(raw: RawLog, rig: Rig) -> tuple[BoolArray, tuple[str, ...]]:
             size = float(raw.columns[name][end] - raw.columns[name][k])
             notes.append(
                 f"Column {name} jumps by {size:.3g} rad at {raw.time[end] - raw.time[0]:.6g} s"
-                f" ({file_row(raw.path, end)}) and stays there. The joint moves so fast nowhere else: the encoder lost"
-                " its zero, or rows are missing. The run was split there. If the zero was lost, cut the log there, and"
-                " leave one part out or correct its zero."
+                f" ({file_row(raw.path, end)}) and stays at the new value. The joint moves this fast nowhere else: the"
+                " encoder lost its zero, or rows are missing. The run was split there. If the zero was lost, cut the"
+                " log at this row, and either leave out one part or correct its zero."
             )
     return beside, tuple(notes)

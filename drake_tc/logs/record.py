@@ -24,8 +24,8 @@ class Run:
         segment: (T,) integers: samples that share a number >= 0 are contiguous and uniform; -1 marks samples
             that must not be used (torque off, a gap's filler, missing values).
         notes: One sentence for every repair and every exclusion, for the report.
-        hints: Those notes that call for a change of the rig file or the log: a column which seems to be meant, a wrong
-            sign, a lost zero of an encoder.
+        hints: Those notes that call for a change of the rig file or the log: a column that may have been forgotten in
+            the rig file, a wrong sign, or an encoder that lost its zero.
         steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
             before the resampling, which hides it.
         speed_only: Joints whose position is the integral of the recorded velocity (`speed_only`).

@@ -32,7 +32,7 @@ REASONS: dict[Withdrawal, str] = {
     "worse_than_declared": "the declared model has the smaller error",
 }
 NEAR = 0.25
-"""Held-out gain from which on an effect that was not added is named beside what is left."""
+"""Smallest held-out gain at which the sentence on the remaining error names an effect that was not added."""
 NO_FLOOR = "there is no noise floor, because the logs show neither noise nor steps of the sensors"
 
 
@@ -167,8 +167,9 @@ def _near(joint: JointResult) -> str:
 
 def _extrapolated(beyond: BeyondTraining) -> str:
     return (
-        f"{percent(beyond.share)} of the remaining error lies where the {signal_name(beyond.signal)} goes beyond the "
-        f"{signal_range(beyond.signal, *beyond.trained)} of the training runs: there the effects are extrapolated"
+        f"{percent(beyond.share)} of the remaining error lies where the {signal_name(beyond.signal)} is outside the "
+        f"range of the training runs ({signal_range(beyond.signal, *beyond.trained)}), so the effects are extrapolated "
+        "there"
     )
 
 

@@ -32,8 +32,13 @@ def test_a_case_that_the_design_refuses_or_doubts_is_no_promise():
     values = {row.name: row.value for row in decided_rows(cases)}
     assert [row.value for row in decided_rows(cases)][:5] == [5, 4, 0, 1, 1]
     assert values["open: predicted at 80 % or more"] == 2
-    assert values["of those, told by the designed run"] == 0.5 and values["of those, told by the sinusoid"] == 0.0
-    assert np.isnan(next(r.value for r in decided_rows([]) if r.name == "of those, told by the designed run"))
+    assert (
+        values["predicted at or above: separated by the designed run"] == 0.5
+        and values["predicted at or above: separated by the sinusoid"] == 0.0
+    )
+    assert np.isnan(
+        next(r.value for r in decided_rows([]) if r.name == "predicted at or above: separated by the designed run")
+    )
 
 
 def test_a_scaled_pair_has_both_effects_scaled_on_the_same_joint():

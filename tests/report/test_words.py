@@ -136,8 +136,8 @@ def test_an_error_beyond_the_training_range_is_called_one_of_extrapolation(joint
     left = replace(QUIET, structured=structured, excess=True, floors=8.0, beyond=WARMER, depends_on=("time",))
     said = plain(unexplained(replace(joint, unexplained=left)))
     assert (
-        "99.8 % of the remaining error lies where the temperature goes beyond the 24.4 to 30.7 °C of the training "
-        "runs: there the effects are extrapolated."
+        "99.8 % of the remaining error lies where the temperature is outside the range of the training runs "
+        "(24.4 to 30.7 °C), so the effects are extrapolated there."
     ) in said
     assert "no recorded signal" not in said
 

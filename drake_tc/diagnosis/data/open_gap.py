@@ -1,7 +1,7 @@
-"""Where the teeth of a gear with play are apart.
+"""Samples at which the teeth of a gear with play are apart.
 
-They part when the torque that the gear transmits changes its sign. While the motor crosses the gap, and while it
-oscillates on its servo afterwards, the position of the link does not tell that of the motor.
+The teeth part when the torque that the gear transmits changes its sign. While the motor crosses the gap, and while it
+oscillates on the stiffness of its servo afterwards, its position does not follow from that of the link.
 """
 
 from collections.abc import Sequence
@@ -16,20 +16,25 @@ from drake_tc.types import BoolArray, FloatArray
 
 @dataclass(frozen=True)
 class OpenGap:
-    """How long the teeth are apart, and what the gear transmits besides the known load.
+    """How long the teeth are apart, and the loads that the gear may transmit besides the known load.
 
     Attributes:
-        within: Time on either side of a change of the torque's sign [s].
-        loads: Effects that may act on the link's side, with their shapes and coefficients [N m].
+        within: Time before and after a sign change of the transmitted torque [s].
+        loads: Load effects that may act on the link, with their shapes and coefficients [N m].
     """
 
     within: float
     loads: tuple[tuple[TorqueEffect, Shape, FloatArray], ...] = ()
 
     def is_open(self, signals: Signals, segments: Sequence[slice]) -> BoolArray:
-        """(T,) whether the transmitted torque changes its sign within the time.
+        """(T,) whether the transmitted torque changes its sign less than `within` before or after the sample.
 
-        It counts with these loads and without them: a cable may pull at the link or at the motor.
+        Sign changes of the torque with `loads` and without them both count, because an effect such as a cable may pull
+        at the link or at the motor.
+
+        Args:
+            signals: Of all samples.
+            segments: Contiguous stretches of them.
         """
         known = signals.load_torque
         more = sum((e.columns(signals, shape) @ theta for e, shape, theta in self.loads), np.zeros_like(known))

@@ -125,8 +125,8 @@ def build_samples(
         at_rest: Filtered velocity that other runs of the joint show at rest [rad/s].
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
             negative if it is recorded after it acted.
-        gap: Play of the gear; samples at which its teeth are apart take no part.
-        position_late: Time [s] by which the position is recorded after it was measured; of a torque sensor's joint.
+        gap: Samples at which the teeth of the gear are apart, which take no part; None for a gear without play.
+        position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.

@@ -41,10 +41,11 @@ class Samples:
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
-        position_late: By how much the position is recorded after it was measured [s].
+        position_late: Delay with which the position is recorded [s].
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
-        open_within: Time on either side of a change of the transmitted torque's sign whose samples take no part [s].
+        open_within: Samples nearer than this time to a sign change of the transmitted torque take no part [s]; 0 where
+            all samples do.
         loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 

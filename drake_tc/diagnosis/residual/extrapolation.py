@@ -1,7 +1,8 @@
-"""Does what is left lie where the held-out runs go beyond the training runs?
+"""Whether the remaining error lies where the held-out runs go beyond the range of the training runs.
 
-There the effects that were found extrapolate: how their curves go on was never seen. A held-out run that is warmer than
-every training run shows the error of the extrapolated friction, and neither a missing effect nor an event.
+Outside this range the effects that were found are extrapolated. For example, the residual of a held-out run that is
+warmer than every training run is the error of the extrapolated friction. It shows neither a missing effect nor an
+event.
 """
 
 from collections.abc import Collection
@@ -18,9 +19,9 @@ from drake_tc.types import FloatArray
 CURVES_OVER = {name: name for name in ("velocity", "acceleration", "position", "temperature")} | {
     "load_torque": "expected_torque"
 }
-"""Signals over which effects are curves, and their features."""
+"""Signals on which effects depend, and the corresponding features of the residual."""
 MARGIN = 0.05
-"""Of the training range, by which a row must lie outside of it."""
+"""Share of the training range by which a row must lie outside it."""
 
 
 def beyond_training(
@@ -32,14 +33,15 @@ def beyond_training(
 ) -> BeyondTraining | None:
     """The signal beyond whose training range nearly all of the held-out residual lies; None where there is none.
 
-    Rows inside the range must leave little more than noise, and those beyond twice as much as these.
+    The RMS of the rows inside the range must be at most `options.most_floors` noise floors, and the RMS of the rows
+    outside at least twice as large.
 
     Args:
         held: Held-out rows.
         x: Features (N, 8) of the training rows, (M, 8) of the held-out ones.
-        effects: Those that were found; a signal counts if one of them is a curve over it, or needs it.
+        effects: Effects that were found. Only signals on which one of them depends are tested.
         floor: Noise floor [effort].
-        options: How much more than noise is flagged, and which share of the residual must lie beyond.
+        options: Uses `most_floors` and `least_beyond`.
     """
     names = {CURVES_OVER[n] for e in effects for n in (e.signature.x, *e.needs) if n in CURVES_OVER}
     found = []

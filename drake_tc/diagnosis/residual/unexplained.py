@@ -55,10 +55,10 @@ class BeyondTraining:
     """Nearly all of the held-out residual lies where a signal goes beyond its range in the training runs.
 
     Attributes:
-        signal: One of the residual's features.
-        runs: Held-out runs in which it goes beyond.
-        trained, reached: Its range in the training runs and in the held-out runs.
-        share: Of the held-out residual's energy that lies there.
+        signal: Name of the signal, one of `structure.FEATURES`.
+        runs: Held-out runs in which it goes beyond this range.
+        trained, reached: Smallest and largest value in the training runs and in the held-out runs.
+        share: Share of the held-out residual's energy outside the range of the training runs.
     """
 
     signal: str

@@ -80,7 +80,11 @@ def what_is_left(
 
 
 def _residual_options(options: ResidualThresholds, chosen: Fit, *, gap_left_out: bool) -> ResidualThresholds:
-    """A gear's softness, and its play in an open gap, is modelled at rest only: three times as much may be left."""
+    """Thresholds of this fit: three times as much may be left with a soft gear, or with play.
+
+    Both are modelled at rest only. For play this matters only in the rows in which the gap is open, so that the
+    thresholds stay the same if these are left out.
+    """
     at_rest = [t for t in chosen.terms if isinstance(t.effect, TransmissionEffect)]
     if all(gap_left_out and isinstance(t.effect, Backlash) for t in at_rest):
         return options

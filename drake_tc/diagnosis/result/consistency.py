@@ -102,7 +102,7 @@ def consistency(columns: Columns, final: Fit, drive: DriveKind) -> tuple[Paramet
 
 
 def loads_differ(parameters: Sequence[ParameterByCondition]) -> bool:
-    """Whether the parameters of an unknown load differ from run to run."""
+    """Whether a parameter of an unknown load differs significantly from run to run."""
     return any(p.moves and p.by == "run" and p.effect.partition(".")[0] == UnknownLoadEffect.id for p in parameters)
 
 

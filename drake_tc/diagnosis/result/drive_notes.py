@@ -33,8 +33,8 @@ NEAR_ONE = 0.02
 """Relative departure of a drive gain from the expected one that is not worth a note."""
 
 WORTH_SAYING = 0.05
-"""Share of a delay, or of the viscous friction, from which on it is said how much of it the instants of sampling may
-be."""
+"""Smallest share of a delay, or of the viscous friction, that the instants of sampling may explain and that is worth a
+note."""
 SCALE_ALONE = ("torque_sensor_gain",)
 """Effects that do nothing but scale the torques of a load."""
 PENDULUM_PAYLOAD = "payload.pendulum"
@@ -86,7 +86,7 @@ def late_note(found: Parameters, samples: Samples) -> tuple[DelayBySampling, ...
 
 
 def age_note(samples: Samples, drive: DriveKind) -> tuple[DriveNote, ...]:
-    """That the command was taken to hold between samples, or that a column is older or younger than its sample."""
+    """Notes that the command is taken to hold between samples, or that a column is older or younger than its sample."""
     period, age = samples.signals.period, samples.effort_age
     position = () if samples.position_late == 0.0 else (PositionRecordedLate(samples.position_late),)
     if age == 0.0:
@@ -99,10 +99,11 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[DriveNote, ...]:
 def viscous_age_note(
     stated: bool | None, samples: Samples, found: Parameters, drive: DriveKind
 ) -> tuple[ViscousByAge, ...]:
-    """How much of a servo's viscous friction the instants at which its command was recorded may be.
+    """How wrong a servo's viscous friction may be because the age of its command is not known.
 
-    A command that is older by d adds K d qdot to the servo's torque, which viscous friction takes up. Within one period
-    T a log does not show d. It is told where K T/2 is more than half the interval and a twentieth of the friction.
+    An error d of the command's age changes the servo's torque by about K d qdot, with the stiffness K of the servo
+    [N m/rad], and a fit attributes this torque to viscous friction. A log does not show d within one period T. There is
+    a note if K T/2 exceeds both half the width of the 95 % interval and a twentieth of the friction.
 
     Args:
         stated: `command_hold` of the rig file; None where it does not say.
@@ -151,9 +152,10 @@ def _payload(rig: Rig, joint: str, found: Parameters) -> tuple[PayloadFromRatio,
 
 
 def _with_rotor(rig: Rig, joint: str, found: Parameters) -> tuple[LoadWithRotor, ...]:
-    """Whether effects follow the torque in the gear where the fitted inertia of the load contains the rotor's.
+    """A note if effects depend on the torque in the gear and the fitted inertia of the load includes the rotor's.
 
-    The gear passes J_l qddot + G(q); the fitted load is (J_l + J) qddot + G(q) where no rotor inertia J is subtracted.
+    The gear transmits J_l qddot + G(q). Where no rotor inertia J is declared, the fitted load is
+    (J_l + J) qddot + G(q).
     """
     scale = load_scale(rig, joint)
     followers = tuple(effect(key).title for key in found if key.partition(".")[0] in NEEDS_LOAD)

@@ -31,7 +31,7 @@ class CheckLoad:
 
 @dataclass(frozen=True)
 class SeparateLoads:
-    """Keep runs with different loads apart: the fitted parameters of the unknown load differ from run to run."""
+    """Fit runs with different loads separately: the fitted parameters of the unknown load differ from run to run."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class RepeatRun:
 
 @dataclass(frozen=True)
 class CoverRange:
-    """Fit a run that covers the whole range of a signal: beyond that of the training runs effects extrapolate."""
+    """Record a training run that covers the whole range of a signal: outside the trained range, effects extrapolate."""
 
     beyond: BeyondTraining
 
@@ -74,7 +74,7 @@ NextExperiment = (
 )
 
 EXPLAINED = 0.5
-"""Share of what is left that the recorded signals must explain for a line of its spectrum to be theirs."""
+"""Share of the residual from which on a line of its spectrum is attributed to the signals that explain it."""
 
 
 def next_experiment(

@@ -42,8 +42,8 @@ class CloseLoopResult:
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
     `declared_file` is the file of another simulator whose model was declared, if one was given beside the rig.
     `export` is the trial of the model in another simulator, where one was asked for.
-    `hints` call for a change of the rig file or a log: a column that seems to be meant, a wrong sign, a lost zero of an
-    encoder; they are among the joints' notes too.
+    `hints` call for a change of the rig file or a log: a column that may have been forgotten in the rig file, a wrong
+    sign, or an encoder that lost its zero; they are among the joints' notes too.
     """
 
     joints: Mapping[str, JointResult]

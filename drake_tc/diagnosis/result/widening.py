@@ -39,7 +39,7 @@ def parameters_of(columns: Columns, fitted: Fit, drive: str) -> Parameters:
 
 
 def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:
-    """The parameters with intervals that hold more, and that end at the parameters' bounds.
+    """The parameters with wider intervals, which end at the bounds of the parameters.
 
     Args:
         parameters: Of the fit, by effect and name.

@@ -1,13 +1,13 @@
-"""Is a curve over the position a cause of its own, or does it correct the known load?
+"""Whether a curve over the position is a cause of its own, or only corrects the known load.
 
-A wrong scale of the load, a wrong inertia and a level make an error
+A wrong scale of the load torque tau, a wrong inertia and a constant together make the error
 
-    c = a tau + b qddot + d                                                                      (scale)
+    curve = a tau + b qddot + c                                                                  (scale)
 
-and gravity is one wave over the angle. A curve of free form that is mostly (scale) is no cause of its own. An encoder's
-eccentricity is a wave too, whose phase may happen to be near that of gravity; it is kept where (scale) in its place
-leaves twice as much, and the eccentricity itself leaves next to nothing but noise: then its two numbers say more than
-the three of (scale).
+and gravity is a sine of the angle. A curve of free form that is mostly (scale) is not a cause of its own. The error of
+an eccentric encoder is a sine of the angle too, and its phase may happen to be near that of gravity. An eccentricity is
+kept if it leaves little but noise, and at most half of the error that (scale) leaves in its place: its two parameters
+then explain more than the three of (scale).
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ from drake_tc.types import FloatArray
 
 
 class ScaleOfKnownLoad(TorqueEffect):
-    """a tau + b qddot + d [N m]: what an error of the known load explains; for comparison only."""
+    """a tau + b qddot + c [N m], the error of a wrong known load; for comparison only."""
 
     id = "scale of the known load"
     title = "scale of the known load"
@@ -37,7 +37,7 @@ class ScaleOfKnownLoad(TorqueEffect):
 
 
 def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> FormOfKnownLoad | None:
-    """That a curve over the position is no cause of its own; None where it is.
+    """The objection that a curve over the position only corrects the known load; None if it is a cause of its own.
 
     Args:
         fitted: To the rows of `columns`.
@@ -56,24 +56,25 @@ def looks_like_known_load(fitted: Fit, term: Term, columns: Columns) -> FormOfKn
 
 
 def _says_more(fitted: Fit, term: Term, columns: Columns) -> bool:
-    """Whether a term leaves half of what the known load's scale in its place leaves, and little but noise."""
+    """Whether a term leaves little but noise, and at most half of what `ScaleOfKnownLoad` leaves in its place."""
     others = [t for t in fitted.terms if t is not term]
     instead = score(columns, [*others, Term(ScaleOfKnownLoad(), {})])
     return fitted.cv_rms <= min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * noise_of(fitted, columns))
 
 
 def noise_of(fitted: Fit, columns: Columns) -> float:
-    """Noise floor of the rows under a fit's coefficients [effort]."""
+    """Noise floor [effort] of the rows with the coefficients of a fit."""
     known = BalanceCoefficients.of(fitted.terms, fitted.beta, columns.samples.signals.rotor_inertia)
     return float(fitted.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia))
 
 
 def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> tuple[float, float]:
     """Share of a curve's variance that the known load explains, R^2 of  curve = a tau + b qddot + c + d s, and the RMS
-    of what it leaves [N m].
+    of the remainder [N m].
 
-    Without its inertial part the load of a pendulum is gravity, and its slope s = d tau/dq is what a wrong zero adds to
-    a curve of free form (d = 0 for a wave, whose phase is held against gravity's). 0 where no load is known.
+    Without its inertial part, the load of a pendulum is gravity. A wrong zero of the pendulum adds a multiple of the
+    slope s = d tau/dq to a curve of free form. For an eccentricity d = 0, because its phase is compared with that of
+    gravity. The share is 0 where no load is known.
 
     Args:
         fitted: To the rows of `columns`.

@@ -1,15 +1,16 @@
-"""A column that is recorded after its value held: x*(t) = x(t + d), d > 0.
+"""A column that is recorded with a delay d > 0: the true value at t is  x*(t) = x(t + d).
 
 *The effort.* A current that passes the drive's low-pass before it is logged, a command that is logged one cycle after
-it was sent, and columns with the time stamp of their arrival run behind the motion. No effect can say so, because no
-drive acts before its command. Friction is then wrong, and other effects imitate the lead, together well enough on the
-runs that they are fitted to.
+it was sent, and columns with the time stamp of their arrival run behind the motion. No effect can express this, because
+no drive acts before its command. Friction is then wrong, and several effects together imitate the lead well on the runs
+that they are fitted to.
 
-*The position of a servo beside a torque sensor.* With the servo's stiffness K, a position that is late by d adds K d to
+*The position of a servo with a torque sensor.* With the servo's stiffness K, a position that is late by d adds K d to
 the viscous friction, which is always fitted, and K d^2/2 to the inertia, which looks like a payload.
 
-Where the declared model leaves more than the noise, leads up to 50 ms are therefore tried on it alone. One is taken if
-the declared model leaves at most half of its error with it, and less than all that was found without it.
+Where the declared model leaves more than the noise, leads d of up to 50 ms are therefore tried on the declared model. A
+lead is taken if with it the declared model leaves at most half of its error, and less than the model that was found
+without a lead.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +27,7 @@ from drake_tc.errors import IdentificationError
 
 REFINEMENTS = 8
 LEAD_PARAMETERS = 3
-"""Parameters of effects in whose place a lead, which is one, may leave more than they do."""
+"""Number of parameters from which on a lead, which is one parameter, may replace effects although it leaves more."""
 
 
 def recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]) -> Prepared | None:
@@ -48,11 +49,18 @@ def recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Seq
 def position_recorded_late(
     prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]
 ) -> Prepared | None:
-    """The same of a servo's joint with a torque sensor, and of its position: `prepare(position_late=d)`, d in s.
+    """The joint with a position that is recorded late, where its declared model then fits much better.
 
-    A lead that leaves little but noise is also taken in place of several effects which leave less, if these have at
-    least two parameters more: together they imitate its second order. A single late effect is not replaced, because a
-    late command differs from a late position only in the rates of load and friction.
+    Only for a position servo with a torque sensor. The rule is that of `recorded_late`, with two differences. A lead
+    that leaves at most `LEAD_FLOORS` noise floors is also taken in place of effects that leave less, if these have at
+    least `LEAD_PARAMETERS` parameters: together they imitate the lead to second order. A delay or lag with fewer
+    parameters is not replaced, because a late command differs from a late position only in the rates of load and
+    friction.
+
+    Args:
+        prepare: Called as `prepare(position_late=d)`; the joint whose position is recorded d [s] late.
+        plain: The joint with the position as recorded.
+        chosen: Terms of the model that was found for it.
     """
     if plain.context.drive != "position_servo" or plain.context.load != "torque":
         return None

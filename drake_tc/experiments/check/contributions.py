@@ -71,7 +71,7 @@ class ContributionBuilder:
     def __init__(self, prepared: Prepared, numbers: JointNumbers) -> None:
         """Over the training rows of `prepared`; `numbers` of its declared model.
 
-        A declared drive gain is no free parameter: nothing is refitted that could imitate a wrong one.
+        A declared drive gain is kept fixed, so that no refitted gain imitates an error of the declared value.
         """
         self._columns: Columns = prepared.train
         self._context = prepared.context
@@ -136,7 +136,7 @@ def imitators(declared: Fit, design: FloatArray, change: FloatArray) -> list[str
 
     Args:
         declared: The declared model.
-        design: (N, m) its columns with unit length; without that of the effort where the drive gain is declared.
+        design: (N, m) its columns with unit length; without the column of the effort where the drive gain is declared.
         change: (N,) [N m].
     """
     solution = np.linalg.lstsq(design, change, rcond=None)[0]

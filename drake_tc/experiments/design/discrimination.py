@@ -8,9 +8,9 @@ X: declared columns; w: weights of the rows in motion; s: noise [N m]; n: indepe
 inside their bounds. T is twice the expected logarithm of the ratio of the likelihoods. The design makes the smallest T
 over the orders of A and B, over both signs of A and over its shapes, largest.
 
-An order in which B has more parameters than A takes no part: a diagnosis takes the smaller of two models that fit
-alike, and lists the larger one only where it fits better. A itself must be found all the same, so that the probability
-also rests on the distance of A and of B from the declared model alone.
+An order in which B has more parameters than A is left out: of two models that fit equally well, a diagnosis takes the
+one with fewer parameters, and lists the other one only if it fits better. A diagnosis must also find the effect at all.
+The probability therefore also depends on the distances of A and of B from the declared model without either of them.
 """
 
 from collections.abc import Mapping
@@ -40,7 +40,8 @@ class Discrimination(Criterion):
 
     Attributes:
         joint: The joint.
-        orders: (truth, other) of both orders; of one where the other model contains the truth or has more parameters.
+        orders: (truth, other), in both orders. An order is left out if the other model contains the truth or has more
+            parameters.
         duration: Of the experiment [s].
         contained: (truth, other, proof) of an order in which the other model contains the truth.
     """
@@ -68,7 +69,7 @@ class Discrimination(Criterion):
         return out
 
     def visibilities(self, columns: BalanceColumns, duration: float | None = None) -> dict[str, FloatArray]:
-        """By effect, the distance of each shape from the declared model alone, over `duration` [s] of rows."""
+        """By effect, the distance T of each shape from the declared model alone, over `duration` [s] of rows."""
         declared = Projection(declared_columns(columns), columns.weight)
         scale, out = self._scale(columns, duration), {}
         for form in dict.fromkeys(form for order in self.orders for form in order):
@@ -86,7 +87,7 @@ class Discrimination(Criterion):
         return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
 
     def probability(self, columns: BalanceColumns, duration: float | None = None) -> float:
-        """That a diagnosis of rows like these tells the true effect from the other one, for the worst order and shape.
+        """Probability that a diagnosis of such rows separates the effects, for the worst order, sign and shape.
 
         Args:
             columns: Of the motion.
@@ -102,13 +103,13 @@ class Discrimination(Criterion):
 
 
 def detection_probability(distance: float, independent: float) -> float:
-    """Probability that a diagnosis takes an effect for real whose distance from the declared model is T.
+    """Probability that a diagnosis finds an effect whose distance from the declared model is T.
 
-    It must explain half a noise floor, and lower the error by 5 % (`diagnosis.thresholds`).
+    The effect must explain half a noise floor and lower the error by 5 % (`JOINT` in `diagnosis.thresholds`).
 
     Args:
         distance: T.
-        independent: Samples n.
+        independent: Number n of independent samples.
     """
     if distance <= 0.0:
         return 0.0

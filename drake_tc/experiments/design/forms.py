@@ -85,7 +85,7 @@ def _columns_of(columns: BalanceColumns, term: Term) -> FloatArray:
 
 
 def declared_columns(columns: BalanceColumns) -> FloatArray:
-    """(T, m) columns of what every fit leaves free: the declared terms, and the drive gain unless it is declared."""
+    """(T, m) columns of what is always fitted: the declared terms, and the drive gain unless it is declared."""
     design = columns.design(columns.joint.declared)
     return design[:, 1:] if columns.joint.context.declared.get("drive_gain") else design
 

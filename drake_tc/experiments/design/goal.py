@@ -91,15 +91,16 @@ def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: b
     if goal.kind == "tell":
         forms = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
         require_different(joint, forms[0], forms[1])
-        # a diagnosis takes the smaller of two models that fit alike: only the larger one must be told from the other
+        # of two models that fit equally well a diagnosis takes the one with fewer parameters, so that only the other
+        # one has to be distinguished from it
         pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
         larger = [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
         orders = tuple(pair for pair in larger if identity(joint, *pair) is None)
         if not orders:
             truth, other = larger[0]
             raise ParamsError(
-                f"{other.effect.key} is {truth.effect.key} with fewer parameters while the joint slides, so no motion "
-                f"shows the latter: {identity(joint, truth, other)}"
+                f"while the joint slides, {other.effect.key} describes all that {truth.effect.key} does with fewer "
+                f"parameters, so no motion shows {truth.effect.key}: {identity(joint, truth, other)}"
             )
         return Discrimination(joint, orders, duration, tuple(each for pair in pairs for each in _ties(joint, *pair)))
     if goal.kind == "parameters":
@@ -218,14 +219,14 @@ def identity(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> str | 
 
 
 def _columns(form: EffectForm, signals: Signals) -> FloatArray:
-    """(T, k) of an effect at its first shape; the effort itself for an error of the drive gain."""
+    """Columns (T, k) of an effect at its first shape; of an error of the drive gain, the effort."""
     if isinstance(form.effect, ServoGain):
         return signals.effort[:, None]
     return form.effect.columns(signals, form.shapes[0])
 
 
 def _names(form: EffectForm) -> list[str]:
-    """Of the columns of `_columns`."""
+    """Names of the columns of `_columns`."""
     named = form.effect.parameters if isinstance(form.effect, ServoGain) else form.effect.coefficients
     return [p.name for p in named]
 

@@ -50,9 +50,9 @@ class DesignJoint:
         independent_per_second: Independent samples in it [1/s].
         slowest: Speed below which samples take no part [rad/s].
         kernel_width: Of the first filter that a diagnosis applies [s]. final_width: of the second one.
-        present: Effects that the model lists beyond the declared ones, with their numbers.
-        floor: Part of `noise` that the sensors' noise and the encoder's steps leave [N m].
-        resolution: Of the sensors; None where no log tells it.
+        present: Effects of the model besides the declared ones, with their parameters.
+        floor: Noise floor: part of `noise` due to sensor noise and encoder steps [N m].
+        resolution: Of the sensors; None where it is not known from a log.
     """
 
     name: str

@@ -1,11 +1,12 @@
-"""What a diagnosis makes of the noise of a run that has not been recorded yet.
+"""Noise that a diagnosis will find in a run that has not been recorded yet.
 
-A diagnosis filters a fast run less than a slow one, so that its columns keep their form. The acceleration of the fast
-run is therefore noisier. With the widths w of both filters and the floor f [N m] of the logs, and w', f' of the motion,
+A diagnosis filters a fast run less than a slow one, to keep the form of its columns. The acceleration of the fast run
+is therefore noisier. With w, f, s and n/t of the logs and w', f', s' and n'/t of the future run,
 
     s'^2 = f'^2 + s^2 - f^2,   n'/t = (n/t) w/w'
 
-s: what noise and anything else that no effect explains leave of the logs [N m]; n/t: independent samples a second.
+w: width of both filters together [s]; f: noise floor [N m]; s: residual that noise and everything that no effect
+explains leave [N m]; n/t: independent samples per second [1/s].
 """
 
 from dataclasses import replace
@@ -21,12 +22,13 @@ from drake_tc.types import FloatArray
 
 
 def measured_as(joint: DesignJoint, motion: FloatArray, step: float) -> DesignJoint:
-    """The joint with the filters, the noise and the independent samples of a run of a motion.
+    """The joint with the filters, the noise and the number of independent samples of a run with this motion.
 
-    It is the joint itself where no log tells its sensors, or where the logs recorded its speed alone.
+    The joint is returned unchanged if the noise of its sensors is not known from a log, or if the logs contain its
+    speed and not its position.
 
     Args:
-        joint: As its logs show it.
+        joint: With the noise of its logs.
         motion: (4, T) position [rad] and its three derivatives.
         step: Time between the samples of the motion [s].
     """

@@ -28,10 +28,10 @@ STEP = 0.005
 FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
 TOLD = 0.8
-"""Probability of being told apart, below which the page says which limit stands in the way."""
+"""Probability of separating a pair of effects, below which the page says which limit prevents it."""
 REFIT = (
-    "Give the new run as --log and the earlier ones as --holdout: fitted together, earlier runs would have to predict "
-    "what only the new one shows."
+    "Give the new run as --log and the earlier ones as --holdout. If they were fitted together, the earlier runs alone "
+    "would also have to predict the new run, and their bias could make the diagnosis withdraw the true effect."
 )
 DEFAULT_HZ = 0.4
 """Frequency of the growing sinusoid with which a design is compared [Hz]."""
@@ -145,7 +145,7 @@ def design_joint(
         limits: Of the motion.
         goal: What it is for.
         options: How it is looked for.
-        logs: The runs so far, with which the designed one will be fitted together; None where there are none.
+        logs: The runs so far, for comparison; None where there are none.
         progress: Told how far it is.
 
     Raises:
@@ -181,7 +181,10 @@ def design_joint(
 
 
 def joint_within(joint: DesignJoint, limits: JointLimits) -> DesignJoint:
-    """The joint whose next run spans the limits: what effects there are, and their shapes, follow from that."""
+    """The joint with the positions and speeds of a run that spans the limits.
+
+    The effects that can be looked for, and their shapes, depend on both.
+    """
     wide = replace(joint.context, position_span=limits.position, max_speed=limits.velocity)
     return replace(joint, context=wide)
 

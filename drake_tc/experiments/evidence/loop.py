@@ -2,9 +2,9 @@
 
 For each pair of effects and each of the two as the truth, a joint is drawn and simulated by the independent simulator
 with short, slow first runs. A diagnosis of these is followed by one more run of 30 s within the same limits: the
-designed motion, or a growing sinusoid. That run is fitted and a first run is held out: fitted together, the first runs
-would be asked to predict what only the new one shows. Both are evaluated by the same rule: the true effect is named,
-the other one is not, and the report does not list the two as indistinguishable.
+designed motion, or a growing sinusoid. That run is fitted alone and a first run is held out (the README of this package
+says why). Both are evaluated by the same rule: the true effect is named, the other one is not, and the report does not
+list the two as indistinguishable.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -35,7 +35,7 @@ from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
 Answer = Literal["truth", "other", "open"]
-"""What a diagnosis says of the two effects: it names the true one alone, the other one alone, or decides nothing."""
+"""Answer of a diagnosis to the question which of the two effects is the cause; "open" if it does not decide."""
 LIMITS = JointLimits((-0.8, 0.8), 3.0, 25.0, torque=150.0, bandwidth_hz=4.0)
 FIRST_SECONDS, LAST_SECONDS = 12.0, 30.0
 
@@ -46,9 +46,9 @@ class LoopCase:
 
     Attributes:
         truth, other: The effects. seed: Of the case.
-        first: What the first logs alone tell. designed, default: what the designed run and the sinusoid tell.
-        predicted: Probability, by the design, that its run tells the two apart, whichever is the cause.
-        refusal: Why no motion can tell the two apart, by the design; empty where one can.
+        first: Answer after the first logs. designed, default: after the designed run, and after the sinusoid.
+        predicted: Probability predicted by the design that its run separates the two, for the worse of the two causes.
+        refusal: Why the design has no motion that separates the two; empty where it has one.
     """
 
     truth: str
@@ -62,7 +62,7 @@ class LoopCase:
 
     @property
     def promised(self) -> bool:
-        """Whether the first logs leave the two open and the design says that its run tells them apart."""
+        """Whether the first logs leave the two open and the design predicts at least `TOLD` for its run."""
         return self.first != "truth" and not self.refusal and self.predicted >= TOLD
 
 
@@ -84,11 +84,11 @@ class _Open:
     refusal: str = ""
 
     def key(self, *use: int) -> list[int]:
-        """Seed of one use of chance: that of the case, whichever other cases are run with it."""
+        """Seed of one generator of the case. It does not depend on which other cases are run."""
         return [self.seed, *use, *f"{self.truth},{self.other},{self.weight:g}".encode()]
 
     def outcome(self, designed: Answer = "open", default: Answer = "open") -> LoopCase:
-        """The case with what the two further runs told."""
+        """The case with the answers after the two further runs."""
         return LoopCase(self.truth, self.other, self.seed, self.told, designed, default, self.predicted, self.refusal)
 
 
@@ -185,7 +185,7 @@ def _clock(seconds: float) -> FloatArray:
 def _told(
     rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other: str
 ) -> tuple[Answer, dict[str, float]]:
-    """What a diagnosis says of the two, and the sizes of those that it names, from which a design starts."""
+    """Answer of a diagnosis, and the sizes of those of the two effects that it names, from which a design starts."""
     try:
         found = diagnose_joint(train, held, rig, JOINT, DiagnosisOptions(assess_residual=False))
     except DrakeTcError:
@@ -203,10 +203,10 @@ def answer_of(named: Collection[str], tied: Sequence[tuple[str, str]], truth: st
 
 
 def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
-    """Shares of the cases that the first logs leave open and that a run tells apart.
+    """Of the cases that the first logs leave open, the shares in which a run separates the two effects.
 
-    A design that says beforehand that its run will not tell the two apart is right if it does not; these cases count
-    apart from those for which the design promises an answer.
+    Cases with a predicted probability below `TOLD` are counted separately: there the prediction is right if the
+    designed run does not separate the two.
     """
     left_open = [c for c in cases if c.first != "truth"]
     promised = [c for c in left_open if c.promised]
@@ -215,15 +215,31 @@ def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
         FigureRow("cases", len(cases), "-"),
         FigureRow("open after the first logs", len(left_open), "-"),
         FigureRow("open: the first logs name the other effect", sum(c.first == "other" for c in left_open), "-"),
-        FigureRow("open: refused with the reason", sum(bool(c.refusal) for c in left_open), "-"),
+        FigureRow("open: refused by the design", sum(bool(c.refusal) for c in left_open), "-"),
         FigureRow(f"open: predicted below {100.0 * TOLD:.0f} %", len(doubtful), "-"),
-        FigureRow.share("of these, told by the designed run", [c.designed == "truth" for c in doubtful], "max", 0.5),
-        FigureRow.share("of these, wrong answers", [c.designed == "other" for c in doubtful], "max", 0.0),
-        FigureRow(f"open: predicted at {100.0 * TOLD:.0f} % or more", len(promised), "-"),
-        FigureRow.share("of those, told by the designed run", [c.designed == "truth" for c in promised], "min", 0.9),
-        FigureRow.share("of those, told by the sinusoid", [c.default == "truth" for c in promised], "max", 0.5),
         FigureRow.share(
-            "of those, wrong answers of the designed run", [c.designed == "other" for c in promised], "max", 0.0
+            "predicted below: separated by the designed run", [c.designed == "truth" for c in doubtful], "max", 0.5
         ),
-        FigureRow.share("of those, wrong answers of the sinusoid", [c.default == "other" for c in promised]),
+        FigureRow.share(
+            "predicted below: wrong answers of the designed run", [c.designed == "other" for c in doubtful], "max", 0.0
+        ),
+        FigureRow(f"open: predicted at {100.0 * TOLD:.0f} % or more", len(promised), "-"),
+        FigureRow.share(
+            "predicted at or above: separated by the designed run",
+            [c.designed == "truth" for c in promised],
+            "min",
+            0.9,
+        ),
+        FigureRow.share(
+            "predicted at or above: separated by the sinusoid", [c.default == "truth" for c in promised], "max", 0.5
+        ),
+        FigureRow.share(
+            "predicted at or above: wrong answers of the designed run",
+            [c.designed == "other" for c in promised],
+            "max",
+            0.0,
+        ),
+        FigureRow.share(
+            "predicted at or above: wrong answers of the sinusoid", [c.default == "other" for c in promised]
+        ),
     ]

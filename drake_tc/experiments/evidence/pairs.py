@@ -18,13 +18,13 @@ DRIVE_GAIN = "servo_gain"
 
 @dataclass(frozen=True)
 class Pair:
-    """Two effects with sizes at which each matters as much as the other, and the joint that has one of them.
+    """Two effects of about equal influence, and the joint that has one of them.
 
     Attributes:
         first, second: Id and size of each effect.
         drive: Of the joint.
-        gravity: m g l of the link over that of the drawn joint.
-        weight: Constant load, as of a weight on a pulley [N m].
+        gravity: Factor on the m g l of the drawn joint.
+        weight: Constant load, such as that of a weight on a pulley [N m].
     """
 
     first: tuple[str, float]
@@ -50,7 +50,7 @@ PAIRS: tuple[Pair, ...] = (
     Pair(("backlash", 1.5e-3), ("delay", 4e-3)),
     Pair((DRIVE_GAIN, 0.15), ("payload", 3.0)),
 )
-"""Pairs that the first logs often do not tell apart. The numbers of the command line count them from 0."""
+"""Pairs that the first logs often do not separate. `bench experiments --pair N` counts them from 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class PairJoint:
 
     Attributes:
         spec: The joint without any cause.
-        causes: What it has, as the simulator names it.
-        rig: What its owner declares.
+        causes: Parameters of the cause that the joint has, by the name of the cause in the simulator.
+        rig: Rig file of the joint.
     """
 
     spec: RigSpec
@@ -69,10 +69,10 @@ class PairJoint:
 
 
 def drawn_joint(pair: Pair, truth: tuple[str, float], seed: int) -> PairJoint:
-    """A joint of a pair, and what its owner declares of it.
+    """The simulated joint of a pair with one of its effects, and its rig file.
 
-    A wrong drive gain is an error of the rig file: it declares (1 + e) K with the size e. Where a drive gain is the
-    other effect, the rig file declares the true one.
+    A wrong drive gain is an error of the rig file, which then declares (1 + e) K with the size e. If a wrong drive gain
+    is the other effect of the pair, the rig file declares the true gain K.
 
     Args:
         pair: The pair.

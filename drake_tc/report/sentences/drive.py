@@ -59,9 +59,9 @@ def drive_sentence(note: DriveNote) -> str:
             )
         case PositionRecordedLate(lead):
             return (
-                f"The position seems to be recorded {_ms(lead)} after it was measured, because command and torque then "
-                "fit the motion. Both models and their errors are for the earlier positions. Check the time stamps of "
-                "the encoder."
+                f"The position seems to be recorded {_ms(lead)} after it was measured: if the positions are shifted by "
+                "this time, command and torque fit the motion. Both models and their errors are for the shifted "
+                "positions. Check the time stamps of the encoder."
             )
         case HeldEffort(drive, period):
             return (
@@ -70,9 +70,9 @@ def drive_sentence(note: DriveNote) -> str:
             )
         case ViscousByAge(shift, period):
             return (
-                f"These logs do not show the age of the command within one sampling period ({_ms(period)}). It may "
-                f"change the viscous friction by up to {shift:.3g} N*m*s/rad, which the 95 % interval does not "
-                "include. State command_hold in the rig file if you know it."
+                f"The logs do not show how old the command is within one sampling period ({_ms(period)}). The viscous "
+                f"friction may therefore be wrong by up to {shift:.3g} N*m*s/rad, which its 95 % interval does not "
+                "include. If you know whether the command is held between samples, state command_hold in the rig file."
             )
         case ServoDamping(viscous, servo, exceeds) if exceeds:
             return (
@@ -104,10 +104,13 @@ def _gain_sentence(note: _Gain) -> str:
                 "Declare drive_gain to have it checked."
             )
         case LoadWithRotor(effects):
+            depend = "depends" if len(effects) == 1 else "depend"
             return (
-                f"The {' and the '.join(effects)} depends on the torque in the gear. The fitted inertia of the unknown "
-                "load contains that of the rotor, whose torque the gear does not pass, so these parameters are wrong "
-                "by more than their intervals if the rotor's inertia matters. Declare rotor_inertia and drive_gain."
+                f"The {' and the '.join(effects)} {depend} on the torque that the gear transmits. The fitted inertia "
+                "of the unknown load includes the rotor inertia, although the gear does not transmit the torque that "
+                "accelerates the rotor. Unless the rotor inertia is small, the errors of the parameters of "
+                f"{'this effect' if len(effects) == 1 else 'these effects'} exceed their intervals. Declare "
+                "rotor_inertia and drive_gain."
             )
         case PayloadFromRatio(least, like_pendulum):
             other = (

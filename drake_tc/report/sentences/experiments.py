@@ -77,16 +77,15 @@ def experiment_sentence(experiment: NextExperiment) -> str:
         case CoverRange(beyond):
             reached = signal_range(beyond.signal, *beyond.reached)
             trained = signal_range(beyond.signal, *beyond.trained)
-            does = "does" if len(beyond.runs) == 1 else "do"
             return (
-                f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as "
-                f"{joined(beyond.runs)} {does}: the present training runs cover {trained}, and the effects are "
-                "extrapolated from there."
+                f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as in "
+                f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the effects "
+                "are extrapolated."
             )
         case SeparateLoads():
             return (
-                "The fitted load differs from run to run. If the joint carried different loads, run close-loop for "
-                "the runs of each load separately, or state a mass for each log in load: {pendulum: ...}."
+                "The fitted load differs from run to run. If the joint carried different loads, run close-loop "
+                "separately for the runs of each load, or declare the mass for each log in load: {pendulum: ...}."
             )
         case RepeatRun(run, start, end):
             return (
@@ -109,7 +108,7 @@ def experiment_sentence(experiment: NextExperiment) -> str:
 def _vary(signals: list[str]) -> str:
     if len(signals) > 1:
         return (
-            f"Record runs in which {', '.join(signals)} vary independently of each other: the residual depends on them "
+            f"Record runs in which {joined(signals)} vary independently of each other: the residual depends on them "
             "in a way that the model does not describe."
         )
     return (

@@ -80,8 +80,9 @@ def note_sentence(note: Note) -> str:
             )
         case GapCrossings(within):
             return (
-                f"Because the gear has play, rows within {1e3 * within:.0f} ms of a change of the load's sign take no "
-                "part: while the motor crosses the gap, the position of the link does not tell that of the motor."
+                f"Because the gear has play, rows within {1e3 * within:.0f} ms of a sign change of the load torque "
+                "take no part in the fit: while the motor crosses the gap, the position of the link does not show the "
+                "position of the motor."
             )
         case NoFreeRun() | FreeRunDiverges():
             return _free_run_sentence(note)
