@@ -34,8 +34,9 @@ def stretched():
     """Plant and context with all joints at zero and the soles on the ground."""
     plant = make_plant(FULL, 1e-3)
     context = plant.CreateDefaultContext()
-    for name in FULL.joints:
-        plant.GetJointByName(name).set_angle(context, 0.0)
+    positions = plant.GetPositions(context)
+    positions[[plant.GetJointByName(name).position_start() for name in FULL.joints]] = 0.0
+    plant.SetPositions(context, positions)
     return plant, context
 
 
