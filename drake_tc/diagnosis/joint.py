@@ -14,11 +14,11 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_drive_gain, with_drive_gain
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.problem.sensor_errors import errors_in, weighed
 from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
 from drake_tc.diagnosis.residual.band import shared_band
-from drake_tc.diagnosis.residual.verdict import compared, noise_floor, verdict_of, what_is_left
+from drake_tc.diagnosis.residual.verdict import compared, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency, loads_differ
 from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note, viscous_age_note

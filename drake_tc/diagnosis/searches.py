@@ -1,7 +1,7 @@
 """Searches of one joint: on all rows, on the rows of a soft gear, and without the rows in which the teeth are apart.
 
 Which rows are usable depends on the gear. With a soft gear the link still moves while the motor sticks. In a gear with
-play, the motor crosses the gap when the transmitted torque changes its sign, and then oscillates on the stiffness of
+backlash, the motor crosses the gap when the transmitted torque changes its sign, and then oscillates on the stiffness of
 its servo. During this time the encoder of the link does not show where the motor is. With the stiffness K of the servo
 [N m/rad] and the reflected inertia J of the rotor [kg m^2], rows take no part within
 
@@ -26,7 +26,7 @@ from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.backlash import Backlash
-from drake_tc.effects.base import TorqueEffect
+from drake_tc.effects.base import Effect, TorqueEffect
 from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
@@ -89,8 +89,8 @@ def searched(
     return Stage(prepared, subsample, tuple(obstacles), found)
 
 
-def _has_elasticity(found: Search) -> bool:
-    return any(isinstance(t.effect, Elasticity) for t in found.chosen.terms)
+def _has(found: Search, kind: type[Effect]) -> bool:
+    return any(isinstance(t.effect, kind) for t in found.chosen.terms)
 
 
 def _wind_up(stage: Stage) -> float:
@@ -100,7 +100,7 @@ def _wind_up(stage: Stage) -> float:
     under a soft gear the link still moves. So when either was found, the rows are chosen anew as a soft gear has them.
     """
     gain = next((t for t in stage.found.chosen.terms if isinstance(t.effect, TorqueSensorGain)), None)
-    if gain is None and not _has_elasticity(stage.found):
+    if gain is None and not _has(stage.found, Elasticity):
         return 0.0
     soft = Elasticity()
     if soft.obstacle(stage.prepared.context):
@@ -115,18 +115,14 @@ def _on_soft_rows(
     """The search on the rows of a soft gear, of the elasticity where a gain of the torque sensor is only as good."""
     stage = searched(prepared, options, progress, executor)
     as_good = (term for others in stage.found.as_good for fitted in others for term in fitted.terms)
-    if not _has_elasticity(stage.found) and any(isinstance(term.effect, Elasticity) for term in as_good):
+    if not _has(stage.found, Elasticity) and any(isinstance(term.effect, Elasticity) for term in as_good):
         stage = searched(prepared, options, progress, executor, without=frozenset({TorqueSensorGain.id}))
     return stage
 
 
-def _has_backlash(found: Search) -> bool:
-    return any(isinstance(t.effect, Backlash) for t in found.chosen.terms)
-
-
 def _open_gap(stage: Stage) -> OpenGap | None:
     """The gap with w of (apart) if backlash was found; its second term is `UNKNOWN_INERTIA` where J is not known."""
-    if not _has_backlash(stage.found):
+    if not _has(stage.found, Backlash):
         return None
     samples, chosen = stage.prepared.train.samples, stage.found.chosen
     known = BalanceCoefficients.of(chosen.terms, chosen.beta, samples.signals.rotor_inertia)
@@ -153,13 +149,13 @@ def of_its_gear(
     stage = searched(prepare(), options, progress, executor)
     if (compliance := _wind_up(stage)) > 0.0:
         soft = _on_soft_rows(prepare(compliance=compliance), options, progress, executor)
-        if _has_elasticity(soft.found) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
+        if _has(soft.found, Elasticity) and soft.found.chosen.cv_rms < SOFTER_GEAR * stage.found.chosen.cv_rms:
             stage, prepare = soft, partial(prepare, compliance=compliance)
     if (gap := _open_gap(stage)) is not None:
         try:
             closed = searched(prepare(gap=gap), options, progress, executor)
         except IdentificationError:  # the load changes its sign so often that hardly a row is left
             return stage, prepare
-        if _has_backlash(closed.found):
+        if _has(closed.found, Backlash):
             stage, prepare = closed, partial(prepare, gap=gap)
     return stage, prepare

@@ -38,4 +38,4 @@ def test_on_the_rows_of_a_soft_gear_elasticity_is_tried_alone_where_it_fits_as_w
     monkeypatch.setattr(module, "searched", looked_for)
     result = module._on_soft_rows(None, None, None, None)
     assert asked == searches
-    assert module._has_elasticity(result.found) == (bool(searches[1:]) or isinstance(chosen, Elasticity))
+    assert module._has(result.found, Elasticity) == (bool(searches[1:]) or isinstance(chosen, Elasticity))

@@ -157,7 +157,10 @@ NOTES = [
     (Sticking(6.0, 5.5, 6.5, 4.0, 12), ["at 6 N*m", "5.5 to 6.5, 12 events", "at 4 N*m", "static_excess 2 N*m."]),
     (NoiseOfRecordedEffort("current", 4.96), ["noise of the recorded current", "5.0 times"]),
     (CorrelatedTorqueNoise(2.5, 0.04), ["about 40 ms", "2.5 times"]),
-    (GapCrossings(0.0884), ["the gear has play, rows within 88 ms of a sign change of the load torque take no part"]),
+    (
+        GapCrossings(0.0884),
+        ["the gear has backlash, rows within 88 ms of a sign change of the load torque take no part"],
+    ),
     (PositionRecordedLate(0.01), ["recorded 10 ms after it was measured", "Check the time stamps of the encoder."]),
     (
         ViscousByAge(0.04, 0.002),

@@ -1,4 +1,4 @@
-"""Samples at which the teeth of a gear with play are apart.
+"""Samples at which the teeth of a gear with backlash are apart.
 
 The teeth part when the torque that the gear transmits changes its sign. While the motor crosses the gap, and while it
 oscillates on the stiffness of its servo afterwards, its position does not follow from that of the link.

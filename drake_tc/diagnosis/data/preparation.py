@@ -125,7 +125,7 @@ def build_samples(
         at_rest: Filtered velocity that other runs of the joint show at rest [rad/s].
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
             negative if it is recorded after it acted.
-        gap: Samples at which the teeth of the gear are apart, which take no part; None for a gear without play.
+        gap: Samples at which the teeth of the gear are apart, which take no part; None for a gear without backlash.
         position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
 
     Raises:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.columns import FOLDS, BalanceCoefficients, Columns, Term, fold_of, prior_coefficients
 from drake_tc.diagnosis.problem.normal_equations import Normal
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
@@ -193,3 +193,9 @@ def fit_without(columns: Columns, chosen: Fit, term: Term, declared: Sequence[Te
 def predict(columns: Columns, fitted: Fit) -> FloatArray:
     """Residual K (z - z_hat) (N,) of a fit on other samples, e.g. held-out runs."""
     return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * (columns.gain or fitted.gain))
+
+
+def noise_floor(columns: Columns, fitted: Fit) -> float:
+    """What the noise of the sensors alone leaves in the rows under a fit's coefficients [effort]."""
+    known = BalanceCoefficients.of(fitted.terms, fitted.beta, columns.samples.signals.rotor_inertia)
+    return float(fitted.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia))

@@ -9,7 +9,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from drake_tc.diagnosis.residual.structure import FEATURES
+from drake_tc.diagnosis.residual.structure import FEATURES, beyond_range
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import ResidualThresholds
@@ -20,8 +20,6 @@ CURVES_OVER = {name: name for name in ("velocity", "acceleration", "position", "
     "load_torque": "expected_torque"
 }
 """Signals on which effects depend, and the corresponding features of the residual."""
-MARGIN = 0.05
-"""Share of the training range by which a row must lie outside it."""
 
 
 def beyond_training(
@@ -39,23 +37,21 @@ def beyond_training(
     Args:
         held: Held-out rows.
         x: Features (N, 8) of the training rows, (M, 8) of the held-out ones.
-        effects: Effects that were found. Only signals on which one of them depends are tested.
+        effects: Those of the final model. Only signals on which one of them depends are tested.
         floor: Noise floor [effort].
         options: Uses `most_floors` and `least_beyond`.
     """
     names = {CURVES_OVER[n] for e in effects for n in (e.signature.x, *e.needs) if n in CURVES_OVER}
-    found = []
+    outside, found = beyond_range(*x), []
     for name in sorted(names):
         train, now = (part[:, FEATURES.index(name)] for part in x)
-        low, high = float(train.min()), float(train.max())
-        slack = MARGIN * (high - low)
-        beyond = (now < low - slack) | (now > high + slack)
+        beyond = outside[:, FEATURES.index(name)]
         if not beyond.any() or beyond.all():
             continue
         share = float(np.sum(held.after[beyond] ** 2) / np.sum(held.after**2))
-        inside, outside = rms(held.after[~beyond]), rms(held.after[beyond])
-        if share >= options.least_beyond and inside <= options.most_floors * floor and outside >= 2.0 * inside:
+        near, far = rms(held.after[~beyond]), rms(held.after[beyond])
+        if share >= options.least_beyond and near <= options.most_floors * floor and far >= 2.0 * near:
             runs = [held.samples.runs[k] for k in np.unique(held.samples.run[beyond])]
-            reached = (float(now.min()), float(now.max()))
-            found.append((beyond.mean() - share, BeyondTraining(name, tuple(runs), (low, high), reached, share)))
+            trained, reached = ((float(part.min()), float(part.max())) for part in (train, now))
+            found.append((beyond.mean() - share, BeyondTraining(name, tuple(runs), trained, reached, share)))
     return min(found, key=lambda each: each[0])[1] if found else None

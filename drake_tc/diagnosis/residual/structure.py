@@ -55,15 +55,19 @@ def features(samples: Samples, known: BalanceCoefficients, *, servo: bool) -> Fl
     return np.asarray(np.nan_to_num(np.stack([c[samples.rows] for c in columns], axis=-1)))
 
 
-def inside_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> BoolArray:
+def beyond_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> BoolArray:
+    """(M, k) where held-out signals (M, k) lie outside the range of the training rows (N, k), by a share of it."""
+    low, high = train.min(axis=0), train.max(axis=0)
+    slack = margin * (high - low)
+    return np.asarray((held < low - slack) | (held > high + slack))
+
+
+def inside_range(train: FloatArray, held: FloatArray) -> BoolArray:
     """Held-out rows (M,) whose signals lie where the training rows (N, 8) have been.
 
     Beyond it the found effects extrapolate: an error there says how their curve goes on, not that a cause is missing.
     """
-    low, high = train.min(axis=0), train.max(axis=0)
-    slack = margin * (high - low)
-    inside = np.all((held >= low - slack) & (held <= high + slack), axis=1)
-    return np.asarray(inside)
+    return np.asarray(~beyond_range(train, held).any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,12 +19,6 @@ from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, TransmissionEffect
 
 
-def noise_floor(columns: Columns, chosen: Fit) -> float:
-    """Noise floor [effort] under the final model's coefficients."""
-    known = BalanceCoefficients.of(chosen.terms, chosen.beta, columns.samples.signals.rotor_inertia)
-    return chosen.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia)
-
-
 def compared(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tuple[DataSplit, DataSplit]:
     """Residuals before and after on both splits, as effort by the final drive gain."""
     out = []
@@ -58,8 +52,8 @@ def what_is_left(
     sensor = context.load == "torque"
     left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor, sensor=sensor)
     if left.structured or left.excess:
-        found = [t.effect for t in chosen.terms]
-        left = replace(left, beyond=beyond_training(splits[1], x, found, min(floors), thresholds))
+        effects = [t.effect for t in chosen.terms]
+        left = replace(left, beyond=beyond_training(splits[1], x, effects, min(floors), thresholds))
     if left.structured:
         return left, min(floors), notes
     levels = floors
@@ -80,9 +74,9 @@ def what_is_left(
 
 
 def _residual_options(options: ResidualThresholds, chosen: Fit, *, gap_left_out: bool) -> ResidualThresholds:
-    """Thresholds of this fit: three times as much may be left with a soft gear, or with play.
+    """Thresholds of this fit: three times as much may be left with a soft gear, or with backlash.
 
-    Both are modelled at rest only. For play this matters only in the rows in which the gap is open, so that the
+    Both are modelled at rest only. For backlash this matters only in the rows in which the gap is open, so that the
     thresholds stay the same if these are left out.
     """
     at_rest = [t for t in chosen.terms if isinstance(t.effect, TransmissionEffect)]

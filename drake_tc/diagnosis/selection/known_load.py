@@ -12,8 +12,8 @@ then explain more than the three of (scale).
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
-from drake_tc.diagnosis.problem.regression import Fit, score
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.regression import Fit, noise_floor, score
 from drake_tc.diagnosis.selection.withdrawal import FormOfKnownLoad
 from drake_tc.diagnosis.thresholds import JOINT, MOST_OF_KNOWN_LOAD, OWN_FORM
 from drake_tc.effects.base import Parameter, Shape, Signals, Signature, TorqueEffect
@@ -59,13 +59,8 @@ def _says_more(fitted: Fit, term: Term, columns: Columns) -> bool:
     """Whether a term leaves little but noise, and at most half of what `ScaleOfKnownLoad` leaves in its place."""
     others = [t for t in fitted.terms if t is not term]
     instead = score(columns, [*others, Term(ScaleOfKnownLoad(), {})])
-    return fitted.cv_rms <= min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * noise_of(fitted, columns))
-
-
-def noise_of(fitted: Fit, columns: Columns) -> float:
-    """Noise floor [effort] of the rows with the coefficients of a fit."""
-    known = BalanceCoefficients.of(fitted.terms, fitted.beta, columns.samples.signals.rotor_inertia)
-    return float(fitted.gain * columns.samples.floor.torque(known.stiffness, known.viscous, known.inertia))
+    floor = noise_floor(columns, fitted)
+    return fitted.cv_rms <= min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * floor)
 
 
 def share_of_known_load(fitted: Fit, term: Term, columns: Columns) -> tuple[float, float]:

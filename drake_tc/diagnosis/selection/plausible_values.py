@@ -10,8 +10,7 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import estimates, rests_on_bound
 from drake_tc.diagnosis.problem.parameters import physical_parameters
-from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.selection.known_load import noise_of
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.selection.withdrawal import (
     BelowEncoderStep,
@@ -121,7 +120,7 @@ def _not_repeated(fitted: Fit, term: Term, context: Context, columns: Columns) -
     if not curve.unavailable(context):
         others = [t for t in fitted.terms if t is not term and not isinstance(t.effect, PositionDependentLoad)]
         instead = fit(columns, [*others, Term(curve, curve.shape_grid(context)[0])])
-        most = min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * noise_of(fitted, columns))
+        most = min((1.0 - JOINT.own_gain) * instead.cv_rms, JOINT.own_floors * noise_floor(columns, fitted))
         if fitted.cv_rms <= most:
             return None
     return NotSeenToRepeat(term.shape[PERIOD] * context.turns, REPEATS, term.shape[PERIOD])

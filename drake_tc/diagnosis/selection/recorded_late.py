@@ -64,7 +64,7 @@ def position_recorded_late(
     """
     if plain.context.drive != "position_servo" or plain.context.load != "torque":
         return None
-    several = fit(plain.train, chosen).size - fit(plain.train, plain.terms).size >= LEAD_PARAMETERS
+    several = sum(t.size for t in chosen) - sum(t.size for t in plain.terms) >= LEAD_PARAMETERS
     if not several and any(term.effect.id in LATE for term in chosen):
         return None
     enough = LEAD_FLOORS * plain.floor if several else 0.0

@@ -80,7 +80,7 @@ def note_sentence(note: Note) -> str:
             )
         case GapCrossings(within):
             return (
-                f"Because the gear has play, rows within {1e3 * within:.0f} ms of a sign change of the load torque "
+                f"Because the gear has backlash, rows within {1e3 * within:.0f} ms of a sign change of the load torque "
                 "take no part in the fit: while the motor crosses the gap, the position of the link does not show the "
                 "position of the motor."
             )

@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.resolution import NoiseFloor
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.residual.structure import FEATURES, features
-from drake_tc.diagnosis.residual.verdict import noise_floor
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, problem

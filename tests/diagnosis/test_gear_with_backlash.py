@@ -14,14 +14,16 @@ from drake_tc.effects.base import plain_signals
 from drake_tc.effects.cable_spring import CableSpring
 from drake_tc.report.report_json import joint_json
 
-from .gear_with_play import Gear, diagnose
+from .gear_with_backlash import Gear, diagnose
 
 
-@pytest.mark.parametrize("gear", [Gear(play=2e-3), Gear(play=6e-4), Gear(play=1.2e-3, stiffness=2500.0, rotor=0.3)])
-def test_play_explains_all_but_the_noise(gear: Gear) -> None:
+@pytest.mark.parametrize(
+    "gear", [Gear(backlash=2e-3), Gear(backlash=6e-4), Gear(backlash=1.2e-3, stiffness=2500.0, rotor=0.3)]
+)
+def test_backlash_explains_all_but_the_noise(gear: Gear) -> None:
     found = diagnose(gear)
     assert [e.id for e in found.effects] == ["backlash"]
-    assert_allclose(found.effects[0].parameters["backlash"].value, gear.play, rtol=0.03)
+    assert_allclose(found.effects[0].parameters["backlash"].value, gear.backlash, rtol=0.03)
     assert found.verdict == "effects_found"
     assert found.unexplained.floors < 2.0
     (note,) = [each for each in found.notes if isinstance(each, GapCrossings)]
@@ -29,8 +31,8 @@ def test_play_explains_all_but_the_noise(gear: Gear) -> None:
     assert swing < note.within < swing + 0.06
 
 
-def test_a_spring_beside_play_is_found_too() -> None:
-    gear = Gear(play=1.2e-3, spring=3.0)
+def test_a_spring_beside_backlash_is_found_too() -> None:
+    gear = Gear(backlash=1.2e-3, spring=3.0)
     found = diagnose(gear)
     assert {e.id for e in found.effects} == {"backlash", "cable_spring"}
     stiffness = next(e for e in found.effects if e.id == "cable_spring").parameters["spring_stiffness"].value
@@ -38,14 +40,14 @@ def test_a_spring_beside_play_is_found_too() -> None:
     assert found.verdict == "effects_found"
 
 
-def test_a_gear_without_play_keeps_all_rows() -> None:
-    found = diagnose(Gear(play=0.0))
+def test_a_gear_without_backlash_keeps_all_rows() -> None:
+    found = diagnose(Gear(backlash=0.0))
     assert found.verdict == "no_missing_effect"
     assert not [each for each in found.notes if isinstance(each, GapCrossings)]
 
 
 def test_a_soft_gear_has_a_report_that_can_be_written() -> None:
-    gear = Gear(play=0.0, contact=8e3)
+    gear = Gear(backlash=0.0, contact=8e3)
     found = diagnose(gear)
     (soft,) = [e for e in found.effects if e.id == "elasticity"]
     assert_allclose(soft.parameters["compliance"].value, 1.0 / gear.contact, rtol=0.1)
@@ -55,7 +57,7 @@ def test_a_soft_gear_has_a_report_that_can_be_written() -> None:
 @pytest.mark.parametrize("late", [0, 3])
 def test_a_late_position_beside_a_torque_sensor_is_no_payload(late: int) -> None:
     """12 ms of delay add 60 N m s/rad of friction, and an inertia of K d^2/2 = 0.36 kg m^2."""
-    found = diagnose(Gear(play=0.0, contact=4e6), late, torque_sensor=True)
+    found = diagnose(Gear(backlash=0.0, contact=4e6), late, torque_sensor=True)
     leads = [note.lead for note in found.notes if isinstance(note, PositionRecordedLate)]
     assert leads == pytest.approx([0.004 * late] if late else [], abs=1e-3)
     assert found.effects == ()

@@ -1,4 +1,4 @@
-"""Two masses with play between them, integrated step by step: a servo that sees the motor, an encoder on the link."""
+"""Two masses with backlash between them, step by step: a servo that sees the motor, an encoder on the link."""
 
 from dataclasses import dataclass
 
@@ -20,11 +20,11 @@ WEIGHT, INERTIA = 22.0, 1.1
 
 @dataclass(frozen=True)
 class Gear:
-    """Play [rad], stiffness of the servo [N m/rad], rotor [kg m^2], friction, a spring at the link [N m/rad], and the
-    stiffness of the teeth [N m/rad].
+    """Backlash [rad], stiffness of the servo [N m/rad], rotor [kg m^2], friction, a spring at the link [N m/rad], and
+    the stiffness of the teeth [N m/rad].
     """
 
-    play: float
+    backlash: float
     stiffness: float = 5000.0
     rotor: float = 0.4
     viscous: float = 30.0
@@ -34,16 +34,16 @@ class Gear:
 
 
 @njit
-def _integrate(command, play, stiffness, rotor, viscous, coulomb, spring, contact):
+def _integrate(command, backlash, stiffness, rotor, viscous, coulomb, spring, contact):
     damping = 0.6 * np.sqrt(contact)
     motor = link = command[0]
     motor_rate = link_rate = 0.0
     out = np.empty((2, command.size // EVERY))
     for n in range(command.size):
         twist = motor - link
-        depth = twist - min(max(twist, -0.5 * play), 0.5 * play)
+        depth = twist - min(max(twist, -0.5 * backlash), 0.5 * backlash)
         torque = contact * depth + damping * (motor_rate - link_rate) * (depth != 0.0)
-        if play > 0.0 and torque * depth < 0.0:
+        if backlash > 0.0 and torque * depth < 0.0:
             torque = 0.0
         if n % EVERY == 0:
             out[:, n // EVERY] = link, torque
@@ -64,7 +64,7 @@ def run(gear: Gear, seed: int, duration: float = 16.0, late: int = 0) -> Run:
     time = np.arange(round(duration / STEP)) * STEP
     waves = [(0.17, 0.45), (0.41, 0.3), (0.83, 0.2), (1.7, 0.06)]
     command = sum(a * np.sin(2.0 * np.pi * f * time + rng.uniform(0.0, 2.0 * np.pi)) for f, a in waves)
-    numbers = (gear.play, gear.stiffness, gear.rotor, gear.viscous, gear.coulomb, gear.spring, gear.contact)
+    numbers = (gear.backlash, gear.stiffness, gear.rotor, gear.viscous, gear.coulomb, gear.spring, gear.contact)
     link, torque = _integrate(command, *numbers)
     clock = time[::EVERY]
     columns = {
