@@ -1,9 +1,9 @@
 """Searches of one joint: on all rows, on the rows of a soft gear, and without the rows in which the teeth are apart.
 
 Which rows are usable depends on the gear. With a soft gear the link still moves while the motor sticks. In a gear with
-backlash, the motor crosses the gap when the transmitted torque changes its sign, and then oscillates on the stiffness of
-its servo. During this time the encoder of the link does not show where the motor is. With the stiffness K of the servo
-[N m/rad] and the reflected inertia J of the rotor [kg m^2], rows take no part within
+backlash, the motor crosses the gap when the transmitted torque changes its sign, and then oscillates on the stiffness
+of its servo. During this time the encoder of the link does not show where the motor is. With the stiffness K of the
+servo [N m/rad] and the reflected inertia J of the rotor [kg m^2], rows take no part within
 
     w = light kernel + min(2 pi sqrt(J/K), LONGEST_CROSSING)                                                (apart)
 
