@@ -113,9 +113,12 @@ def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:
         weld = plant.GetJointByName(mount.joint)
         if weld.num_velocities() != 0:
             raise ParamsError(f"{where}: expected a fixed joint; {mount.joint!r} moves")
-        parent, child = weld.frame_on_parent(), weld.frame_on_child()
+        ends = weld.frame_on_parent().index(), weld.frame_on_child().index()
         if cuts:
             plant.RemoveJoint(weld)
+        del weld  # a frame taken from it would keep it in Python, and pass for any later joint at its address
+        parent, child = map(plant.get_frame, ends)
+        if cuts:
             plant.AddJoint(RpyFloatingJoint(mount.joint + CUT_SUFFIX, parent, child))
         offset = _at_body_of(child, f"{mount.name}{SENSOR_SUFFIX}", mount)
         contact = _add_mount(plant, where, f"{mount.name}{CONTACT_SUFFIX}", mount.contact)
