@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from drake_tc.logs.prepare import load_run, load_runs
     from drake_tc.logs.record import Run
     from drake_tc.logs.rig import Rig, load_rig
+    from drake_tc.loops.fused.fuse import fuse
     from drake_tc.loops.plant import add_robot_plant
     from drake_tc.loops.scenarios.parts import FilterSpec
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
@@ -110,6 +111,7 @@ __all__ = [
     "constant_trajectory",
     "effect",
     "feedforward_effort",
+    "fuse",
     "identify",
     "joint_limits",
     "knot_trajectory",
@@ -181,6 +183,7 @@ _HOMES = {
     "constant_trajectory": "control.trajectories",
     "effect": "effects.library",
     "feedforward_effort": "actuation.compensation",
+    "fuse": "loops.fused.fuse",
     "identify": "identification.identify",
     "joint_limits": "robot.plant",
     "knot_trajectory": "control.trajectories",

@@ -21,6 +21,7 @@ FLOOR = {
     "errors": 0,
     "types": 0,
     "port_methods": 0,
+    "array_stage": 0,
     "front_door": 0,
     "inner_stages": 0,
     "extensions": 0,
@@ -58,7 +59,7 @@ ALONE = {
     "config": {"errors", "types"},
     "simulator_files": {"config", "errors"},
     "logs": {"config", "errors", "types", "extensions", "simulator_files"},
-    "filtering": {"errors", "types", "port_methods", "kernels"},
+    "filtering": {"errors", "types", "port_methods", "array_stage", "kernels"},
     "kernels": {"errors", "types"},
 }
 """Packages that may import nothing but these."""

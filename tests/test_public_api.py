@@ -61,6 +61,7 @@ FRONT_DOOR = {
     "constant_trajectory",
     "effect",
     "feedforward_effort",
+    "fuse",
     "identify",
     "joint_limits",
     "knot_trajectory",

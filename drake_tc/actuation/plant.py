@@ -10,6 +10,7 @@ from drake_tc.actuation.joint_effects import JointEffects
 from drake_tc.actuation.joint_program import JointOutput
 from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.array_stage import Arrays, ArrayStage, Call
 from drake_tc.errors import ParamsError
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
@@ -148,6 +149,32 @@ class ActuatorPlant(PortMethods, LeafSystem):
             for joint, effects in zip(self._joints, self._step_of_joints.joints, strict=True)
             for name in effects.own_names
         )
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        step, n, kinds = self._step_of_joints, len(self._joints), len(JointOutput._fields)
+        start = step.initial([0.0] * n)
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given, out, before, after = arrays.inputs, arrays.out, arrays.before, arrays.after
+            command, state, load, reached = given["command"], given["state"], given.get("load_torque"), out[kinds * n :]
+            around: Any = None
+            if "temperature" in given or "supply_voltage" in given:
+                names = zip(("temperature", "supply_voltage"), self._unconnected, strict=True)
+                around = tuple(given.get(name, nominal) for name, nominal in names)
+
+            def outputs(time: float) -> None:
+                step.step(out, before, command, state, time, load, around)
+
+            def update(time: float) -> None:
+                after[:] = reached
+
+            return outputs, update
+
+        ports = {name: np.arange(i, kinds * n, kinds) for i, name in enumerate(JointOutput._fields)}
+        reads = frozenset({"command", "state", "temperature", "supply_voltage", "load_torque"})
+        ports["step"] = np.arange(step.width)
+        return ArrayStage(step.width, ports, bind, reads, start=start, period=self._dt)
 
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""

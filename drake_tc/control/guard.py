@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
 from drake_tc.port_methods import PortMethods
@@ -73,7 +74,7 @@ class CommandGuard(PortMethods, LeafSystem):
         if not (np.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._law = GuardLaw(size, float(dt), spec, servo)
-        self._size = size
+        self._size, self._dt = size, float(dt)
         self._command: Any = self.DeclareVectorInputPort("command", size)
         self._position: Any = self.DeclareVectorInputPort("position", size)
         self._fault: Any = self.DeclareVectorInputPort("fault", 1)
@@ -111,6 +112,26 @@ class CommandGuard(PortMethods, LeafSystem):
     def coordinate_names(self) -> tuple[str, ...]:
         """Of `coordinates`: "command[i]" is that of the tick before."""
         return tuple(f"command[{i}]" for i in range(self._size))
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        n, start = self._size, self._law.initial()
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            out, after = arrays.out, arrays.after
+            command, position, fault = (arrays.inputs[name] for name in ("command", "position", "fault"))
+
+            def outputs(time: float) -> None:
+                self._law.step(arrays.before, command, position, fault[0], out)
+
+            def update(time: float) -> None:
+                after[:] = out
+
+            return outputs, update
+
+        parts = {"command": slice(n), "mode": slice(3 * n, 3 * n + 1), "next": slice(start.size)}
+        reads = frozenset({"command", "position", "fault"})
+        return ArrayStage(start.size, places(parts), bind, reads, start=start, period=self._dt)
 
     def _solve(self, context: Any, vector: Any) -> None:
         self._law.step(

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
@@ -34,6 +35,18 @@ class _Parts(NamedTuple):
     feedback: FloatArray
     desired: FloatArray
     unmet: FloatArray
+
+
+class _Given(NamedTuple):
+    """The inputs: estimate and reference (3n,), f_d and f_hat (6k,), the base's (12,) and (3n,), position, gains."""
+
+    estimate: FloatArray
+    reference: FloatArray
+    desired: FloatArray
+    felt: FloatArray
+    base: tuple[FloatArray, ...]
+    position: FloatArray
+    gains: FloatArray
 
 
 class InverseDynamics(PortMethods, LeafSystem):
@@ -104,7 +117,8 @@ class InverseDynamics(PortMethods, LeafSystem):
         n, m = model.size, model.wrenches
         self._size, self._wrenches, self._force_task = n, m, force_task
         self._at_reference = configuration == "reference"
-        start: Any = self._flat(gains)
+        self._first_gains = self._flat(gains)
+        start: Any = self._first_gains
         self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
         self._estimate: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
         self._reference: Any = self.DeclareVectorInputPort("reference", 3 * n)
@@ -113,9 +127,7 @@ class InverseDynamics(PortMethods, LeafSystem):
         self._position: Any = self.DeclareVectorInputPort("position", n) if position_error == "encoder" else None
         base = (("imu_estimate", 12), ("base_joint_estimate", 3 * n))
         self._base: Any = () if robot.fixed_base else tuple(self.DeclareVectorInputPort(*port) for port in base)
-        optional = [] if self._position is None else [self._position]
-        ports = [self._estimate, self._reference, *self._forces, *self._base, *optional]
-        tickets = {port.ticket() for port in ports}
+        tickets = {port.ticket() for port in self._ports()}
         tickets.add(self.numeric_parameter_ticket(NumericParameterIndex(self._gains)))
         self._no_wrench, self._lost, self._nothing = np.zeros(m), np.full(n, np.nan), np.zeros(0)
         self._scratch: Any = self.DeclareCacheEntry(
@@ -155,71 +167,104 @@ class InverseDynamics(PortMethods, LeafSystem):
 
     def _write_desired(self, context: Any, vector: Any) -> None:
         """tau_d; no mass matrix, and a Jacobian only where something is to be pushed."""
-        parts = self._parts(context)
+        given, scratch = self._given(context), self._scratch.Eval(context)
+        vector.set_value(self._desired(given, scratch))
+
+    def _desired(self, given: _Given, scratch: Any) -> FloatArray:
+        parts = self._parts(given, scratch)
         if parts is None:
-            vector.set_value(self._lost)
-            return
-        torque = parts.torque
-        if self._forces:
-            torque = torque - self._joint_torque(context, parts.desired + self._kf(context).dot(parts.unmet))
-        vector.set_value(torque)
+            return self._lost
+        if not self._forces:
+            return parts.torque
+        return parts.torque - self._joint_torque(given, scratch, parts.desired + self._kf(given).dot(parts.unmet))
 
     def _write_feedforward(self, context: Any, vector: Any) -> None:
-        parts = self._parts(context)
+        given, scratch = self._given(context), self._scratch.Eval(context)
+        parts = self._parts(given, scratch)
         if parts is None:
             vector.set_value(self._lost)
             return
-        vector.set_value(parts.inertial - self._joint_torque(context, parts.desired))
+        vector.set_value(parts.inertial - self._joint_torque(given, scratch, parts.desired))
 
     def _write_terms(self, context: Any, vector: Any) -> None:
         """The rows of TERMS; computed where they are asked for, in a log as a rule."""
-        n, parts = self._size, self._parts(context)
+        n, given, scratch = self._size, self._given(context), self._scratch.Eval(context)
+        parts = self._parts(given, scratch)
         if parts is None:
             vector.set_value(np.full(6 * n, np.nan))
             return
         terms = np.empty((6, n))
-        terms[0] = parts.inertial - self._joint_torque(context, parts.desired)
+        terms[0] = parts.inertial - self._joint_torque(given, scratch, parts.desired)
         terms[1:3] = parts.feedback.reshape(2, n)
-        terms[3] = -self._joint_torque(context, self._kf(context).dot(parts.unmet))
-        terms[4] = parts.inertial - self._model.forces(self._placed(context), self._estimate.Eval(context)[2 * n :])
-        terms[5] = -self._joint_torque(context, parts.unmet)
+        terms[3] = -self._joint_torque(given, scratch, self._kf(given).dot(parts.unmet))
+        terms[4] = parts.inertial - self._model.forces(self._placed(given, scratch), given.estimate[2 * n :])
+        terms[5] = -self._joint_torque(given, scratch, parts.unmet)
         vector.set_value(terms.ravel())
 
-    def _kf(self, context: Any) -> FloatArray:
-        """Kf (6k, 6k)."""
-        gains: FloatArray = context.get_numeric_parameter(self._gains).value()
-        return gains[2 * self._size :].reshape(self._wrenches, self._wrenches)
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports, with the gains of its construction; `desired_torque` alone."""
+        gains = self._first_gains
+        gains.flags.writeable = False
+        names = [port.get_name() for port in self._ports()]
 
-    def _joint_torque(self, context: Any, wrench: FloatArray) -> FloatArray:
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            out, scratch = arrays.out, self._model.create_scratch()
+            given = self._gathered([arrays.inputs[name] for name in names], gains)
+
+            def outputs(time: float) -> None:
+                out[:] = self._desired(given, scratch)
+
+            return outputs, None
+
+        return ArrayStage(self._size, places({"desired_torque": slice(self._size)}), bind, frozenset(names))
+
+    def _ports(self) -> list[Any]:
+        """All input ports, in the order of `_gathered`."""
+        position = [] if self._position is None else [self._position]
+        return [self._estimate, self._reference, *self._forces, *self._base, *position]
+
+    def _given(self, context: Any) -> _Given:
+        gains: FloatArray = context.get_numeric_parameter(self._gains).value()
+        return self._gathered([port.Eval(context) for port in self._ports()], gains)
+
+    def _gathered(self, values: list[FloatArray], gains: FloatArray) -> _Given:
+        """The values of `_ports` by what they are."""
+        forces = len(self._forces)
+        position = self._nothing if self._position is None else values.pop()
+        estimate, reference, *others = values
+        desired, felt = others[:forces] if forces else (self._no_wrench,) * 2
+        return _Given(estimate, reference, desired, felt, tuple(others[forces:]), position, gains)
+
+    def _kf(self, given: _Given) -> FloatArray:
+        """Kf (6k, 6k)."""
+        return given.gains[2 * self._size :].reshape(self._wrenches, self._wrenches)
+
+    def _joint_torque(self, given: _Given, scratch: Any, wrench: FloatArray) -> FloatArray:
         """J^T f (n,) of wrenches (6k,) at the contacts."""
         if not wrench.any():
             return np.zeros(self._size)
-        return np.asarray(wrench.dot(self._model.jacobian(self._placed(context))))
+        return np.asarray(wrench.dot(self._model.jacobian(self._placed(given, scratch))))
 
-    def _placed(self, context: Any) -> Any:
+    def _placed(self, given: _Given, scratch: Any) -> Any:
         """The scratch memory, at the configuration where M, h and J are taken."""
-        n, scratch = self._size, self._scratch.Eval(context)
-        if self._base:
-            self._model.carry(scratch, *(port.Eval(context) for port in self._base))
-        place = (self._reference if self._at_reference else self._estimate).Eval(context)
+        n = self._size
+        if given.base:
+            self._model.carry(scratch, *given.base)
+        place = given.reference if self._at_reference else given.estimate
         self._model.place(scratch, place[:n], place[n : 2 * n])
         return scratch
 
-    def _parts(self, context: Any) -> _Parts | None:
+    def _parts(self, given: _Given, scratch: Any) -> _Parts | None:
         """What all outputs need; None where an input is not finite."""
-        n = self._size
-        estimate, reference = self._estimate.Eval(context), self._reference.Eval(context)
-        desired, felt = (port.Eval(context) for port in self._forces) if self._forces else (self._no_wrench,) * 2
-        position = self._nothing if self._position is None else self._position.Eval(context)
-        others = self._nothing
-        if self._forces or self._base:
-            others = np.concatenate((desired, felt, *(port.Eval(context) for port in self._base)))
-        gains, out = context.get_numeric_parameter(self._gains).value(), np.empty(3 * n)
-        if not _FEEDBACK(estimate, reference, position, others, gains, out):
+        n, others = self._size, self._nothing
+        if self._forces or given.base:
+            others = np.concatenate((given.desired, given.felt, *given.base))
+        out = np.empty(3 * n)
+        if not _FEEDBACK(given.estimate, given.reference, given.position, others, given.gains, out):
             return None
-        inertial = self._model.forces(self._placed(context), reference[2 * n :])
-        unmet = desired - felt if self._forces else desired
-        return _Parts(inertial, inertial + out[:n], out[n:], desired, unmet)
+        inertial = self._model.forces(self._placed(given, scratch), given.reference[2 * n :])
+        unmet = given.desired - given.felt if self._forces else given.desired
+        return _Parts(inertial, inertial + out[:n], out[n:], given.desired, unmet)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

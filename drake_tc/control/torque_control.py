@@ -18,16 +18,14 @@ from pydrake.systems.framework import (
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.control.gains import TorqueGains
+from drake_tc.control.torque_law import SOLUTION, TorqueLaw
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.compensation_layout import LIMIT, SERVO
-from drake_tc.kernels.lazy import Kernel
-from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
-_SOLVE = Kernel("torque_control", "solve")
 COMPONENTS = (
     "feedforward_torque",
     "feedforward_friction",
@@ -37,10 +35,6 @@ COMPONENTS = (
     "feedback_force",
 )
 """Names of the rows of `components` (Del Prete et al., 2016, Fig. 6)."""
-
-
-SOLUTION = ("command", "asked", "torque", "effort", "integral", "commanded_torque")
-"""Rows of `solution`: what goes out [effort]; u, tau* - d [N m]; y [effort]; Ki s and tau* [N m]."""
 
 
 class TorqueControl(PortMethods, LeafSystem):
@@ -112,7 +106,7 @@ class TorqueControl(PortMethods, LeafSystem):
         spec = CompensationSpec() if compensation is None else compensation
         models = model_list(models, joints)
         names, n = tuple(model.joint for model in models), len(models)
-        self._compensator = Compensator(models, spec.direction_speed, spec.smoothing)
+        compensator = Compensator(models, spec.direction_speed, spec.smoothing)
         limit = joint_values("torque_limit", torque_limit, names)
         if not np.all(limit > 0.0):
             raise ParamsError(f"torque_limit: expected {n} positive numbers [N m], got {limit.tolist()}")
@@ -120,16 +114,11 @@ class TorqueControl(PortMethods, LeafSystem):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._size, self._spec, self._dt, self._disturbed = n, spec, float(dt), disturbance
         self._names = names
-        self._limit, self._nothing, self._nil = limit, np.zeros(0), np.zeros(n)
-        rows, inverses, terms, values = self._compensator.tables
-        rows[:, LIMIT] = limit
-        sources = [
-            ("estimate", "reference", "none").index(x) for x in (spec.velocity, spec.direction, spec.acceleration)
-        ]
-        self._constants = (np.array(sources), 1.0 / spec.direction_speed, rows, inverses, terms, values)
-        self._k_tau = self._compensator.k_tau
+        self._nothing, self._nil = np.zeros(0), np.zeros(n)
+        self._law, self._k_tau = TorqueLaw(compensator, spec, limit, float(dt)), compensator.k_tau
         self._integrates = bool(np.any(gains.ki > 0.0))
-        start: Any = self._flat(gains)
+        self._first_gains = self._flat(gains)
+        start: Any = self._first_gains
         self._gains = int(self.DeclareNumericParameter(BasicVector(start)))
         self._declare()
 
@@ -190,6 +179,38 @@ class TorqueControl(PortMethods, LeafSystem):
             raise ParamsError(f"gains: expected {self._size} joints, got {gains.size}")
         return np.concatenate([gains.kp, gains.ki])
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports, with the gains of its construction."""
+        n, gains = self._size, self._first_gains
+        gains.flags.writeable = False
+        names = ("desired_torque", "estimated_torque", "position", "joint_estimate")
+
+        def bind(arrays: Arrays) -> tuple[Call, Call | None]:
+            out, after, given = arrays.out, arrays.after, arrays.inputs
+            desired, estimated = given["desired_torque"], given["estimated_torque"]
+            optional = [given.get(name, self._nothing) for name in ("reference", "disturbance")]
+            everything = (*(given[name] for name in names), *optional, gains, arrays.before)
+            solution = out.reshape(len(SOLUTION), n)
+
+            def outputs(time: float) -> None:
+                self._law.solve(out, everything)
+
+            def update(time: float) -> None:
+                after[:] = self._law.next_sum(arrays.before, desired - estimated, gains, solution)
+
+            return outputs, update if self._integrates else None
+
+        more = (["reference"] * (self._reference is not None), ["disturbance"] * (self._lost is not None))
+        rows = {row: self._part(row) for row in ("command", "commanded_torque")}
+        return ArrayStage(
+            len(SOLUTION) * n,
+            places(rows | {"solution": slice(len(SOLUTION) * n)}),
+            bind,
+            frozenset({*names, *more[0], *more[1]}),
+            start=np.zeros(n),
+            period=self._dt if self._integrates else None,
+        )
+
     def _solve(self, context: Any, vector: Any) -> None:
         """The rows of SOLUTION."""
         inputs = [port.Eval(context) for port in (self._desired, self._estimated, self._position, self._estimate)]
@@ -197,27 +218,14 @@ class TorqueControl(PortMethods, LeafSystem):
         lost = self._nothing if self._lost is None else self._lost.Eval(context)
         gains = context.get_numeric_parameter(self._gains).value()
         total = context.get_discrete_state(self._sum).value() if self._integrates else self._nil
-        out = vector.get_mutable_value()
-        _SOLVE(*inputs, reference, lost, gains, total, *self._constants, out)
-        if self._compensator.interpreted and math.isfinite(out[0]):
-            self._interpret(out.reshape(len(SOLUTION), -1), inputs[2], inputs[3], reference)
+        self._law.solve(vector.get_mutable_value(), (*inputs, reference, lost, gains, total))
 
-    def _interpret(self, rows: FloatArray, position: FloatArray, estimate: FloatArray, reference: FloatArray) -> None:
-        """Command and effort of the joints that have an effect without compiled equation."""
-        n, (sources, per_speed, joints, _, _, _) = self._size, self._constants
-        motion = np.zeros((3, 3 * n))
-        motion[0], motion[1] = estimate, reference if reference.size else 0.0
-        velocity, turning = motion[sources[0], n : 2 * n], motion[sources[1], n : 2 * n]
-        acceleration = motion[sources[2], 2 * n :]
-        for j in self._compensator.interpreted:
-            now = (velocity[j], math.tanh(turning[j] * per_speed), position[j], acceleration[j])
-            v, direction, q, a = map(float, now)
-            effort = self._compensator.effort_of(j, float(rows[5, j]), v, direction, q, a, REFERENCE_CELSIUS)
-            rows[0, j], rows[3, j] = joints[j, SERVO] * position[j] + effort, effort
+    def _part(self, row: str) -> slice:
+        return slice(SOLUTION.index(row) * self._size, (SOLUTION.index(row) + 1) * self._size)
 
     def _writer(self, row: str) -> Callable[[Context, Any], None]:
         """The calc function of an output that is a row of the solution."""
-        part = slice(SOLUTION.index(row) * self._size, (SOLUTION.index(row) + 1) * self._size)
+        part = self._part(row)
 
         def write(context: Context, vector: Any) -> None:
             vector.set_value(self._solution.Eval(context)[part])
@@ -255,15 +263,8 @@ class TorqueControl(PortMethods, LeafSystem):
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         """s[n+1]."""
-        n = self._size
-        gains = context.get_numeric_parameter(self._gains).value()
-        _, asked, torque, *_ = self._solved(context)
-        if not np.isfinite(asked[0]):
-            return
-        error = self._desired.Eval(context) - self._estimated.Eval(context)
-        moves = ~((asked != torque) & (asked * error > 0.0)) & (gains[n:] > 0.0)
-        before = context.get_discrete_state(self._sum).value()
-        after = before + self._dt * np.where(moves, error, 0.0)
-        bound = np.divide(self._limit, gains[n:], out=np.full(n, np.inf), where=gains[n:] > 0.0)
         held: Any = values
-        held.set_value(self._sum, np.minimum(np.maximum(after, -bound), bound))
+        error = self._desired.Eval(context) - self._estimated.Eval(context)
+        gains = context.get_numeric_parameter(self._gains).value()
+        before = context.get_discrete_state(self._sum).value()
+        held.set_value(self._sum, self._law.next_sum(before, error, gains, self._solved(context)))

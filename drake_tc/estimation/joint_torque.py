@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
@@ -68,6 +69,25 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
     def parts(self) -> dict[str, slice]:
         """The other output ports by name, and where each stands in `estimate`."""
         return dict(self._parts)
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        model = self._model
+
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            given, out = arrays.inputs, arrays.out
+            joint = given["joint_estimate"]
+            imu = given["imu_estimate"] if model.uses_imu else self._no_imu
+            wrench = given["wrench_estimate"] if model.num_sensors else self._no_wrench
+
+            def outputs(time: float) -> None:
+                model.estimate_into(out, joint, imu, wrench, LARGEST)
+
+            return outputs, None
+
+        used = {"joint_estimate": True, "imu_estimate": model.uses_imu, "wrench_estimate": bool(model.num_sensors)}
+        parts = {**self._parts, "estimate": slice(model.width)}
+        return ArrayStage(model.width, places(parts), bind, frozenset(name for name, needed in used.items() if needed))
 
     def _writer(self, part: slice) -> Callable[[Context, Any], None]:
         def write(context: Context, vector: Any) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.port_methods import PortMethods
@@ -53,7 +54,7 @@ class WrenchTare(PortMethods, LeafSystem):
         if not model.num_sensors:
             raise ParamsError(f"tare: {model.robot.name} has no force/torque sensor")
         self._model, self._begin, self._end = model, begin, end
-        self._size = 6 * model.num_sensors
+        self._size, self._period, self._no_imu = 6 * model.num_sensors, float(period), np.zeros(12)
         self._joint: Any = self.DeclareVectorInputPort("joint_estimate", 3 * model.size)
         self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
         self._wrench: Any = self.DeclareVectorInputPort("wrench", self._size)
@@ -83,6 +84,29 @@ class WrenchTare(PortMethods, LeafSystem):
         sensors = [mount.name for mount in self._model.robot.force_torque]
         return (*(f"{sensor}/{axis} bias" for sensor in sensors for axis in axes), "samples")
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports; the port `wrench` is on the system alone."""
+        n = self._size
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given, before, after, out = arrays.inputs, arrays.before, arrays.after, arrays.out
+            joint, wrench = given["joint_estimate"], given["wrench"]
+            imu, scratch = given.get("imu_estimate", self._no_imu), self._model.create_context()
+
+            def outputs(time: float) -> None:
+                out[: n + 1] = before
+                np.negative(before[:n], out=out[n + 1 :])
+
+            def update(time: float) -> None:
+                if self._begin <= time <= self._end:
+                    after[:] = self._next(scratch, before, joint, imu, wrench)
+
+            return outputs, update
+
+        ports = places({"memory": slice(n + 1), "correction": slice(n + 1, 2 * n + 1)})
+        inputs = frozenset({"joint_estimate", "imu_estimate", "wrench"})
+        return ArrayStage(2 * n + 1, ports, bind, updates=inputs, start=np.zeros(n + 1), period=self._period)
+
     def _write_correction(self, context: Any, vector: BasicVector) -> None:
         vector.set_value(-context.get_discrete_state(self._state).value()[: self._size])
 
@@ -92,18 +116,22 @@ class WrenchTare(PortMethods, LeafSystem):
     def _update(self, context: Context, values: DiscreteValues) -> None:
         if not self._begin <= context.get_time() <= self._end:
             return
-        n = self._model.size
         joint: FloatArray = self._joint.Eval(context)
-        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else np.zeros(12)
+        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
         wrench: FloatArray = self._wrench.Eval(context)
+        state: Any = values
+        old: Any = context.get_discrete_state(self._state).value()
+        state.set_value(self._state, self._next(self._scratch.Eval(context), old, joint, imu, wrench))
+
+    def _next(
+        self, scratch: Any, old: FloatArray, joint: FloatArray, imu: FloatArray, wrench: FloatArray
+    ) -> FloatArray:
+        """[b; m] with one more sample."""
         if not np.isfinite(joint.sum() + imu.sum() + wrench.sum()):
-            return
-        scratch = self._scratch.Eval(context)
+            return old
+        n = self._model.size
         error = self._model.reading_error(
             scratch, joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9], wrench
         )
-        state: Any = values
-        old = context.get_discrete_state(self._state).value()
         count = old[-1] + 1.0
-        bias = old[:-1] + (error - old[:-1]) / count
-        state.set_value(self._state, np.append(bias, count))
+        return np.append(old[:-1] + (error - old[:-1]) / count, count)

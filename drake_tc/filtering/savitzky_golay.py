@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
 from drake_tc.kernels.lazy import Kernel
@@ -169,7 +170,7 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         orders = (order,) * size if isinstance(order, int) else tuple(order)
         if len(orders) != size:
             raise ParamsError(f"SavitzkyGolayFilter needs one order, or one a joint ({size}), got {len(orders)}")
-        self._size, self._window = size, window
+        self._size, self._window, self._dt = size, window, float(dt)
         self._delay = delay(window, dt, at)
         distinct = sorted(set(orders))
         weights = np.stack([[savgol_weights(window, o, at, d, dt) for o in distinct] for d in range(3)])
@@ -179,6 +180,7 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         self._input: Any = self.DeclareVectorInputPort("signal", size)
         all_faulty: Any = np.ones(size)
         start: Any = np.append(np.zeros(window * size + size), window - 1.0)
+        self._start: FloatArray = start
         memory, fault = self.DeclareDiscreteState(start), self.DeclareDiscreteState(all_faulty)
         estimate = self.DeclareDiscreteState(3 * size)
         self._memory, self._fault, self._estimate = int(memory), int(fault), int(estimate)
@@ -213,6 +215,29 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         """Of `coordinates`: "input[i]@-k" is the sample of channel i that is k ticks old."""
         ages = range(self._window - 1, -1, -1)
         return tuple(f"input[{i}]@-{age}" for age in ages for i in range(self._size))
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports; the state is [window; estimate; fault flags]."""
+        n, kept = self._size, self._window * self._size + self._size + 1
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            out, shown, signal = arrays.out, arrays.before[kept:], arrays.inputs["signal"]
+            memory, estimate, fault = np.split(arrays.after, [kept, kept + 3 * n])
+            advance, table, orders = _ADVANCE.entry(), self._table, self._orders
+
+            def outputs(time: float) -> None:
+                out[:] = shown
+
+            def update(time: float) -> None:
+                advance(signal, table, orders, memory, fault, estimate)
+
+            return outputs, update
+
+        names = ("value", "first_derivative", "second_derivative")
+        parts = {name: slice(d * n, (d + 1) * n) for d, name in enumerate((*names, "fault"))}
+        start = np.concatenate([self._start, np.zeros(3 * n), np.ones(n)])
+        ports = places(parts | {"estimate": slice(3 * n)})
+        return ArrayStage(4 * n, ports, bind, updates=frozenset({"signal"}), start=start, period=self._dt)
 
     def _writer(self, derivative: int) -> Callable[[Context, Any], None]:
         """The calc function of an output with one of the three derivatives."""

@@ -7,6 +7,7 @@ from typing import Any
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from drake_tc.errors import ParamsError
+from drake_tc.loops.fused import fuse
 from drake_tc.loops.signal_log import SignalLog, add_log
 
 
@@ -41,9 +42,20 @@ class WiredLoop:
                 raise ParamsError(f"no signal {name!r} in this loop; signals: {', '.join(self.signals)}")
         return add_log(builder, {name: self.signals[name] for name in names or self.signals}, self.period)
 
-    def build(self, builder: DiagramBuilder, name: str, left_out: Collection[str] = ()) -> tuple[Diagram, SignalLog]:
-        """The diagram, which gets this name, and the log of its signals but for those that are left out."""
+    def build(
+        self, builder: DiagramBuilder, name: str, left_out: Collection[str] = (), *, fused: bool = False
+    ) -> tuple[Diagram, SignalLog]:
+        """The diagram, and the log of its signals.
+
+        Args:
+            builder: The diagram's.
+            name: Of the diagram.
+            left_out: Signals that are not logged.
+            fused: Run the stages in one system (`fuse`); ports in `signals` and stages in `systems` then do not exist.
+        """
         log = self.add_log(builder, *(signal for signal in self.signals if signal not in left_out))
+        if fused:
+            fuse(builder)
         diagram = builder.Build()
         diagram.set_name(name)
         return diagram, log

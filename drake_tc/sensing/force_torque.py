@@ -8,7 +8,6 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
@@ -85,8 +84,7 @@ class ForceTorque(SensorBase):
         reactions = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
         self._declare(reactions, Corruption(6 * count, spec, dt, tuple(faults), seed))
 
-    def _truth(self, context: Context) -> FloatArray:
-        forces: Any = self._input.Eval(context)
+    def _truth_of(self, forces: Any) -> FloatArray:
         if len(self._joints) == 1:
             return np.asarray(self._map.dot(forces[self._joints[0]].get_coeffs()))
         return np.asarray(self._map.dot(np.concatenate([forces[i].get_coeffs() for i in self._joints])))

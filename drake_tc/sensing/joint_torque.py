@@ -8,7 +8,6 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
-from pydrake.systems.framework import Context
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.joint_axis import has_axis, is_revolute, joint_axes
@@ -78,7 +77,6 @@ class JointTorque(SensorBase):
         reactions = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
         self._declare(reactions, Corruption(len(joints), spec, dt, tuple(faults), seed))
 
-    def _truth(self, context: Context) -> FloatArray:
-        forces: Any = self._input.Eval(context)
+    def _truth_of(self, forces: Any) -> FloatArray:
         wrenches = np.array([forces[i].get_coeffs() for i in self._joints])
         return np.asarray((self._axes * wrenches).sum(axis=1))

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, Held, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
@@ -155,8 +156,41 @@ class SensorBase(PortMethods, LeafSystem):
         """Row of the delay line that is read at this tick."""
         return int(context.get_discrete_state(self._now).value()[_TICK]) % self._delay
 
+    def on_arrays(self) -> ArrayStage | None:
+        """This stage without its ports; None where readings of earlier ticks are kept."""
+        if self._ticks:
+            return None
+        name, rows_of = self._input.get_name(), self._rows_at
+
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            given, out, truth_of = arrays.inputs[name], arrays.out, self._truth_of
+            reading, fixed = _READING.entry(), (self._nothing, self._nothing, self._channels, self._layout)
+            held, block = isinstance(given, Held), _Block()
+
+            def outputs(time: float) -> None:
+                rows, at = rows_of(time, block)
+                reading(truth_of(given.value if held else given), rows, at, *fixed, out)
+
+            return outputs, None
+
+        return ArrayStage(self._size, places({"reading": slice(self._size)}), bind, frozenset({name}))
+
+    def _rows_at(self, time: float, block: "_Block") -> tuple[FloatArray, int]:
+        """(rows, that of a time) of a sensor without latency; the block is drawn anew where it has another index."""
+        if not self._changes:
+            return self._first, 0
+        index, at = divmod(max(ceil(time / self._dt - _LATE), 0), BLOCK)
+        if block.index != index:
+            block.index, block.rows = index, self._rows(index)
+        return block.rows, at
+
     def _truth(self, context: Context) -> FloatArray:
-        """(n,) u from the input port."""
+        """(n,) u of a Context."""
+        port: Any = self._input
+        return self._truth_of(port.Eval(context))
+
+    def _truth_of(self, value: Any) -> FloatArray:
+        """(n,) u from the value of the input port."""
         raise NotImplementedError
 
     def _rows(self, block: int) -> FloatArray:
@@ -262,7 +296,5 @@ class Sensor(SensorBase):
         sensor = Corruption(size, spec, dt, tuple(faults), seed)
         self._declare(self.DeclareVectorInputPort("truth", size), sensor)
 
-    def _truth(self, context: Context) -> FloatArray:
-        port: Any = self._input
-        u: FloatArray = port.Eval(context)
-        return u
+    def _truth_of(self, value: FloatArray) -> FloatArray:
+        return value

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.joint_torque import LARGEST
@@ -150,6 +151,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         never, encoders = np.full(size, np.nan), np.repeat([np.nan, 0.0, np.nan, np.nan], n)
         rest = np.zeros(size + sum(size for _, size in derived) + 6 * self._has_imu + count)
         start: Any = np.concatenate([never, np.zeros(2 * size), encoders, rest])
+        self._start: FloatArray = start
         self._memory = int(self.DeclareDiscreteState(start))
         flags, largest = self.DeclareDiscreteState(count), self.DeclareDiscreteState(1)
         self._flags, self._largest = int(flags), int(largest)
@@ -168,6 +170,33 @@ class FaultMonitor(PortMethods, LeafSystem):
 
     def set_coordinates(self, context: Context, x: FloatArray) -> None:
         """Nothing to set."""
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports; the state is [memory; flags; level]."""
+        start, count = self._start, len(self._flag_names)
+        raw = tuple(port.get_name() for port in self._raw_ports)
+        derived = tuple((port.get_name(), zeros) for port, zeros in self._derived)
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given, out, shown = arrays.inputs, arrays.out, arrays.before[start.size :]
+            memory, flags, level = np.split(arrays.after, [start.size, start.size + count])
+            seen = [*(given[name] for name in raw), *(given.get(name, zeros) for name, zeros in derived)]
+            rate = given.get("reference_velocity", self._still)
+            raise_flags, now = _RAISE_FLAGS.entry(), np.empty(sum(part.size for part in seen))
+
+            def outputs(time: float) -> None:
+                out[:] = shown
+
+            def update(time: float) -> None:
+                np.concatenate(seen, out=now)
+                level[0] = raise_flags(now, rate, *self._settings, memory, flags)
+
+            return outputs, update
+
+        names = {*raw, "reference_velocity", *dict(derived)}
+        parts = places({"flags": slice(count), "any_fault": slice(count, count + 1)})
+        state = np.append(start, np.zeros(count + 1))
+        return ArrayStage(count + 1, parts, bind, updates=frozenset(names), start=state, period=self._dt)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """The recursion."""

@@ -33,7 +33,7 @@ def simulate_scenario(
     """
     if progress:
         progress("building", 0.0)
-    return run_loop(build_loop(scenario, meshcat=meshcat), progress, allow_runaway=allow_runaway)
+    return run_loop(build_loop(scenario, meshcat=meshcat, fused=True), progress, allow_runaway=allow_runaway)
 
 
 def run_loop(loop: Loop, progress: Progress | None = None, *, allow_runaway: bool = False) -> TorqueRecording:

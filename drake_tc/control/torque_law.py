@@ -1,0 +1,78 @@
+"""The law of `TorqueControl` on arrays: one tick as a plain function of state and inputs."""
+
+import math
+
+import numpy as np
+
+from drake_tc.actuation.compensator import Compensator
+from drake_tc.control.compensation_spec import CompensationSpec
+from drake_tc.kernels.compensation_layout import LIMIT, SERVO
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
+from drake_tc.types import FloatArray
+
+_SOLVE = Kernel("torque_control", "solve")
+SOLUTION = ("command", "asked", "torque", "effort", "integral", "commanded_torque")
+"""Rows of `solution`: what goes out [effort]; u, tau* - d [N m]; y [effort]; Ki s and tau* [N m]."""
+
+
+class TorqueLaw:
+    """y[n] and s[n+1] of `drake_tc.control.torque_control.TorqueControl`; holds no changing data."""
+
+    def __init__(self, compensator: Compensator, spec: CompensationSpec, limit: FloatArray, dt: float) -> None:
+        """Build the tables.
+
+        Args:
+            compensator: The drives' models.
+            spec: Which motion they are fed with.
+            limit: (n,) tau_max [N m].
+            dt: Period of the integral [s].
+        """
+        self._compensator, self._limit, self._dt = compensator, limit, dt
+        rows, inverses, terms, values = compensator.tables
+        rows[:, LIMIT] = limit
+        choices = ("estimate", "reference", "none")
+        sources = np.array([choices.index(each) for each in (spec.velocity, spec.direction, spec.acceleration)])
+        self._constants = (sources, 1.0 / spec.direction_speed, rows, inverses, terms, values)
+
+    def solve(self, out: FloatArray, given: tuple[FloatArray, ...]) -> None:
+        """One tick.
+
+        Args:
+            out: (6n,) written, the rows of SOLUTION.
+            given: Desired and estimated torque (n,), position (n,), estimate (3n,), reference (3n,) or (0,),
+                disturbance (n,) or (0,), [Kp; Ki] and s[n] (n,).
+        """
+        _SOLVE(*given, *self._constants, out)
+        if self._compensator.interpreted and math.isfinite(out[0]):
+            self._interpret(out.reshape(len(SOLUTION), -1), given[2], given[3], given[4])
+
+    def _interpret(self, rows: FloatArray, position: FloatArray, estimate: FloatArray, reference: FloatArray) -> None:
+        """Command and effort of the joints that have an effect without compiled equation."""
+        n, (sources, per_speed, joints, _, _, _) = self._limit.size, self._constants
+        motion = np.zeros((3, 3 * n))
+        motion[0], motion[1] = estimate, reference if reference.size else 0.0
+        velocity, turning = motion[sources[0], n : 2 * n], motion[sources[1], n : 2 * n]
+        acceleration = motion[sources[2], 2 * n :]
+        for j in self._compensator.interpreted:
+            now = (velocity[j], math.tanh(turning[j] * per_speed), position[j], acceleration[j])
+            v, direction, q, a = map(float, now)
+            effort = self._compensator.effort_of(j, float(rows[5, j]), v, direction, q, a, REFERENCE_CELSIUS)
+            rows[0, j], rows[3, j] = joints[j, SERVO] * position[j] + effort, effort
+
+    def next_sum(self, before: FloatArray, error: FloatArray, gains: FloatArray, solution: FloatArray) -> FloatArray:
+        """(n,) s[n+1].
+
+        Args:
+            before: (n,) s[n].
+            error: (n,) tau_d - tau_hat.
+            gains: (2n,) [Kp; Ki].
+            solution: (6, n) the rows of SOLUTION.
+        """
+        n, (_, asked, torque, *_) = self._limit.size, solution
+        if not np.isfinite(asked[0]):
+            return before
+        moves = ~((asked != torque) & (asked * error > 0.0)) & (gains[n:] > 0.0)
+        after = before + self._dt * np.where(moves, error, 0.0)
+        bound = np.divide(self._limit, gains[n:], out=np.full(n, np.inf), where=gains[n:] > 0.0)
+        return np.asarray(np.minimum(np.maximum(after, -bound), bound))

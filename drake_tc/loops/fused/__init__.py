@@ -1,0 +1,6 @@
+"""Several stages of a loop in one Drake system: the same numbers in a fraction of the time."""
+
+from drake_tc.loops.fused.fuse import fuse
+from drake_tc.loops.fused.system import FusedStages
+
+__all__ = ["FusedStages", "fuse"]

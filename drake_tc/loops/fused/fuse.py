@@ -1,0 +1,98 @@
+"""`fuse`: one system in place of a diagram's stages."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydrake.systems.framework import DiagramBuilder, System
+
+from drake_tc.array_stage import ArrayStage
+from drake_tc.errors import ParamsError
+from drake_tc.loops.fused.plan import Connections, Plan
+from drake_tc.loops.fused.system import FusedStages
+from drake_tc.loops.ports import picked
+
+NAME = "stages"
+"""Of the system that takes the stages' place."""
+
+
+def fuse(builder: DiagramBuilder) -> FusedStages | None:
+    """Replace the stages of a diagram that is under construction by one system that computes the same numbers.
+
+    A call from Drake into Python costs some microseconds, and every port that a stage reads costs one more. One system
+    for all stages saves most of that. Stages, and blocks of Drake's own between them, are removed from the builder:
+    call it last before `builder.Build()`, and fix gains and other parameters before. Systems of the user's own, and
+    stages with a port in use that exists only on their own system, stay.
+
+    Args:
+        builder: With the loop, for example by `add_torque_loop`, and its logs.
+
+    Returns:
+        The new system, called "stages"; None where there are not two stages to fuse, and nothing was changed.
+
+    Raises:
+        ParamsError: The builder exports a port of a stage; export ports after fusing.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> builder = DiagramBuilder()
+        >>> plant = add_robot_plant(builder, robot)
+        >>> loop = add_torque_loop(builder, plant, robot, load_models(robot.actuators))
+        >>> fuse(builder).get_name()
+        'stages'
+    """
+    connections = {
+        (system, int(index)): (source, int(port))
+        for (system, index), (source, port) in builder.connection_map().items()
+    }
+    stages = _stages(builder, connections)
+    if len(stages) < 2:
+        return None
+    plan = Plan(stages, connections)
+    system = FusedStages(plan)
+    exports = builder.num_input_ports() + builder.num_output_ports()
+    for each in plan.fused:
+        builder.RemoveSystem(each)
+    if builder.num_input_ports() + builder.num_output_ports() != exports:
+        raise ParamsError("fuse: the builder exports a port of a stage; export ports after fusing, from the new system")
+    builder.AddNamedSystem(NAME, system)
+    for number, given in enumerate(plan.given):
+        builder.Connect(given.port, system.get_input_port(number))
+    _connect_readers(builder, connections, plan, system)
+    return system
+
+
+def _stages(builder: Any, connections: Connections) -> dict[System, ArrayStage]:
+    """Systems that can be fused to what they do."""
+    offered = ((system, getattr(system, "on_arrays", None)) for system in builder.GetSystems())
+    found: dict[System, ArrayStage] = {}
+    for system, on_arrays in offered:
+        stage = on_arrays() if on_arrays is not None else None
+        if stage is not None:
+            found[system] = stage
+    while refused := [system for system in found if not _suffices(system, found, connections)]:
+        for system in refused:
+            del found[system]
+    return found
+
+
+def _suffices(system: System, stages: Mapping[System, ArrayStage], connections: Connections) -> bool:
+    """Whether all ports that are read, and not ignored by the stage that they go to, exist on arrays."""
+    for (reader, entering), (source, leaving) in connections.items():
+        if source is not system or system.get_output_port(leaving).get_name() in stages[system].ports:
+            continue
+        if reader not in stages or reader.get_input_port(entering).get_name() in stages[reader].inputs:
+            return False
+    return True
+
+
+def _connect_readers(builder: DiagramBuilder, connections: Connections, plan: Plan, system: FusedStages) -> None:
+    """Connect what reads the stages from outside to blocks that pick its elements."""
+    for level in sorted(set(plan.export_level.values())):
+        sources = [source for source, at in plan.export_level.items() if at == level]
+        exported = {int(element): i for i, element in enumerate(system.exported_at(level))}
+        names = {source: str(number) for number, source in enumerate(sources)}
+        wanted = {names[source]: [exported[int(each)] for each in plan.exported[source]] for source in sources}
+        ports = picked(builder, f"{NAME}_out_{level}", system.get_output_port(level), wanted)
+        for (reader, entering), source in connections.items():
+            if source in names and reader not in plan.fused:
+                builder.Connect(ports[names[source]], reader.get_input_port(entering))

@@ -1,0 +1,229 @@
+"""`Plan`: which stages run in which order, on which elements of one array of signals."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.systems.framework import OutputPort, PortDataType, System
+
+from drake_tc.array_stage import ArrayStage
+from drake_tc.errors import ParamsError
+from drake_tc.loops.fused.glue import GLUE, computed, picked_elements
+from drake_tc.types import IntArray
+
+Source = tuple[System, int]
+"""An output port: its system and index."""
+Connections = Mapping[tuple[System, int], Source]
+"""Input port (system, index) to its source."""
+
+
+@dataclass(eq=False)
+class Node:
+    """A stage in the plan.
+
+    Attributes:
+        name, kind: Of its system, for block graphs.
+        stage: What it does.
+        first: Its first output among the signals.
+        inputs: Input port to the elements that it reads, or to the number of an abstract input of the plan.
+        level: When its outputs are computed, see `Plan`.
+    """
+
+    name: str
+    kind: str
+    stage: ArrayStage
+    first: int
+    inputs: dict[str, IntArray | int] = field(default_factory=dict)
+    level: int = 0
+
+
+@dataclass(eq=False)
+class Given:
+    """An output port outside that stages read.
+
+    Attributes:
+        port: The port.
+        elements: Where its value is kept among the signals; None where it is abstract.
+        level: The first level at which it can be read.
+    """
+
+    port: OutputPort
+    elements: IntArray | None
+    level: int = 0
+
+
+class Plan:
+    """Stages and the blocks between them, sorted.
+
+    Signals of level 0 depend on the state, and on inputs that are known before any fused stage has run; those of level
+    k + 1 depend on inputs that depend on signals of level k, such as the accelerations of a plant on its torques.
+
+    Attributes:
+        nodes: In the order in which their outputs are computed.
+        given: What is read from outside.
+        size: Number of signals.
+        exported: Source outside readers have, to its elements among the signals.
+    """
+
+    def __init__(self, stages: Mapping[System, ArrayStage], connections: Connections) -> None:
+        """Sort the stages.
+
+        Args:
+            stages: Systems to what they do.
+            connections: Of the diagram in which they still stand.
+
+        Raises:
+            ParamsError: Stages that depend on each other in a circle within a tick.
+        """
+        self._connections, self._stages = connections, dict(stages)
+        self._glue = _glue_between(stages, connections)
+        self.fused: set[System] = {*stages, *self._glue}
+        self.nodes: list[Node] = []
+        self.given: list[Given] = []
+        self.size = 0
+        self._node_of: dict[System, Node] = {}
+        self._given_of: dict[Source, int] = {}
+        self._open: set[System] = set()
+        readers = {
+            source: None
+            for (system, _), source in connections.items()
+            if source[0] in self.fused and system not in self.fused
+        }
+        for system, stage in stages.items():
+            if stage.period is not None:
+                self._place(system)
+        self.exported: dict[Source, IntArray] = {}
+        for source in readers:
+            self.exported[source] = np.asarray(self._elements(source))  # no stage has an abstract output
+        self._set_levels()
+
+    def _signals(self, count: int) -> IntArray:
+        """That many new elements."""
+        self.size += count
+        return np.arange(self.size - count, self.size)
+
+    def _elements(self, source: Source) -> IntArray | int:
+        """Where the value of an output port stands, or the number of an abstract one."""
+        system, index = source
+        if system not in self.fused:
+            return self._read(source)
+        chosen = self._glue.get(system)
+        if chosen is None:
+            node = self._place(system)
+            return node.first + node.stage.ports[system.get_output_port(index).get_name()]
+        sources = [self._connections[system, each] for each in range(system.num_input_ports())]
+        return np.concatenate([self._elements(each) for each in sources])[chosen[index]]
+
+    def _read(self, source: Source) -> IntArray | int:
+        number = self._given_of.get(source)
+        if number is None:
+            port = source[0].get_output_port(source[1])
+            vector = port.get_data_type() == PortDataType.kVectorValued
+            number = self._given_of[source] = len(self.given)
+            self.given.append(Given(port, self._signals(port.size()) if vector else None))
+        elements = self.given[number].elements
+        return number if elements is None else elements
+
+    def _place(self, system: System) -> Node:
+        """The node of a stage, behind those whose outputs its own depend on."""
+        if system in self._node_of:
+            return self._node_of[system]
+        if system in self._open:
+            raise ParamsError(f"fuse: {system.get_name()!r} depends on its own output within a tick")
+        self._open.add(system)
+        stage = self._stages.get(system) or computed(system)
+        inputs = {name: source for name, source in self._sources(system).items() if name in stage.inputs}
+        before = {name: self._elements(source) for name, source in inputs.items() if name in stage.reads}
+        node = Node(system.get_name(), type(system).__name__, stage, int(self._signals(stage.width)[0]), before)
+        self._node_of[system] = node
+        self.nodes.append(node)
+        node.inputs |= {name: self._elements(source) for name, source in inputs.items() if name not in stage.reads}
+        return node
+
+    def _sources(self, system: System) -> dict[str, Source]:
+        """Connected input port to its source."""
+        ports = {index: system.get_input_port(index).get_name() for index in range(system.num_input_ports())}
+        return {
+            name: self._connections[system, index]
+            for index, name in ports.items()
+            if (system, index) in self._connections
+        }
+
+    def _set_levels(self) -> None:
+        """Levels of nodes and of what is given, until none is too low."""
+        of_element = np.zeros(self.size, dtype=np.intp)
+        causes = [self._fused_causes(source, set()) for source in self._given_of]
+        changed = True
+        while changed:
+            changed = False
+            for given, sources in zip(self.given, causes, strict=True):
+                behind = [self._level(of_element, self._elements(source)) for source in sources]
+                level = 1 + max(behind, default=-1)
+                if level > given.level:
+                    given.level, changed = level, True
+                if given.elements is not None:
+                    of_element[given.elements] = given.level
+            for node in self.nodes:
+                read = [self._level(of_element, node.inputs[name]) for name in node.stage.reads if name in node.inputs]
+                level = max(read, default=0)
+                if level > node.level:
+                    node.level, changed = level, True
+                of_element[node.first : node.first + node.stage.width] = node.level
+        self.nodes.sort(key=lambda node: node.level)  # stable: within a level the order stays
+        self.export_level = {source: self._level(of_element, elements) for source, elements in self.exported.items()}
+        self.read_now = self._read_now()
+
+    def _level(self, of_element: IntArray, elements: IntArray | int) -> int:
+        if isinstance(elements, int):
+            return self.given[elements].level
+        return int(of_element[elements].max(initial=0))
+
+    def _read_now(self) -> frozenset[int]:
+        """Numbers of what is given that outputs depend on; the others are read in updates alone."""
+        wanted = np.zeros(self.size, dtype=bool)
+        numbers = set()
+        read = [node.inputs[name] for node in self.nodes for name in node.stage.reads if name in node.inputs]
+        for elements in (*read, *self.exported.values()):
+            if isinstance(elements, int):
+                numbers.add(elements)
+            else:
+                wanted[elements] = True
+        for number, given in enumerate(self.given):
+            if given.elements is not None and wanted[given.elements].any():
+                numbers.add(number)
+        return frozenset(numbers)
+
+    def _fused_causes(self, source: Source, seen: set[Source]) -> set[Source]:
+        """The outputs of fused systems on which an output port outside depends within a tick."""
+        if source in seen:
+            return set()
+        seen.add(source)
+        system, index = source
+        found: set[Source] = set()
+        for entering in range(system.num_input_ports()):
+            before = self._connections.get((system, entering))
+            if before is None or not system.HasDirectFeedthrough(entering, index):
+                continue
+            found |= {before} if before[0] in self.fused else self._fused_causes(before, seen)
+        return found
+
+
+def _glue_between(stages: Collection[System], connections: Connections) -> dict[System, list[IntArray] | None]:
+    """The blocks that stages read, or that read stages alone; each with the elements that it picks, see `glue`."""
+    found: dict[System, list[IntArray] | None] = {}
+    blocks = {system for pair in connections.items() for (system, _) in pair if isinstance(system, GLUE)}
+    blocks = {system for system in blocks if _complete(system, connections)}
+    grows = True
+    while grows:
+        inside = {*stages, *found}
+        read = {source for (system, _), (source, _) in connections.items() if system in inside}
+        outside = {system for (system, _), (source, _) in connections.items() if source not in inside}
+        more = {system for system in blocks - inside if system in read or system not in outside}
+        found |= {system: picked_elements(system) for system in more}
+        grows = bool(more)
+    return found
+
+
+def _complete(system: System, connections: Connections) -> bool:
+    """Whether every input port is connected."""
+    return all((system, index) in connections for index in range(system.num_input_ports()))

@@ -1,0 +1,210 @@
+"""`FusedStages`: the stages of a plan as one Drake system."""
+
+from collections.abc import Callable, Iterable
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+
+from drake_tc.array_stage import Arrays, Call, Held
+from drake_tc.loops.fused.plan import Node, Plan
+from drake_tc.port_methods import PortMethods
+from drake_tc.types import FloatArray, IntArray
+
+
+class FusedStages(PortMethods, LeafSystem):
+    """Stages that compute what they would as systems of their own, in one callback instead of some in each of them.
+
+    Inputs: what the stages read from outside, called after the system and port that they come from.
+    Outputs:
+        signals_0, signals_1, ...: what is read outside; those of level k + 1 depend on inputs that depend on level k.
+    State x: the states of all stages, one behind the other. Every period of a stage,
+
+        x[n+1], y[n] = F(x[n], u[n])
+
+    with F that of the stages; a stage's parameters are those of its construction.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        """Declare ports, state and updates.
+
+        Args:
+            plan: What is computed, in which order.
+        """
+        super().__init__()
+        self._plan = plan
+        self._nodes = _by_period(plan.nodes)
+        ends = np.cumsum([0, *(node.stage.start.size for node in self._nodes)]).tolist()
+        self._states = {node: slice(a, b) for node, a, b in zip(self._nodes, ends, ends[1:], strict=False)}
+        start: Any = np.concatenate([node.stage.start for node in self._nodes])
+        memory = self.DeclareDiscreteState(start)
+        self._memory = int(memory)
+        self._inputs: list[Any] = [self._declare_input(number) for number in range(len(plan.given))]
+        self._scratch: Any = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(allocate=lambda: Value(Scratch(self)), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        tickets = {self.discrete_state_ticket(memory), self.time_ticket()}
+        self._levels: list[Any] = []
+        self._ports: list[list[tuple[int, Callable[[Context], Any]]]] = []
+        for level in range(1 + max((node.level for node in plan.nodes), default=0)):
+            tickets |= {self._inputs[number].ticket() for number in self._read_at(level)}
+            width, name = self.exported_at(level).size, f"signals_{level}"
+            self._levels.append(self.DeclareVectorOutputPort(name, width, self._writer(level), set(tickets)))
+        for period, nodes in groupby(self._nodes, lambda node: node.stage.period):
+            if period is not None:
+                group = list(nodes)
+                part = slice(self._states[group[0]].start, self._states[group[-1]].stop)
+                self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._updater(group, part))
+
+    def _declare_input(self, number: int) -> Any:
+        port: Any = self._plan.given[number].port
+        name = f"{port.get_system().get_name()}.{port.get_name()}"
+        if self._plan.given[number].elements is None:
+            return self.DeclareAbstractInputPort(name, port.Allocate())
+        return self.DeclareVectorInputPort(name, port.size())
+
+    def exported_at(self, level: int) -> IntArray:
+        """The elements among the signals that the port of a level has."""
+        plan = self._plan
+        found = [elements for source, elements in plan.exported.items() if plan.export_level[source] == level]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
+
+    def _read_at(self, level: int) -> list[int]:
+        """Numbers of the inputs that are read for the outputs of a level."""
+        given = self._plan.given
+        return [number for number in sorted(self._plan.read_now) if given[number].level == level]
+
+    def _writer(self, level: int) -> Callable[[Context, Any], None]:
+        """The calc function of a level's port."""
+        chosen, eval_scratch = self.exported_at(level), self._scratch.Eval
+        eval_lower = self._levels[level - 1].Eval if level else None
+        self._ports.append([(number, self._inputs[number].Eval) for number in self._read_at(level)])
+
+        def write(context: Any, vector: Any) -> None:
+            scratch = eval_scratch(context)
+            if eval_lower is not None:
+                eval_lower(context)
+                if scratch.computed < level:
+                    self._compute(context, scratch, range(scratch.computed, level))
+            self._compute(context, scratch, (level,))
+            scratch.signals.take(chosen, out=vector.get_mutable_value(), mode="clip")
+
+        return write
+
+    def _updater(self, nodes: list[Node], part: slice) -> Callable[[Context, Any], None]:
+        """The update of the stages of one period, whose states are a part of the state."""
+        numbers = sorted(set(range(len(self._inputs))) - self._plan.read_now)
+        ports = [(number, self._inputs[number].Eval) for number in numbers]
+        eval_scratch, eval_outputs, memory = self._scratch.Eval, self._levels[-1].Eval, self._memory
+        period, levels = nodes[0].stage.period, len(self._levels)
+
+        def update(context: Any, values: Any) -> None:
+            eval_outputs(context)
+            scratch = eval_scratch(context)
+            if scratch.computed < levels:
+                self._compute(context, scratch, range(scratch.computed, levels))
+            given, after, time = scratch.given, scratch.after, context.get_time()
+            for number, evaluate in ports:
+                given[number][:] = evaluate(context)
+            after[part] = scratch.before[part]
+            for call in scratch.updates[period]:
+                call(time)
+            values.get_mutable_value(memory)[part] = after[part]
+
+        return update
+
+    def _compute(self, context: Any, scratch: "Scratch", levels: Iterable[int]) -> None:
+        """The signals of some levels; those of the lower ones are there."""
+        given, time = scratch.given, context.get_time()
+        for level in levels:
+            if not level:
+                scratch.before[:] = context.get_discrete_state(self._memory).value()
+            for number, evaluate in self._ports[level]:
+                given[number][:] = evaluate(context)
+            for call in scratch.outputs[level]:
+                call(time)
+            scratch.computed = max(scratch.computed, level + 1)
+
+    def bind(self, scratch: "Scratch") -> None:
+        """Bind all stages to the arrays of a Context."""
+        plan = self._plan
+        scratch.signals, size = np.zeros(plan.size), sum(node.stage.start.size for node in self._nodes)
+        scratch.before, scratch.after = np.zeros(size), np.zeros(size)
+        scratch.given = [_place_of(scratch.signals, given.elements) for given in plan.given]
+        scratch.outputs = [[] for _ in self._levels]
+        scratch.updates = {node.stage.period: [] for node in plan.nodes}
+        for node in plan.nodes:
+            inputs = {name: self._bound(scratch, node, name, where) for name, where in node.inputs.items()}
+            out = scratch.signals[node.first : node.first + node.stage.width]
+            before, after = _read_only(scratch.before[self._states[node]]), scratch.after[self._states[node]]
+            outputs, update = node.stage.bind(Arrays(inputs, out, before, after))
+            if outputs is not None:
+                scratch.outputs[node.level].append(outputs)
+            if update is not None:
+                scratch.updates[node.stage.period].append(update)
+
+    def _bound(self, scratch: "Scratch", node: Node, name: str, where: IntArray | int) -> Any:
+        """A view of the signals where an input's elements follow each other, else an array that is filled before."""
+        if isinstance(where, int):
+            return scratch.given[where]
+        first = int(where[0]) if where.size else 0
+        if np.array_equal(where, np.arange(first, first + where.size)):
+            return _read_only(scratch.signals[first : first + where.size])
+        copy, signals = np.zeros(where.size), scratch.signals
+
+        def gather(time: float) -> None:
+            signals.take(where, out=copy, mode="clip")
+
+        if name in node.stage.reads:
+            scratch.outputs[node.level].append(gather)
+        else:
+            scratch.updates[node.stage.period].append(gather)
+        return _read_only(copy.view())
+
+
+class Scratch:
+    """The arrays of one Context, and the stages' functions on them.
+
+    Whenever the output port of a level is up to date, so are the signals of this level here, as its calculation wrote
+    both. A copy, for a cloned Context, starts without any: there the ports may be up to date and the arrays are not.
+
+    Attributes:
+        signals: What the plan's elements point to.
+        before, after: (S,) states of this tick and the next.
+        given: By number of the input, where its value is written.
+        outputs, updates: What computes the signals of each level, and the states of each period.
+        computed: Number of levels whose signals have been computed here at all.
+    """
+
+    signals: FloatArray
+    before: FloatArray
+    after: FloatArray
+    given: list[Any]
+    outputs: list[list[Call]]
+    updates: dict[float | None, list[Call]]
+
+    def __init__(self, system: FusedStages) -> None:
+        self._system, self.computed = system, 0
+        system.bind(self)
+
+    def __deepcopy__(self, memo: object) -> "Scratch":
+        return Scratch(self._system)
+
+
+def _place_of(signals: FloatArray, elements: IntArray | None) -> Any:
+    """Where a value from outside is written, by `place[:] = value`."""
+    return Held() if elements is None else signals[elements[0] : elements[0] + elements.size]
+
+
+def _read_only(view: FloatArray) -> FloatArray:
+    view.flags.writeable = False
+    return view
+
+
+def _by_period(nodes: list[Node]) -> list[Node]:
+    """Sorted by period, those without state last."""
+    return sorted(nodes, key=lambda node: np.inf if node.stage.period is None else node.stage.period)
