@@ -1,6 +1,6 @@
 """The step of all joints' actuators on arrays (`drake_tc.kernels.actuator`)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,6 +91,25 @@ class JointStep:
                     memory[self._parts[j]] = own
                     work[j, at.ASKED :] = found
             _ADVANCE(kept, *now, *self._tables, True, work, out)
+
+    def bind(
+        self,
+        out: FloatArray,
+        kept: FloatArray,
+        command: FloatArray,
+        state: FloatArray,
+        load: FloatArray | None = None,
+        around: tuple[FloatArray, FloatArray] | None = None,
+    ) -> Callable[[float], None]:
+        """`step` on arrays that stay the same objects, as a function of the time [s]; arguments as there."""
+        advance = _ADVANCE.entry()
+        now = kept, command, state, self._unknown if load is None else load, self._room if around is None else around[0]
+
+        def step(time: float) -> None:
+            if self._interpreted or advance(*now, time, *self._tables, False, self._no_work, out):
+                self.step(out, kept, command, state, time, load, around)
+
+        return step
 
     def _started(self, kept: FloatArray, command: FloatArray, state: FloatArray, load: FloatArray, around: Any) -> Any:
         """X in which all joints have started whose state is finite."""

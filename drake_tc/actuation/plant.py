@@ -163,13 +163,10 @@ class ActuatorPlant(PortMethods, LeafSystem):
                 names = zip(("temperature", "supply_voltage"), self._unconnected, strict=True)
                 around = tuple(given.get(name, nominal) for name, nominal in names)
 
-            def outputs(time: float) -> None:
-                step.step(out, before, command, state, time, load, around)
-
             def update(time: float) -> None:
                 after[:] = reached
 
-            return outputs, update
+            return step.bind(out, before, command, state, load, around), update
 
         ports = {name: np.arange(i, kinds * n, kinds) for i, name in enumerate(JointOutput._fields)}
         reads = frozenset({"command", "state", "temperature", "supply_voltage", "load_torque"})

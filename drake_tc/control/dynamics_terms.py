@@ -63,7 +63,7 @@ class DynamicsTerms:
         tree = tree_of(plant, plant.GetBodyByName(robot.base), robot.joints, order, order, {}, {})
         gravity: FloatArray = np.array(plant.gravity_field().gravity_vector())
         still = [*pose.rotation().ToQuaternion().wxyz(), *np.zeros(12), *(-gravity)]
-        self._tree = (tree.places, tree.constants, tree.trunk, np.array(still))
+        self.tree, self._still = (tree.places, tree.constants, tree.trunk), np.array(still)
 
     def create_scratch(self) -> "Scratch":
         """Scratch memory for the other methods."""
@@ -76,8 +76,12 @@ class DynamicsTerms:
     def forces(self, scratch: "Scratch", vdot: FloatArray) -> FloatArray:
         """(n,) M vdot + h [N m] for vdot (n,) [rad/s^2], by one recursion; h = C(q, v) v - tau_g(q)."""
         out = np.empty(self.size)
-        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self._tree, out)
+        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self.tree, self._still, out)
         return out
+
+    def base(self, scratch: "Scratch") -> FloatArray:
+        """(19,) how the base moves, see `drake_tc.kernels.newton_euler.joint_forces`: not at all."""
+        return self._still
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:
         """(6k, n) J."""

@@ -63,7 +63,7 @@ class FloatingTerms:
         self._rates = as_slice(nq + model.velocity_index)
         order = np.arange(self.size)
         tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {})
-        self._tree = (tree.places, tree.constants, tree.trunk)
+        self.tree = (tree.places, tree.constants, tree.trunk)
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
 
@@ -91,10 +91,15 @@ class FloatingTerms:
 
     def forces(self, scratch: "FloatingScratch", vdot: FloatArray) -> FloatArray:
         """(n,) tau of the module's docstring [N m] for vdot (n,) [rad/s^2]."""
-        out, base = np.empty(self.size), np.zeros(19)
-        base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
-        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self._tree, base, out)
+        out = np.empty(self.size)
+        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self.tree, self.base(scratch), out)
         return out
+
+    def base(self, scratch: "FloatingScratch") -> FloatArray:
+        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.newton_euler.joint_forces`."""
+        base = np.zeros(19)
+        base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
+        return base
 
     def jacobian(self, scratch: "FloatingScratch") -> FloatArray:
         """(6k, n) J."""

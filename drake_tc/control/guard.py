@@ -121,13 +121,10 @@ class CommandGuard(PortMethods, LeafSystem):
             out, after = arrays.out, arrays.after
             command, position, fault = (arrays.inputs[name] for name in ("command", "position", "fault"))
 
-            def outputs(time: float) -> None:
-                self._law.step(arrays.before, command, position, fault[0], out)
-
             def update(time: float) -> None:
                 after[:] = out
 
-            return outputs, update
+            return self._law.bind(arrays.before, command, position, fault, out), update
 
         parts = {"command": slice(n), "mode": slice(3 * n, 3 * n + 1), "next": slice(start.size)}
         reads = frozenset({"command", "position", "fault"})

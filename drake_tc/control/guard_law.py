@@ -1,5 +1,6 @@
 """The law of the CommandGuard: bumpless start, limits, hold, damp; one tick as a plain function of state and inputs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
 
@@ -108,3 +109,14 @@ class GuardLaw:
     ) -> None:
         """One tick: the next state into `after`, whose first n numbers are the outgoing command."""
         _STEP(state, command, position, fault, self._limits, self._options, after)
+
+    def bind(
+        self, state: FloatArray, command: FloatArray, position: FloatArray, fault: FloatArray, after: FloatArray
+    ) -> Callable[[float], None]:
+        """`step` on arrays that stay the same objects, as a function of the time [s]; fault (1,)."""
+        step, limits, options = _STEP.entry(), self._limits, self._options
+
+        def outputs(time: float) -> None:
+            step(state, command, position, fault[0], limits, options, after)
+
+        return outputs

@@ -22,7 +22,7 @@ from drake_tc.types import FloatArray
 Source = Literal["estimate", "reference"]
 PositionSource = Literal["estimate", "encoder"]
 
-_FEEDBACK = Kernel("inverse_dynamics", "feedback")
+_MOTION_TORQUE = Kernel("inverse_dynamics", "motion_torque")
 TERMS = ("feedforward", "position", "velocity", "force", "acceleration_error", "force_error")
 """Names of the rows of `torque_terms`."""
 
@@ -259,12 +259,16 @@ class InverseDynamics(PortMethods, LeafSystem):
         n, others = self._size, self._nothing
         if self._forces or given.base:
             others = np.concatenate((given.desired, given.felt, *given.base))
-        out = np.empty(3 * n)
-        if not _FEEDBACK(given.estimate, given.reference, given.position, others, given.gains, out):
+        if given.base:
+            if not np.isfinite(others).all():
+                return None
+            self._model.carry(scratch, *given.base)
+        out, place = np.empty(4 * n), given.reference if self._at_reference else given.estimate
+        motion = (given.estimate, given.reference, given.position, others, given.gains, place)
+        if not _MOTION_TORQUE(*motion, *self._model.tree, self._model.base(scratch), out):
             return None
-        inertial = self._model.forces(self._placed(given, scratch), given.reference[2 * n :])
         unmet = given.desired - given.felt if self._forces else given.desired
-        return _Parts(inertial, inertial + out[:n], out[n:], given.desired, unmet)
+        return _Parts(out[:n], out[n : 2 * n], out[2 * n :], given.desired, unmet)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

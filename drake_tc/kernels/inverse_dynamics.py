@@ -1,22 +1,28 @@
-"""Feedback on the joints' motion, see `drake_tc.control.inverse_dynamics`."""
+"""The torque of a desired motion and of the feedback on it, see `drake_tc.control.inverse_dynamics`."""
 
-from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, kernel
-from drake_tc.types import FloatArray
+from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
+from drake_tc.kernels.newton_euler import joint_forces_into
+from drake_tc.types import FloatArray, IntArray
 
 LARGEST = 1e12
 """Inputs beyond this count as not finite."""
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, OUT_VECTOR)
-def feedback(
+@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, TABLE, MATRIX, VECTOR, VECTOR, OUT_VECTOR)
+def motion_torque(
     estimate: FloatArray,
     reference: FloatArray,
     position: FloatArray,
     others: FloatArray,
     gains: FloatArray,
+    place: FloatArray,
+    places: IntArray,
+    constants: FloatArray,
+    trunk: FloatArray,
+    base: FloatArray,
     out: FloatArray,
 ) -> bool:
-    """[Ks e + Kd edot; Ks e; Kd edot] (3n,) into out.
+    """[M qddot_d + h; its sum with Ks e and Kd edot; Ks e; Kd edot] (4n,) into out.
 
     Args:
         estimate: (3n,) [q; qdot; qddot].
@@ -24,7 +30,12 @@ def feedback(
         position: (n,) q to take in e; empty: that of the estimate.
         others: Inputs of which only is asked whether they are finite.
         gains: (2n,) or more, [Ks; Kd].
-        out: (3n,) written.
+        place: (2n,) or more, [q; qdot] where M and h are taken.
+        places: Tree, see `dynamics`.
+        constants: The same.
+        trunk: See `newton_euler.joint_forces`.
+        base: The same.
+        out: (4n,) written.
 
     Returns:
         Whether all inputs are finite; `out` is not to be used else.
@@ -37,9 +48,12 @@ def feedback(
             error = reference[j] - position[j]
         finite = finite and abs(estimate[j]) <= LARGEST and abs(error) <= LARGEST  # not where one is NaN
         if j < 2 * n:
-            out[n + j] = gains[j] * error
+            out[2 * n + j] = gains[j] * error
     for j in range(others.shape[0]):
         finite = finite and abs(others[j]) <= LARGEST
+    if not finite:
+        return False
+    joint_forces_into(place[:n], place[n : 2 * n], reference[2 * n :], places, constants, trunk, base, out[:n])
     for j in range(n):
-        out[j] = out[n + j] + out[2 * n + j]
-    return finite
+        out[n + j] = out[j] + (out[2 * n + j] + out[3 * n + j])
+    return True

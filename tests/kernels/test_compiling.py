@@ -136,7 +136,7 @@ def test_numba_is_imported_where_a_kernel_is_called_and_not_before():
         ("savitzky_golay", "advance"),
         ("joint_torque", "estimate"),
         ("newton_euler", "joint_forces"),
-        ("inverse_dynamics", "feedback"),
+        ("inverse_dynamics", "motion_torque"),
         ("torque_control", "solve"),
         ("fault_monitor", "raise_flags"),
         ("guard", "step"),

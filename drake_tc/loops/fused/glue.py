@@ -48,10 +48,12 @@ def computed(system: Any) -> ArrayStage:
 def _sum_of(terms: Sequence[FloatArray], out: FloatArray) -> Call:
     """Sum from the first term on, as Drake's Adder does."""
 
+    first, second, *others = terms if len(terms) > 1 else (terms[0], np.zeros(out.size))
+
     def outputs(time: float) -> None:
-        out[:] = terms[0]
-        for term in terms[1:]:
-            np.add(out, term, out=out)
+        np.add(first, second, out)
+        for term in others:
+            np.add(out, term, out)
 
     return outputs
 
