@@ -4,7 +4,7 @@ A stage that has one can run together with others in a single Drake system (`dra
 call the same functions, so that both forms compute the same numbers.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -45,8 +45,10 @@ class Arrays:
 class Bind(Protocol):
     """Bind a stage's functions to arrays."""
 
-    def __call__(self, arrays: Arrays) -> tuple[Call | None, Call | None]:
+    def __call__(self, arrays: Arrays) -> tuple[Call | None, Call | Sequence[Call] | None]:
         """What writes `out` from inputs and `before`, and what writes `after`; None where there is nothing to do.
+
+        A `KernelCall` (`drake_tc.kernels.calls`) runs together with its neighbours.
 
         All inputs, and `out`, are those of the tick when an update is called.
         """

@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects, tables
 from drake_tc.kernels import joint_layout as at
+from drake_tc.kernels.calls import ADVANCE, SKIPPED, TIME, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
@@ -100,16 +101,16 @@ class JointStep:
         state: FloatArray,
         load: FloatArray | None = None,
         around: tuple[FloatArray, FloatArray] | None = None,
-    ) -> Callable[[float], None]:
+    ) -> Callable[[float], object]:
         """`step` on arrays that stay the same objects, as a function of the time [s]; arguments as there."""
-        advance = _ADVANCE.entry()
         now = kept, command, state, self._unknown if load is None else load, self._room if around is None else around[0]
 
         def step(time: float) -> None:
-            if self._interpreted or advance(*now, time, *self._tables, False, self._no_work, out):
-                self.step(out, kept, command, state, time, load, around)
+            self.step(out, kept, command, state, time, load, around)
 
-        return step
+        if self._interpreted:
+            return step
+        return KernelCall(ADVANCE, step, *now, TIME, *self._tables, SKIPPED, self._no_work, out)
 
     def _started(self, kept: FloatArray, command: FloatArray, state: FloatArray, load: FloatArray, around: Any) -> Any:
         """X in which all joints have started whose state is finite."""

@@ -12,6 +12,7 @@ from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
 from drake_tc.array_stage import Arrays, ArrayStage, Call
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
@@ -163,10 +164,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
                 names = zip(("temperature", "supply_voltage"), self._unconnected, strict=True)
                 around = tuple(given.get(name, nominal) for name, nominal in names)
 
-            def update(time: float) -> None:
-                after[:] = reached
-
-            return step.bind(out, before, command, state, load, around), update
+            return step.bind(out, before, command, state, load, around), copying(reached, after)
 
         ports = {name: np.arange(i, kinds * n, kinds) for i, name in enumerate(JointOutput._fields)}
         reads = frozenset({"command", "state", "temperature", "supply_voltage", "load_torque"})

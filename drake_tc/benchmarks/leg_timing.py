@@ -32,14 +32,16 @@ Measure = Callable[[], float]
 """Own time of the thread for a tick [s], the mean over a few."""
 
 
-def loop_ticks(scenario_name: str) -> Measure:
+def loop_ticks(scenario_name: str, *, fused: bool = True) -> Measure:
     """Ticks of the hanging leg's loop: plant, actuators, sensors, estimator, controller, logs.
 
     Args:
         scenario_name: Of the diagram `hrp2_leg`.
+        fused: All stages in one system, as `drake-tc simulate` has them; otherwise each is a system.
     """
     duration = WARM_UP + (CHUNKS + 1) * TICKS * 1e-3
-    loop = build_loop(diagram_entry("hrp2_leg").scenario(scenario_name).changed(duration=duration))
+    scenario = diagram_entry("hrp2_leg").scenario(scenario_name).changed(duration=duration)
+    loop = build_loop(scenario, fused=fused)
     simulator = Simulator(loop.diagram)
     loop.start(simulator.get_mutable_context())
     return _advancing(simulator)
@@ -137,6 +139,7 @@ def drakes_recursions(robot_file: Path) -> Measure:
 PIECES: dict[str, Callable[[], Measure]] = {
     "leg under the vendor's servo, a tick of 1 ms": lambda: loop_ticks("stairs_swing_servo"),
     "leg in torque control, a tick of 1 ms": lambda: loop_ticks("stairs_swing"),
+    "leg in torque control, each stage a system": lambda: loop_ticks("stairs_swing", fused=False),
     "torque estimate, leg": lambda: estimates(LEG),
     "torque estimate, floating 30 joints": lambda: estimates(HUMANOID),
     "reference: a system in Python that copies, a tick": copying_ticks,

@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
@@ -121,10 +122,7 @@ class CommandGuard(PortMethods, LeafSystem):
             out, after = arrays.out, arrays.after
             command, position, fault = (arrays.inputs[name] for name in ("command", "position", "fault"))
 
-            def update(time: float) -> None:
-                after[:] = out
-
-            return self._law.bind(arrays.before, command, position, fault, out), update
+            return self._law.bind(arrays.before, command, position, fault, out), copying(out, after)
 
         parts = {"command": slice(n), "mode": slice(3 * n, 3 * n + 1), "next": slice(start.size)}
         reads = frozenset({"command", "position", "fault"})

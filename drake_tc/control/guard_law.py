@@ -1,12 +1,12 @@
 """The law of the CommandGuard: bumpless start, limits, hold, damp; one tick as a plain function of state and inputs."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import GUARD, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
 
@@ -112,11 +112,10 @@ class GuardLaw:
 
     def bind(
         self, state: FloatArray, command: FloatArray, position: FloatArray, fault: FloatArray, after: FloatArray
-    ) -> Callable[[float], None]:
+    ) -> KernelCall:
         """`step` on arrays that stay the same objects, as a function of the time [s]; fault (1,)."""
-        step, limits, options = _STEP.entry(), self._limits, self._options
 
         def outputs(time: float) -> None:
-            step(state, command, position, fault[0], limits, options, after)
+            self.step(state, command, position, fault[0], after)
 
-        return outputs
+        return KernelCall(GUARD, outputs, state, command, position, fault, self._limits, self._options, after)

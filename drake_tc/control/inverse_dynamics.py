@@ -14,6 +14,7 @@ from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import MOTION, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
@@ -207,16 +208,22 @@ class InverseDynamics(PortMethods, LeafSystem):
         gains.flags.writeable = False
         names = [port.get_name() for port in self._ports()]
 
+        n, plain = self._size, not (self._forces or self._base)
+
         def bind(arrays: Arrays) -> tuple[Call, None]:
-            out, scratch = arrays.out, self._model.create_scratch()
+            scratch, out, desired = self._model.create_scratch(), arrays.out, arrays.out[n : 2 * n]
             given = self._gathered([arrays.inputs[name] for name in names], gains)
 
             def outputs(time: float) -> None:
-                out[:] = self._desired(given, scratch)
+                desired[:] = self._desired(given, scratch)
 
+            if plain:
+                return KernelCall(
+                    MOTION, outputs, *self._motion(given, self._nothing), self._model.base(scratch), out
+                ), None
             return outputs, None
 
-        return ArrayStage(self._size, places({"desired_torque": slice(self._size)}), bind, frozenset(names))
+        return ArrayStage(4 * n, places({"desired_torque": slice(n, 2 * n)}), bind, frozenset(names))
 
     def _ports(self) -> list[Any]:
         """All input ports, in the order of `_gathered`."""
@@ -263,12 +270,16 @@ class InverseDynamics(PortMethods, LeafSystem):
             if not np.isfinite(others).all():
                 return None
             self._model.carry(scratch, *given.base)
-        out, place = np.empty(4 * n), given.reference if self._at_reference else given.estimate
-        motion = (given.estimate, given.reference, given.position, others, given.gains, place)
-        if not _MOTION_TORQUE(*motion, *self._model.tree, self._model.base(scratch), out):
+        out = np.empty(4 * n)
+        if not _MOTION_TORQUE(*self._motion(given, others), self._model.base(scratch), out):
             return None
         unmet = given.desired - given.felt if self._forces else given.desired
         return _Parts(out[:n], out[n : 2 * n], out[2 * n :], given.desired, unmet)
+
+    def _motion(self, given: _Given, others: FloatArray) -> tuple[FloatArray, ...]:
+        """Arguments of the kernel `motion_torque` but for the last two."""
+        place = given.reference if self._at_reference else given.estimate
+        return (given.estimate, given.reference, given.position, others, given.gains, place, *self._model.tree)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

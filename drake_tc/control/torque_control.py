@@ -192,13 +192,10 @@ class TorqueControl(PortMethods, LeafSystem):
             everything = (*(given[name] for name in names), *optional, gains, arrays.before)
             solution = out.reshape(len(SOLUTION), n)
 
-            def outputs(time: float) -> None:
-                self._law.solve(out, everything)
-
             def update(time: float) -> None:
                 after[:] = self._law.next_sum(arrays.before, desired - estimated, gains, solution)
 
-            return outputs, update if self._integrates else None
+            return self._law.bind(out, everything), update if self._integrates else None
 
         more = (["reference"] * (self._reference is not None), ["disturbance"] * (self._lost is not None))
         rows = {row: self._part(row) for row in ("command", "commanded_torque")}

@@ -1,11 +1,13 @@
 """The law of `TorqueControl` on arrays: one tick as a plain function of state and inputs."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.control.compensation_spec import CompensationSpec
+from drake_tc.kernels.calls import SOLVE, KernelCall
 from drake_tc.kernels.compensation_layout import LIMIT, SERVO
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
@@ -46,6 +48,16 @@ class TorqueLaw:
         _SOLVE(*given, *self._constants, out)
         if self._compensator.interpreted and math.isfinite(out[0]):
             self._interpret(out.reshape(len(SOLUTION), -1), given[2], given[3], given[4])
+
+    def bind(self, out: FloatArray, given: tuple[FloatArray, ...]) -> Callable[[float], object]:
+        """`solve` on arrays that stay the same objects, as a function of the time [s]; arguments as there."""
+
+        def outputs(time: float) -> None:
+            self.solve(out, given)
+
+        if self._compensator.interpreted:
+            return outputs
+        return KernelCall(SOLVE, outputs, *given, *self._constants, out)
 
     def _interpret(self, rows: FloatArray, position: FloatArray, estimate: FloatArray, reference: FloatArray) -> None:
         """Command and effort of the joints that have an effect without compiled equation."""

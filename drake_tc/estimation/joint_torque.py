@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.kernels.calls import ESTIMATE, KernelCall
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
@@ -83,7 +84,7 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
             def outputs(time: float) -> None:
                 model.estimate_into(out, joint, imu, wrench, LARGEST)
 
-            return outputs, None
+            return KernelCall(ESTIMATE, outputs, joint, imu, wrench, *model.tables, LARGEST, out), None
 
         used = {"joint_estimate": True, "imu_estimate": model.uses_imu, "wrench_estimate": bool(model.num_sensors)}
         parts = {**self._parts, "estimate": slice(model.width)}

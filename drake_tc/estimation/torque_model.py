@@ -102,7 +102,7 @@ class TorqueModel:
         self._no_rate = np.zeros(3)
         self._imu = self._plant.GetFrameByName((imu or robot.imu[0].name) + IMU_SUFFIX) if self._motion else None
         self._unknown = self._unknown_frame(unknown)
-        self._tables = self._tables_of(self.create_context())
+        self.tables = self._tables_of(self.create_context())
 
     @property
     def size(self) -> int:
@@ -126,7 +126,7 @@ class TorqueModel:
     def with_inertias(self, context: Any) -> "TorqueModel":
         """A model that estimates with the links' inertias of a Context of `create_context`, at q = 0."""
         other = copy(self)
-        other._tables = self._tables_of(context)
+        other.tables = self._tables_of(context)
         return other
 
     def _tables_of(self, context: Any) -> tuple[Any, ...]:
@@ -181,7 +181,7 @@ class TorqueModel:
             wrenches: (6k,).
             largest: Inputs from this size on count as missing.
         """
-        _ESTIMATE(joint, imu, wrenches, *self._tables, largest, out)
+        _ESTIMATE(joint, imu, wrenches, *self.tables, largest, out)
 
     def motion_forces(
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray

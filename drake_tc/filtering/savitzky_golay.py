@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
+from drake_tc.kernels.calls import FILTER, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
@@ -221,17 +222,13 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         n, kept = self._size, self._window * self._size + self._size + 1
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            out, shown, signal = arrays.out, arrays.before[kept:], arrays.inputs["signal"]
             memory, estimate, fault = np.split(arrays.after, [kept, kept + 3 * n])
-            advance, table, orders = _ADVANCE.entry(), self._table, self._orders
-
-            def outputs(time: float) -> None:
-                out[:] = shown
+            arguments = (arrays.inputs["signal"], self._table, self._orders, memory, fault, estimate)
 
             def update(time: float) -> None:
-                advance(signal, table, orders, memory, fault, estimate)
+                _ADVANCE(*arguments)
 
-            return outputs, update
+            return copying(arrays.before[kept:], arrays.out), KernelCall(FILTER, update, *arguments)
 
         names = ("value", "first_derivative", "second_derivative")
         parts = {name: slice(d * n, (d + 1) * n) for d, name in enumerate((*names, "fault"))}

@@ -52,6 +52,11 @@ OUT_VECTOR, OUT_MATRIX = _array(REAL, 1, readonly=False), _array(REAL, 2, readon
 """Arrays that are written."""
 
 
+def interpreted() -> bool:
+    """Whether all of them run as Python."""
+    return bool(numba.config.DISABLE_JIT)
+
+
 def helper(function: F) -> F:
     """A function that compiled functions call; compiled with each of them, for the types with which it is called."""
     compiled: F = numba.njit(**_OPTIONS)(function)

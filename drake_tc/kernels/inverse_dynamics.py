@@ -1,5 +1,7 @@
 """The torque of a desired motion and of the feedback on it, see `drake_tc.control.inverse_dynamics`."""
 
+import numpy as np
+
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
 from drake_tc.kernels.newton_euler import joint_forces_into
 from drake_tc.types import FloatArray, IntArray
@@ -38,7 +40,7 @@ def motion_torque(
         out: (4n,) written.
 
     Returns:
-        Whether all inputs are finite; `out` is not to be used else.
+        Whether all inputs are finite; else the second part of `out` is NaN and the others are not to be used.
     """
     n = estimate.shape[0] // 3
     finite = True
@@ -52,6 +54,7 @@ def motion_torque(
     for j in range(others.shape[0]):
         finite = finite and abs(others[j]) <= LARGEST
     if not finite:
+        out[n : 2 * n] = np.nan
         return False
     joint_forces_into(place[:n], place[n : 2 * n], reference[2 * n :], places, constants, trunk, base, out[:n])
     for j in range(n):

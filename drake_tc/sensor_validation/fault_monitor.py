@@ -1,5 +1,6 @@
 """`FaultMonitor`: which sensors are missing, frozen, jumping or at odds with what is known."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.estimation.plant import IMU_SUFFIX, build_plant
 from drake_tc.estimation.torque_model import GRAVITY
+from drake_tc.kernels.calls import RAISE_FLAGS, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits
@@ -177,21 +179,21 @@ class FaultMonitor(PortMethods, LeafSystem):
         raw = tuple(port.get_name() for port in self._raw_ports)
         derived = tuple((port.get_name(), zeros) for port, zeros in self._derived)
 
-        def bind(arrays: Arrays) -> tuple[Call, Call]:
-            given, out, shown = arrays.inputs, arrays.out, arrays.before[start.size :]
+        def bind(arrays: Arrays) -> tuple[Call, Sequence[Call]]:
+            given = arrays.inputs
             memory, flags, level = np.split(arrays.after, [start.size, start.size + count])
             seen = [*(given[name] for name in raw), *(given.get(name, zeros) for name, zeros in derived)]
             rate = given.get("reference_velocity", self._still)
-            raise_flags, now = _RAISE_FLAGS.entry(), np.empty(sum(part.size for part in seen))
-
-            def outputs(time: float) -> None:
-                out[:] = shown
+            ends = np.cumsum([0, *(part.size for part in seen)]).tolist()
+            now = np.empty(ends[-1])
+            arguments = (now, rate, *self._settings, memory, flags)
 
             def update(time: float) -> None:
-                np.concatenate(seen, out=now)
-                level[0] = raise_flags(now, rate, *self._settings, memory, flags)
+                level[0] = _RAISE_FLAGS(*arguments)
 
-            return outputs, update
+            joined = [copying(part, now[a:b]) for part, a, b in zip(seen, ends, ends[1:], strict=False)]
+            shown = copying(arrays.before[start.size :], arrays.out)
+            return shown, (*joined, KernelCall(RAISE_FLAGS, update, *arguments, level))
 
         names = {*raw, "reference_velocity", *dict(derived)}
         parts = places({"flags": slice(count), "any_fault": slice(count, count + 1)})

@@ -28,6 +28,7 @@ FILES = (
     "estimation/test_joint_torque.py",
     "filtering/test_savitzky_golay.py",
     "control/test_inverse_dynamics.py",
+    "loops/fused/test_fuse.py",
     "control/test_torque_control.py",
     "control/test_guard.py",
     "actuation/test_joint_program.py",

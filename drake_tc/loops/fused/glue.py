@@ -47,7 +47,6 @@ def computed(system: Any) -> ArrayStage:
 
 def _sum_of(terms: Sequence[FloatArray], out: FloatArray) -> Call:
     """Sum from the first term on, as Drake's Adder does."""
-
     first, second, *others = terms if len(terms) > 1 else (terms[0], np.zeros(out.size))
 
     def outputs(time: float) -> None:

@@ -9,6 +9,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, Call, Held
+from drake_tc.kernels.calls import gathering, sequences
 from drake_tc.loops.fused.plan import Node, Plan
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray, IntArray
@@ -145,7 +146,9 @@ class FusedStages(PortMethods, LeafSystem):
             if outputs is not None:
                 scratch.outputs[node.level].append(outputs)
             if update is not None:
-                scratch.updates[node.stage.period].append(update)
+                scratch.updates[node.stage.period] += [update] if callable(update) else update
+        scratch.outputs = [sequences(calls) for calls in scratch.outputs]
+        scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 
     def _bound(self, scratch: "Scratch", node: Node, name: str, where: IntArray | int) -> Any:
         """A view of the signals where an input's elements follow each other, else an array that is filled before."""
@@ -154,11 +157,8 @@ class FusedStages(PortMethods, LeafSystem):
         first = int(where[0]) if where.size else 0
         if np.array_equal(where, np.arange(first, first + where.size)):
             return _read_only(scratch.signals[first : first + where.size])
-        copy, signals = np.zeros(where.size), scratch.signals
-
-        def gather(time: float) -> None:
-            signals.take(where, out=copy, mode="clip")
-
+        copy = np.zeros(where.size)
+        gather = gathering(scratch.signals, where, copy)
         if name in node.stage.reads:
             scratch.outputs[node.level].append(gather)
         else:

@@ -25,7 +25,7 @@ GOAL = 8.0
 
 
 def leg(scenario: str) -> Simulator:
-    loop = build_loop(Scenario.load(SCENARIOS, scenario))
+    loop = build_loop(Scenario.load(SCENARIOS, scenario), fused=True)
     simulator = Simulator(loop.diagram)
     loop.start(simulator.get_mutable_context())
     return simulator
@@ -38,7 +38,7 @@ def seconds(simulator: Simulator, chunk: int) -> float:
     return (time.perf_counter() - begin) / CHUNK
 
 
-@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 40.0), ("stairs_swing", 75.0)])
+@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 25.0), ("stairs_swing", 35.0)])
 def test_the_leg_loop_is_no_slower_than_its_bound(scenario, bound):
     loop, copies = leg(scenario), copying()
     for simulator in (loop, copies):

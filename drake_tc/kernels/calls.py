@@ -1,0 +1,113 @@
+"""`KernelCall`: a kernel with its arguments; and how several of them run in one call (`sequence`)."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.types import FloatArray, IntArray
+
+GATHER, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(8)
+"""Kinds of calls in a sequence."""
+MOST_ARGUMENTS = 16
+TIME, SKIPPED = "time", "skipped"
+"""Arguments that the sequence itself knows."""
+Call = Callable[[float], object]
+_RUN = Kernel("sequence", "run")
+
+
+class KernelCall:
+    """A function of the time [s] that calls one kernel, on arrays that stay the same objects.
+
+    Attributes:
+        kind: Of the call in a sequence.
+        arguments: Contiguous arrays of real or whole numbers, numbers, `TIME`, or `SKIPPED`.
+    """
+
+    def __init__(self, kind: int, call: Call, *arguments: Any) -> None:
+        """Keep what a sequence needs.
+
+        Args:
+            kind: Of the call in a sequence.
+            call: Does the same in Python.
+            arguments: Of the kernel.
+        """
+        self.kind, self._call = kind, call
+        self.arguments = tuple(_array(argument) for argument in arguments)
+
+    def __call__(self, time: float) -> object:
+        """Call the kernel from Python."""
+        return self._call(time)
+
+    def row(self) -> IntArray:
+        """(1 + 3 A,) kind, and address and shape of each argument."""
+        row = np.zeros(1 + 3 * MOST_ARGUMENTS, dtype=np.int64)
+        row[0] = self.kind
+        for number, argument in enumerate(self.arguments):
+            if argument is not None:
+                shape = (*argument.shape, 1)[:2]
+                row[1 + 3 * number : 4 + 3 * number] = argument.ctypes.data, *shape
+        return row
+
+
+def _array(argument: Any) -> Any:
+    """An argument as an array; None where there is nothing to pass."""
+    if isinstance(argument, str):
+        return None
+    if not isinstance(argument, np.ndarray):
+        return np.array([argument], dtype=np.int64 if isinstance(argument, int) else np.float64)
+    if not argument.flags.c_contiguous or argument.dtype not in (np.dtype(np.float64), np.dtype(np.int64)):
+        raise TypeError(f"expected a contiguous array of float64 or int64, got {argument.dtype}, {argument.flags}")
+    return argument
+
+
+def copying(source: FloatArray, target: FloatArray) -> KernelCall:
+    """Copy an array into another one, of the same size."""
+
+    def copy(time: float) -> None:
+        target[:] = source
+
+    return KernelCall(GATHER, copy, source, np.arange(source.size), target)
+
+
+def gathering(source: FloatArray, where: IntArray, target: FloatArray) -> KernelCall:
+    """Copy some elements of an array."""
+
+    def gather(time: float) -> None:
+        source.take(where, out=target, mode="clip")
+
+    return KernelCall(GATHER, gather, source, where, target)
+
+
+def sequences(calls: Sequence[Call]) -> list[Call]:
+    """The same calls, with neighbours that are kernels in one call each."""
+    from drake_tc.kernels.compiling import interpreted
+
+    found: list[Call] = []
+    group: list[KernelCall] = []
+    for call in (*calls, None):
+        if isinstance(call, KernelCall) and not interpreted():
+            group.append(call)
+            continue
+        if len(group) > 1:
+            found.append(_in_one(tuple(group)))
+        else:
+            found += group
+        group = []
+        if call is not None:
+            found.append(call)
+    return found
+
+
+def _in_one(calls: tuple[KernelCall, ...]) -> Call:
+    run, table, count = _RUN.entry(), np.stack([call.row() for call in calls]), len(calls)
+    table.flags.writeable = False
+
+    def all_of_them(time: float) -> None:
+        done = run(table, time)
+        while done < count:
+            calls[done](time)
+            done += 1 + run(table[done + 1 :], time)
+
+    return all_of_them

@@ -1,0 +1,116 @@
+"""Several kernels, one behind the other, in one call: arguments stand in memory at addresses that a table has.
+
+A call from Python into a compiled function costs about a microsecond, and more where other code has run in between, as
+in a simulation. Here one call runs what would be ten. Who makes the table (`drake_tc.kernels.calls`) keeps the arrays.
+"""
+
+from typing import Any
+
+import numba
+from numba.core import types as numba_types
+from numba.extending import intrinsic
+
+from drake_tc.kernels.actuator import advance
+from drake_tc.kernels.calls import ADVANCE, ESTIMATE, FILTER, GATHER, GUARD, MOTION, RAISE_FLAGS, SOLVE
+from drake_tc.kernels.compiling import REAL, TABLE, helper, kernel
+from drake_tc.kernels.fault_monitor import raise_flags
+from drake_tc.kernels.guard import step
+from drake_tc.kernels.inverse_dynamics import motion_torque
+from drake_tc.kernels.joint_torque import estimate
+from drake_tc.kernels.savitzky_golay import advance as filtered
+from drake_tc.kernels.torque_control import solve
+from drake_tc.types import FloatArray, IntArray
+
+types: Any = numba_types
+
+
+def _pointer_to(kind: Any) -> Any:
+    @intrinsic  # type: ignore[untyped-decorator]
+    def pointer(typing: Any, address: Any) -> Any:
+        """The address as a pointer."""
+
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(kind)(types.int64), code
+
+    return pointer
+
+
+_reals, _wholes = _pointer_to(types.float64), _pointer_to(types.int64)
+
+
+@helper
+def vector(row: IntArray, number: int) -> FloatArray:
+    """An argument: (n,) real numbers."""
+    at = 1 + 3 * number
+    array: FloatArray = numba.carray(_reals(row[at]), (row[at + 1],))
+    return array
+
+
+@helper
+def matrix(row: IntArray, number: int) -> FloatArray:
+    """An argument: (m, n) real numbers."""
+    at = 1 + 3 * number
+    array: FloatArray = numba.carray(_reals(row[at]), (row[at + 1], row[at + 2]))
+    return array
+
+
+@helper
+def index(row: IntArray, number: int) -> IntArray:
+    """An argument: (n,) whole numbers."""
+    at = 1 + 3 * number
+    array: IntArray = numba.carray(_wholes(row[at]), (row[at + 1],))
+    return array
+
+
+@helper
+def table(row: IntArray, number: int) -> IntArray:
+    """An argument: (m, n) whole numbers."""
+    at = 1 + 3 * number
+    array: IntArray = numba.carray(_wholes(row[at]), (row[at + 1], row[at + 2]))
+    return array
+
+
+@kernel(TABLE, REAL)
+def run(calls: IntArray, time: float) -> int:
+    """Run the kernels of a table.
+
+    Args:
+        calls: (m, 1 + 3 A) for each call its kind, and of each argument the address and the shape.
+        time: [s].
+
+    Returns:
+        Number of the first call that could not be finished, and must be repeated in Python; m where all were.
+    """
+    for i in range(calls.shape[0]):
+        c = calls[i]
+        kind = c[0]
+        if kind == GATHER:
+            source, where, target = vector(c, 0), index(c, 1), vector(c, 2)
+            for k in range(where.shape[0]):
+                target[k] = source[where[k]]
+        elif kind == ESTIMATE:
+            given = (vector(c, 0), vector(c, 1), vector(c, 2), table(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6))
+            estimate(*given, index(c, 7), table(c, 8), matrix(c, 9), vector(c, 10)[0], vector(c, 11))
+        elif kind == MOTION:
+            motion = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
+            motion_torque(*motion, table(c, 6), matrix(c, 7), vector(c, 8), vector(c, 9), vector(c, 10))
+        elif kind == SOLVE:
+            inputs = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
+            more = (vector(c, 6), vector(c, 7), index(c, 8), vector(c, 9)[0], matrix(c, 10), matrix(c, 11))
+            solve(*inputs, *more, table(c, 12), vector(c, 13), vector(c, 14))
+        elif kind == GUARD:
+            step(vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3)[0], matrix(c, 4), vector(c, 5), vector(c, 6))
+        elif kind == ADVANCE:
+            now = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), time)
+            models = (table(c, 6), matrix(c, 7), table(c, 8), matrix(c, 9), table(c, 10), vector(c, 11))
+            if advance(*now, *models, vector(c, 12), False, matrix(c, 14), vector(c, 15)):
+                return i
+        elif kind == FILTER:
+            filtered(vector(c, 0), matrix(c, 1), index(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
+        elif kind == RAISE_FLAGS:
+            now_of = (vector(c, 0), vector(c, 1), matrix(c, 2), index(c, 3), matrix(c, 4), index(c, 5))
+            level = raise_flags(*now_of, index(c, 6)[0], vector(c, 7), vector(c, 8), vector(c, 9))
+            vector(c, 10)[0] = level
+    return int(calls.shape[0])

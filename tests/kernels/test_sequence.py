@@ -1,0 +1,42 @@
+"""Several kernels in one call do what they do one by one; what cannot be passed by its address is refused."""
+
+import numba
+import numpy as np
+import pytest
+
+from drake_tc.kernels.calls import GATHER, KernelCall, copying, gathering, sequences
+
+NEEDS_COMPILER = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+
+
+@NEEDS_COMPILER
+def test_neighbours_become_one_call_and_the_order_stays():
+    source, middle, target = np.arange(4.0), np.zeros(4), np.zeros(2)
+
+    def double(time):
+        middle[:] *= 2.0 + time
+
+    calls = sequences(
+        [copying(source, middle), gathering(middle, np.array([3, 1]), target), double, copying(middle, source)]
+    )
+    assert len(calls) == 3
+    for call in calls:
+        call(1.0)
+    np.testing.assert_array_equal(target, [3.0, 1.0])
+    np.testing.assert_array_equal(source, [0.0, 3.0, 6.0, 9.0])
+
+
+@NEEDS_COMPILER
+def test_a_sequence_reads_its_arrays_anew_each_time():
+    source, target = np.zeros(3), np.zeros(3)
+    (both,) = sequences([copying(source, target), copying(target, np.zeros(3))])
+    for value in (1.0, np.nan, -2.0):
+        source[:] = value
+        both(0.0)
+        np.testing.assert_array_equal(target, np.full(3, value))
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((4, 4))[:, 1], np.zeros(3, dtype=np.float32), np.zeros((2, 3)).T])
+def test_arrays_that_an_address_does_not_describe_are_refused(wrong):
+    with pytest.raises(TypeError, match="contiguous array of float64 or int64"):
+        KernelCall(GATHER, lambda time: None, wrong, np.arange(3), np.zeros(3))
