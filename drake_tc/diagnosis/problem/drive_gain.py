@@ -62,7 +62,7 @@ def require_drive_gain(
         IdentificationError: One line that names what may be wrong.
     """
     if not tells_drive_gain(columns, fitted):
-        raise not_identifiable(joint, drive, load_kind)
+        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
 
 
 def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
@@ -78,13 +78,13 @@ def _fit_at(columns: Columns, gain: float, declared: Fit) -> Fit:
     return fit(held, declared.terms)
 
 
-def not_identifiable(joint: str, drive: DriveKind, load_kind: LoadKind = "torque") -> IdentificationError:
-    """What is said where the torque does not rise with the effort."""
+def not_identifiable(joint: str, drive: DriveKind, repair: str) -> IdentificationError:
+    """What is said where the torque does not rise with the effort; `repair` is that of `turned_column`."""
     return IdentificationError(
         f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
         f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {COMMAND_COLUMN[drive]} column is wrong, they "
         f"belong to different joints, or an effect that is not declared exceeds the load; declare the effect, or "
-        f"{turned_column(joint, drive, load_kind)}"
+        f"{repair}"
     )
 
 

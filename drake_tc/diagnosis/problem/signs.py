@@ -46,7 +46,7 @@ def require_consistent_signs(
     friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(load.size)])
     as_it_is, turned, without = (_unexplained(effort, x, friction) for x in (load + inertia, -load + inertia, 0 * load))
     if not tells_drive_gain(columns, declared) and as_it_is > LOAD_EXPLAINS * without:
-        raise not_identifiable(joint, drive, load_kind)
+        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
     if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
         raise IdentificationError(
             f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "
