@@ -1,6 +1,7 @@
 """From which size on an effect would be found: closed forms, and a search that finds it there and not below."""
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +15,10 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.joint import candidates, search
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect, looked_for
+from drake_tc.experiments.check.consistency import findings
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, explained_by
 from drake_tc.experiments.check.joint import joint_effects, joint_numbers
+from drake_tc.experiments.check.reasons import Evidence, sentence
 from drake_tc.experiments.check.visibility import Noise, Visibility, confused_with, smallest_sizes
 from drake_tc.experiments.evidence.predicted import compared, predictions
 from drake_tc.experiments.sizes import Size, size_of
@@ -171,3 +174,32 @@ def test_what_is_predicted_to_be_seen_is_found_on_blind_rigs(tmp_path):
     assert len(found) == 6
     assert all(each.found for each in found if each.predicted == "seen"), found
     assert not any(each.found for each in found if each.predicted == "not_seen"), found
+
+
+def test_the_rounding_error_of_an_exact_identity_gives_no_size():
+    exact = replace(linear(1e-12 * np.ones(100)), whole=np.ones(1))
+    small = replace(linear(1e-4 * np.ones(100)), whole=np.ones(1))
+    assert smallest_sizes([exact], 0.1, falling=False) == (math.inf, math.inf)
+    assert_allclose(smallest_sizes([small], 0.1, falling=False), 1e3, rtol=1e-12)  # exact up to rounding
+
+
+def test_torques_of_unknown_scale_are_stated_in_the_unit_of_the_effort(prepared):
+    train = copy(prepared.train)
+    train.samples = replace(prepared.train.samples, torque_unit="rad")
+    told = joint_effects(replace(prepared, train=train))
+    assert not [each.key for each in told.effects if "N*m" in each.size.unit + each.reason]
+    declared = next(
+        f
+        for f in findings(replace(prepared, train=train), fit(train, prepared.terms), told.numbers)
+        if f.name == "declared model"
+    )
+    assert "drive gain of" not in declared.text and "declare drive_gain" in declared.text
+
+
+def test_a_reason_agrees_with_the_number_of_terms_that_explain_the_effect(prepared):
+    facts, size = joint_effects(prepared).facts, Size("bias", "N*m", 1.0)
+    one, two = (
+        sentence("payload.own_arm", Evidence(facts, size, 0.0, names, 0.0, 1.0)) for names in (["A"], ["A", "B"])
+    )
+    assert one == "At these motions A explains all of what it does."
+    assert two == "At these motions A and B together explain all of what it does."

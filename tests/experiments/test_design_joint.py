@@ -323,3 +323,21 @@ def test_a_lag_whose_size_is_not_known_is_as_long_as_the_delay_that_it_imitates(
     criterion = criterion_of(goal, replace(joint, context=replace(joint.context, drive="voltage")), 30.0)
     assert isinstance(criterion, Discrimination)
     assert [each.strength for each in criterion.orders[0]] == [7e-3, 7e-3]
+
+
+def test_a_drive_gain_that_the_fits_hold_is_no_parameter_of_the_design(joint):
+    """With an unknown load the effort is a sum of the declared columns, so that with its column M is singular."""
+    declared = (Term(effect("viscous")), Term(effect("coulomb")), Term(effect("unknown_load")))
+    held = replace(joint, declared=declared, gain_held=True, rotor_inertia=0.0)
+    step = 2e-3
+    time = np.arange(5000) * step
+    q = 0.6 * np.sin(2.0 * np.pi * 0.3 * time) + 0.2 * np.sin(2.0 * np.pi * 0.7 * time)
+    v, a = np.gradient(q, step), np.gradient(np.gradient(q, step), step)
+    columns = MotionColumns(held, np.stack([q, v, a, np.zeros_like(q)]), step)
+    criterion = Parameters(held, (), 10.0)
+    information = criterion.information(columns)
+    assert "1/drive gain" not in criterion.names
+    assert len(criterion.names) == len(criterion.unit_names) == criterion.units.size == information.shape[0]
+    assert np.linalg.cond(information) < 1e8
+    free = Parameters(replace(held, gain_held=False), (), 10.0)
+    assert np.linalg.cond(free.information(columns)) > 1e12

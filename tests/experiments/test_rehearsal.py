@@ -1,5 +1,7 @@
 """A twin moves as the joint did, and a rehearsal finds a large effect and none where there is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -18,6 +20,7 @@ from drake_tc.experiments.rehearsal.run import (
 )
 from drake_tc.experiments.rehearsal.twin import twin_of
 from drake_tc.experiments.sizes import Size
+from drake_tc.logs.loads import UnknownLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
@@ -132,3 +135,11 @@ def test_an_effect_that_these_logs_cannot_show_is_refused(twin):
         rehearse(twin, "thermal_friction", None, [twin.runs[-1].name])
     with pytest.raises(ParamsError, match="declared in the rig file"):
         rehearse(twin, "rotor_inertia", None, [twin.runs[-1].name])
+
+
+def test_an_unknown_load_cannot_be_simulated_and_is_refused_in_one_line(read):
+    rig, runs = read
+    joint = rig.joints[0]
+    with pytest.raises(ParamsError, match="load: unknown; give the rig file load") as caught:
+        twin_of(replace(rig, load={joint: UnknownLoad("pendulum")}), runs, joint)
+    assert "\n" not in str(caught.value)

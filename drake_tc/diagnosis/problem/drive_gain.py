@@ -12,6 +12,7 @@ from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.thresholds import NO_STIFFNESS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.context import LoadKind
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.rig import COMMAND_COLUMN
 
@@ -45,7 +46,9 @@ def at_reverse_regression(columns: Columns, declared: Fit) -> Fit:
     return _fit_at(columns, along / float(load @ load), declared) if along > 0.0 else declared
 
 
-def require_drive_gain(columns: Columns, fitted: Fit, joint: str, drive: DriveKind) -> None:
+def require_drive_gain(
+    columns: Columns, fitted: Fit, joint: str, drive: DriveKind, load_kind: LoadKind = "torque"
+) -> None:
     """Refuse a final model that does not tell the drive gain.
 
     Args:
@@ -53,12 +56,13 @@ def require_drive_gain(columns: Columns, fitted: Fit, joint: str, drive: DriveKi
         fitted: The model found, fitted to them.
         joint: For the message.
         drive: For the message.
+        load_kind: For the message: only a measured load has a column that can be turned.
 
     Raises:
         IdentificationError: One line that names what may be wrong.
     """
     if not tells_drive_gain(columns, fitted):
-        raise not_identifiable(joint, drive)
+        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
 
 
 def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
@@ -74,11 +78,24 @@ def _fit_at(columns: Columns, gain: float, declared: Fit) -> Fit:
     return fit(held, declared.terms)
 
 
-def not_identifiable(joint: str, drive: DriveKind) -> IdentificationError:
-    """What is said where the torque does not rise with the effort."""
+def not_identifiable(joint: str, drive: DriveKind, repair: str) -> IdentificationError:
+    """What is said where the torque does not rise with the effort; `repair` is that of `turned_column`."""
     return IdentificationError(
         f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
         f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {COMMAND_COLUMN[drive]} column is wrong, they "
-        f"belong to different joints, or an effect that is not declared exceeds the load; try units: {{torque: -N*m}} "
-        f"or declare the effect in the rig file"
+        f"belong to different joints, or an effect that is not declared exceeds the load; declare the effect, or "
+        f"{repair}"
+    )
+
+
+def turned_column(joint: str, drive: DriveKind, load_kind: LoadKind) -> str:
+    """The entry of the rig file that turns a column; a load that is computed has none of its own."""
+    effort = f"{joint}/{COMMAND_COLUMN[drive]}: -{EFFORT_UNIT[drive]}"
+    if load_kind == "torque":
+        return f"turn one of the columns with units: {{{joint}/torque: -N*m}} or units: {{{effort}}} in the rig file"
+    source = "pendulum" if load_kind == "pendulum" else "robot's model"
+    return (
+        f"the load is computed from the position and the {source}; reverse the {COMMAND_COLUMN[drive]} with units: "
+        f"{{{effort}}} in the rig file, or, if the position increases against the direction of the {source}, also the "
+        f"position with units: {{{effort}, {joint}/position: -rad}}"
     )

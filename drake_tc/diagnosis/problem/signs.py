@@ -14,16 +14,18 @@ Where 1/K is 0 although the effort rises with the load, no sign is wrong (`drive
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
-from drake_tc.diagnosis.problem.drive_gain import not_identifiable, tells_drive_gain
+from drake_tc.diagnosis.problem.drive_gain import not_identifiable, tells_drive_gain, turned_column
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.context import LoadKind
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.rig import COMMAND_COLUMN
 from drake_tc.types import FloatArray
 
 
-def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive: DriveKind) -> None:
+def require_consistent_signs(
+    columns: Columns, declared: Fit, joint: str, drive: DriveKind, load_kind: LoadKind = "torque"
+) -> None:
     """Refuse rows whose load or effort has the wrong sign.
 
     Args:
@@ -31,6 +33,7 @@ def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive:
         declared: The declared model, fitted to them.
         joint: For the message.
         drive: For the message.
+        load_kind: For the message: only a measured load has a column that can be turned.
 
     Raises:
         IdentificationError: One line that names the column and the repair.
@@ -38,18 +41,16 @@ def require_consistent_signs(columns: Columns, declared: Fit, joint: str, drive:
     samples = columns.samples
     s = samples.signals
     effort = samples.reduce(s.effort)
-    command = COMMAND_COLUMN[drive]
     load = samples.reduce(s.load_torque)
     inertia = s.rotor_inertia * samples.reduce(s.acceleration)
     friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(load.size)])
     as_it_is, turned, without = (_unexplained(effort, x, friction) for x in (load + inertia, -load + inertia, 0 * load))
     if not tells_drive_gain(columns, declared) and as_it_is > LOAD_EXPLAINS * without:
-        raise not_identifiable(joint, drive)
+        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
     if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
         raise IdentificationError(
             f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "
-            f"of the effort unexplained, as it is {as_it_is:.3g}; turn one of the columns with units: "
-            f"{{torque: -N*m}} or units: {{{command}: -{EFFORT_UNIT[drive]}}} in the rig file"
+            f"of the effort unexplained, as it is {as_it_is:.3g}; {turned_column(joint, drive, load_kind)}"
         )
 
 

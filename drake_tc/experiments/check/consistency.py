@@ -205,6 +205,12 @@ def _signs(declared: Fit, prepared: Prepared) -> Finding:
         )
         return Finding("declared model", "warning", gain, f"{unit}/(N*m)", text)
     text = f"The declared model fits with positive friction and a drive gain of {gain:.3g} {unit}/(N*m)."
+    if prepared.train.samples.torque_unit != "N*m":
+        text = (
+            f"The declared model fits with positive friction. Nothing in the rig file fixes the scale of the unknown "
+            f"load, so that torques are stated as effort [{unit}]; declare drive_gain to get N*m."
+        )
+        return Finding("declared model", "note", float("nan"), f"{unit}/(N*m)", text)
     return Finding("declared model", "good", gain, f"{unit}/(N*m)", text)
 
 

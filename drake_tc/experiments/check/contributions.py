@@ -23,6 +23,8 @@ from drake_tc.types import FloatArray
 
 MOST_SHAPES = 14
 """Shapes of an effect that are looked at; a longer grid is thinned evenly."""
+NUMERICAL = 1e-7
+"""Share of a contribution that the declared model must leave: less of it is the rounding error of an exact identity."""
 MOST_ROWS = 12_000
 """Rows that take part; more are thinned evenly."""
 

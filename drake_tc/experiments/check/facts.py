@@ -24,6 +24,7 @@ class MotionFacts:
         inertial: RMS of the torque that the accelerations need [N m], of a link of the whole inertia.
         rise: Change of the recorded temperature [K]; NaN where it was not recorded.
         duration: Of the longest run [s].
+        torque_unit: N*m, or the unit of the effort where nothing fixes the scale of the torques.
     """
 
     speed: float
@@ -38,6 +39,7 @@ class MotionFacts:
     inertial: float
     rise: float
     duration: float
+    torque_unit: str = "N*m"
 
     @classmethod
     def of(cls, columns: Columns, context: Context, inertia: float) -> "MotionFacts":
@@ -63,4 +65,5 @@ class MotionFacts:
             inertial=inertia * float(np.sqrt(np.mean(s.acceleration[rows] ** 2))),
             rise=float(warm[1] - warm[0]),
             duration=context.duration,
+            torque_unit=columns.samples.torque_unit,
         )

@@ -1,10 +1,11 @@
 """One joint's effects at its recorded motions: which would be seen, from which size on, and which would be confused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.problem.estimates import unit_on_drive
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.selection.joint import candidates
 from drake_tc.effects.base import Effect
@@ -82,7 +83,7 @@ def joint_effects(prepared: Prepared, effects: Sequence[Effect] | None = None) -
     made: dict[str, list[Contribution]] = {}
     sizes: dict[str, Size] = {}
     for effect in usable:
-        sizes[effect.key] = size_of(effect, numbers, context)
+        sizes[effect.key] = _size(effect, numbers, prepared)
         made[effect.key] = builder.of(effect, sizes[effect.key])
     noise = _noise(prepared, builder, made)
     facts = MotionFacts.of(prepared.train, context, numbers.inertia)
@@ -90,7 +91,7 @@ def joint_effects(prepared: Prepared, effects: Sequence[Effect] | None = None) -
     for effect in looked_for(context, effects):
         obstacle = dict(obstacles).get(effect.key)
         if obstacle is not None:
-            size = size_of(effect, numbers, context)
+            size = _size(effect, numbers, prepared)
             never = 0.0 if size.falling else float("inf")
             text = f"It cannot be looked for: {obstacle.statement}."
             found[effect.key] = Visibility(
@@ -98,6 +99,12 @@ def joint_effects(prepared: Prepared, effects: Sequence[Effect] | None = None) -
             )
     order = [e.key for e in looked_for(context, effects) if e.key in found]
     return JointEffects(numbers, facts, noise, tuple(found[key] for key in order))
+
+
+def _size(effect: Effect, numbers: JointNumbers, prepared: Prepared) -> Size:
+    """`size_of`, in the unit of the effort where nothing fixes the scale of the torques."""
+    size, drive = size_of(effect, numbers, prepared.context), prepared.context.drive
+    return replace(size, unit=unit_on_drive(size.unit, drive, prepared.train.samples.torque_unit))
 
 
 def _noise(prepared: Prepared, builder: ContributionBuilder, made: dict[str, list[Contribution]]) -> Noise:

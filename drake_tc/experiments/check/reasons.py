@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from drake_tc.experiments.check.contributions import NUMERICAL
 from drake_tc.experiments.check.facts import MotionFacts
 from drake_tc.experiments.sizes import Size
 
@@ -16,8 +17,9 @@ Reason = Callable[[MotionFacts], str]
 def _load_sign(f: MotionFacts) -> str:
     if f.load_crosses:
         return ""
+    low, high = f.load
     return (
-        f"The load torque never changes its sign in motion: it stays between {f.load[0]:.3g} and {f.load[1]:.3g} N*m."
+        f"The load torque never changes its sign in motion: it stays between {low:.3g} and {high:.3g} {f.torque_unit}."
     )
 
 
@@ -49,7 +51,8 @@ def _slow_accelerations(f: MotionFacts) -> str:
     largest = max(abs(f.load[0]), abs(f.load[1]), 1e-12)
     if f.inertial > 0.15 * largest:
         return ""
-    return f"The accelerations are slow: inertia accounts for {f.inertial:.2g} N*m of torques up to {largest:.3g} N*m."
+    shares = f"{f.inertial:.2g} {f.torque_unit} of torques up to {largest:.3g} {f.torque_unit}"
+    return f"The accelerations are slow: inertia accounts for {shares}."
 
 
 def _small_travel(f: MotionFacts) -> str:
@@ -120,8 +123,11 @@ def sentence(effect_id: str, evidence: Evidence) -> str:
     size = size.removesuffix(" -")
     if evidence.kept < IMITATED and evidence.imitators:
         share = min(99.9, 100.0 * (1.0 - evidence.kept**2))
-        return f"At these motions {' and '.join(evidence.imitators)} imitate {share:.3g} % of what it does."
+        verb = "explains" if len(evidence.imitators) == 1 else "together explain"
+        part = "all" if evidence.kept <= NUMERICAL else f"{share:.3g} %"
+        return f"At these motions {' and '.join(evidence.imitators)} {verb} {part} of what it does."
+    unit = evidence.facts.torque_unit
     return (
-        f"An effect{size} changes the torque by {evidence.remainder:.2g} N*m, and the noise asks for "
-        f"{evidence.least:.2g} N*m."
+        f"An effect{size} changes the torque by {evidence.remainder:.2g} {unit}, and the noise asks for "
+        f"{evidence.least:.2g} {unit}."
     )

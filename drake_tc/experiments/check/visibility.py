@@ -22,7 +22,7 @@ import numpy as np
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
 from drake_tc.effects.base import Effect
-from drake_tc.experiments.check.contributions import Contribution, explained_by
+from drake_tc.experiments.check.contributions import NUMERICAL, Contribution, explained_by
 from drake_tc.experiments.sizes import Size
 from drake_tc.types import FloatArray
 
@@ -115,7 +115,7 @@ def _reaching(contributions: Sequence[Contribution], least: float, *, falling: b
     for each in contributions:
         rms = each.rms()
         if each.linear:
-            found.append(least / float(rms[0]) if rms[0] > 0.0 else never)
+            found.append(least / float(rms[0]) if rms[0] > NUMERICAL * float(each.whole[0]) else never)
             continue
         found.append(_crossing(each.sizes, rms, least, never))
     return sorted(found, reverse=falling)

@@ -47,7 +47,7 @@ class Parameters(Criterion):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the parameters, in the order of the columns."""
-        own = ["1/drive gain"]
+        own = [] if self.joint.gain_held else ["1/drive gain"]
         for term in self.joint.declared:
             own += [p.name for p in term.effect.coefficients]
         return (*own, *(f"{form.effect.key}: {form.size.name}" for form in self.forms))
@@ -56,27 +56,29 @@ class Parameters(Criterion):
     def unit_names(self) -> tuple[str, ...]:
         """Of the parameters; the drive's is that of 1/K."""
         unit = EFFORT_UNIT[self.joint.context.drive]
-        own = [f"N*m/{unit}"]
+        own = [] if self.joint.gain_held else [f"N*m/{unit}"]
         for term in self.joint.declared:
             own += [p.unit.replace("effort", unit) for p in term.effect.coefficients]
         return (*own, *(form.size.unit for form in self.forms))
 
     def columns(self, columns: BalanceColumns) -> FloatArray:
         """Z (T, p) [N m] for a change of each parameter by its typical size: see `units`."""
-        declared = columns.design(self.joint.declared) * self.units[: 1 + self._declared_size]
+        every = columns.design(self.joint.declared)
+        declared = every[:, every.shape[1] - self._declared_size :] * self.units[: self._declared_size]
         made = [form.change(columns, form.shapes[len(form.shapes) // 2])[:, :1] for form in self.forms]
         return np.concatenate([declared, *made], axis=1)
 
     @property
     def _declared_size(self) -> int:
-        return sum(len(t.effect.coefficients) for t in self.joint.declared)
+        free = 0 if self.joint.gain_held else 1
+        return free + sum(len(t.effect.coefficients) for t in self.joint.declared)
 
     @property
     def units(self) -> FloatArray:
-        """(p,) typical sizes: a tenth of the drive's torque per effort and of friction, an effect's own size."""
+        """(p,) typical sizes: a tenth of a fitted drive's torque per effort and of friction, an effect's own size."""
         n = self.joint.numbers
         part = 0.05 * n.torque
-        sizes = [0.1 / n.gain]
+        sizes = [] if self.joint.gain_held else [0.1 / n.gain]
         for term in self.joint.declared:
             typical = {
                 "viscous": 0.1 * max(n.viscous, part / max(n.speed, 1e-9)),

@@ -53,6 +53,7 @@ class DesignJoint:
         present: Effects of the model besides the declared ones, with their parameters.
         floor: Noise floor: part of `noise` due to sensor noise and encoder steps [N m].
         resolution: Of the sensors; None where it is not known from a log.
+        gain_held: Whether every fit holds the drive gain at its value, so that it is no parameter.
     """
 
     name: str
@@ -72,6 +73,7 @@ class DesignJoint:
     present: tuple[tuple[str, dict[str, float]], ...] = field(default=())
     floor: float = 0.0
     resolution: Resolution | None = None
+    gain_held: bool = False
 
     @property
     def inertia(self) -> float:

@@ -68,6 +68,7 @@ def joint_from_logs(
         final_width=samples.kernel.actual_width_s,
         floor=found.noise.floor,
         resolution=samples.resolution,
+        gain_held=prepared.train.declared_gain is not None,
     )
     made = made if model is None else with_model(made, model)
     low, high = prepared.context.position_span

@@ -16,11 +16,12 @@ from drake_tc.benchmarks.blind.measurement import CLEAN_COLUMNS, coloured_noise,
 from drake_tc.benchmarks.blind.physics import Record
 from drake_tc.benchmarks.blind.spec import Joint, RigSpec, Sensors
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.joint import JointEffects, joint_effects
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.logs.loads import Pendulum, RobotLoad
+from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 
@@ -152,7 +153,13 @@ def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
 
     Raises:
         IdentificationError: Runs that cannot identify the declared model.
+        ParamsError: The rig file does not give the load.
     """
+    if unknown_form(rig.load[joint]) is not None:
+        raise ParamsError(
+            f"joint {joint}: expected a known load to simulate, got load: unknown; give the rig file "
+            f"load: {{pendulum: {{mass: ..., length: ...}}}}, or record {joint}/torque"
+        )
     loaded, rig_used = with_loads(rig, runs)
     prepared = prepare_joint(loaded, [], rig_used, joint)
     found = joint_effects(prepared)

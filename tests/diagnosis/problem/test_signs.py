@@ -112,3 +112,14 @@ def test_a_model_found_that_tells_no_drive_gain_either_is_refused():
     nothing = replace(fitted, beta=np.array([1e-12, *fitted.beta[1:]]))
     with pytest.raises(IdentificationError, match="drive gain not identifiable"):
         require_drive_gain(columns, nothing, "joint", "current")
+
+
+@pytest.mark.parametrize("turned", ["joint/torque", "joint/current"])
+@pytest.mark.parametrize(("load", "source"), [("links", "robot's model"), ("pendulum", "pendulum")])
+def test_a_computed_load_has_no_torque_column_that_could_be_turned(turned, load, source):
+    made = record(NOISY)
+    columns = made.columns | {turned: -made.columns[turned]}
+    rows = Columns(build_samples([replace(made, columns=columns)], rig_of(NOISY), "joint"))
+    with pytest.raises(IdentificationError, match=r"units: \{joint/current: -A\}") as caught:
+        require_consistent_signs(rows, fit(rows, TERMS), "joint", "current", load)
+    assert source in str(caught.value) and "-N*m" not in str(caught.value)
