@@ -82,6 +82,7 @@ def searched(
             columns.gain,
             columns.floor,
             declared_gain=columns.declared_gain,
+            fitted_inertia=columns.fitted_inertia,
         )
     found = search(
         subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor

@@ -140,8 +140,16 @@ def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
 def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
     """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
     the white part.
+
+    The differences of values on a grid lie on it too, and so does their median: noise of 0.2 to 0.5 steps would be
+    found a third too small or 15 % too large. Values spread evenly over their steps have a continuous median; the
+    variance of the spread, step^2/12, is known.
     """
-    return max(step / float(np.sqrt(12.0)), white_noise(values, segments))
+    least = step / float(np.sqrt(12.0))
+    if not step > 0.0:
+        return max(least, white_noise(values, segments))
+    spread = values + np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
+    return max(least, float(np.sqrt(max(white_noise(spread, segments) ** 2 - least**2, 0.0))))
 
 
 def quantisation_error(position: FloatArray, step: float) -> FloatArray:

@@ -98,6 +98,10 @@ class BalanceCoefficients:
         return cls(float(beta[0]), found["viscous"], found["coulomb"], inertia)
 
 
+NOISE_RATIOS = (0.1, 10.0)
+"""Least and largest correction of an error for the noise that its fit lets through."""
+
+
 class Columns:
     """Reduced columns of terms over one `Samples`, each computed once."""
 
@@ -108,14 +112,16 @@ class Columns:
         floor: NoiseFloor | None = None,
         target: FloatArray | None = None,
         declared_gain: float | None = None,
+        fitted_inertia: float = 0.0,
     ) -> None:
         """Columns over `samples`; `gain` [effort/(N m)] in which all residuals are told, None for each fit's own.
 
         With a gain of its own a drive effect could make its residual small by making the gain small. `floor` then also
         weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,). With a
         `declared_gain` K_0 [effort/(N m)] fits hold the drive at it unless one of their effects says that it is wrong.
+        `fitted_inertia` [kg m^2] is what the declared model has beside the declared rotor inertia.
         """
-        self.declared_gain = declared_gain
+        self.declared_gain, self.fitted_inertia = declared_gain, fitted_inertia
         self.samples = samples
         self.gain = gain
         self.floor = floor
@@ -260,7 +266,7 @@ class Columns:
         signals = replace(s, viscous=known.viscous, stiffness=stiffness, expected_torque=expected)
         gain = 1.0 / max(known.stiffness, 1e-9)
         samples = replace(self.samples, signals=signals)
-        return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain)
+        return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain, known.inertia)
 
     def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
         """Noise floor under the declared model over that under beta: a fit that lets less noise of the encoder through,
@@ -270,8 +276,8 @@ class Columns:
             return 1.0
         found = BalanceCoefficients.of(terms, beta, self.samples.signals.rotor_inertia)
         own = self.floor.torque(found.stiffness, found.viscous, found.inertia, self._effort_noise(terms))
-        declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous)
-        return float(np.clip(declared / max(own, 1e-300), 0.5, 2.0))
+        declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous, self.fitted_inertia)
+        return float(np.clip(declared / max(own, 1e-300), *NOISE_RATIOS))
 
     def _effort_noise(self, terms: Sequence[Term]) -> float:
         """Share of the variance of the effort's white noise that passes the filters among the drive effects.

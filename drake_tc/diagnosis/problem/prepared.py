@@ -10,7 +10,7 @@ from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.command_hold import command_is_held
 from drake_tc.diagnosis.problem.declared import (
     declared_terms,
@@ -19,7 +19,7 @@ from drake_tc.diagnosis.problem.declared import (
     require_positions,
 )
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.diagnosis.problem.unknown_load import (
@@ -150,12 +150,11 @@ def prepare_joint(
         plain = at_reverse_regression(first, plain)
     first, other, plain = _with_sensor_errors(first, other, plain, context)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
-    fitted = BalanceCoefficients.of(plain.terms, plain.beta)
     return Prepared(
         train=first,
         held=other,
         terms=plain.terms,
-        floor=plain.gain * first.samples.floor.torque(fitted.stiffness, fitted.viscous),
+        floor=noise_floor(first, plain),
         context=with_torque_span(context, first),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

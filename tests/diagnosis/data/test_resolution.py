@@ -10,7 +10,14 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution, light_width, quantisation_error, white_noise
+from drake_tc.diagnosis.data.resolution import (
+    NoiseFloor,
+    Resolution,
+    light_width,
+    quantisation_error,
+    sample_noise,
+    white_noise,
+)
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.effects.base import Signals
 from drake_tc.effects.library import effect
@@ -174,3 +181,13 @@ def test_a_noisier_encoder_asks_for_a_wider_kernel_within_its_limits():
     chosen = CommonKernel(widths[1], PERIOD)
     left = 1e-5 * np.sqrt(np.sum(chosen.kernels[2] ** 2))
     assert left < 0.04 * np.std(chosen.second_derivative(position)[200:-200])
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 1.0, 3.0])
+@pytest.mark.parametrize("swing", [0.0, 200.0], ids=["drifts", "swings"])
+def test_noise_is_found_also_where_it_is_a_part_of_the_step(noise, swing):
+    """By counting how far the readings are from what was read: noise and rounding together."""
+    rng, time = np.random.default_rng(5), np.arange(15000.0)
+    true = 37.3 + 1e-2 * time + swing * np.sin(1e-3 * time)
+    read = np.round(true + rng.normal(0.0, noise, time.size))
+    assert sample_noise(read, 1.0, [slice(0, read.size)]) == pytest.approx(np.std(read - true), rel=0.15)

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
+from drake_tc.diagnosis.problem.columns import FOLDS, NOISE_RATIOS, Columns, Term, fold_of
 from drake_tc.diagnosis.problem.regression import fit, score
 from drake_tc.effects.delay import Delay
 from drake_tc.effects.library import effect
@@ -36,7 +36,7 @@ def test_the_correction_is_the_ratio_of_the_floors_within_limits(p):
         beta = p.baseline.beta * np.array([factor, 1.0, 1.0])
         found = p.columns.noise_ratio(beta, p.declared)
         assert_allclose(found, floor(p.baseline.beta) / floor(beta), rtol=1e-9)
-    assert p.columns.noise_ratio(p.baseline.beta * np.array([100.0, 1.0, 1.0]), p.declared) == 0.5
+    assert p.columns.noise_ratio(p.baseline.beta * np.array([1e4, 1.0, 1.0]), p.declared) == NOISE_RATIOS[0]
     with_inertia = np.append(p.baseline.beta, 0.1)
     found = p.columns.noise_ratio(with_inertia, [*p.declared, INERTIA])
     assert_allclose(found, floor(p.baseline.beta) / floor(p.baseline.beta, 0.1), rtol=1e-9)
