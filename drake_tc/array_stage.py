@@ -45,7 +45,7 @@ class Arrays:
 class Bind(Protocol):
     """Bind a stage's functions to arrays."""
 
-    def __call__(self, arrays: Arrays) -> tuple[Call | None, Call | Sequence[Call] | None]:
+    def __call__(self, arrays: Arrays) -> tuple[Call | Sequence[Call] | None, Call | Sequence[Call] | None]:
         """What writes `out` from inputs and `before`, and what writes `after`; None where there is nothing to do.
 
         A `KernelCall` (`drake_tc.kernels.calls`) runs together with its neighbours.

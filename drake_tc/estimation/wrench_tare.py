@@ -9,6 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from drake_tc.array_stage import Arrays, ArrayStage, Call, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import FloatArray
 
@@ -85,27 +86,23 @@ class WrenchTare(PortMethods, LeafSystem):
         return (*(f"{sensor}/{axis} bias" for sensor in sensors for axis in axes), "samples")
 
     def on_arrays(self) -> ArrayStage:
-        """This stage without its ports; the port `wrench` is on the system alone."""
+        """This stage without its ports, of which `memory` alone is on arrays."""
         n = self._size
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            given, before, after, out = arrays.inputs, arrays.before, arrays.after, arrays.out
+            given, before, after = arrays.inputs, arrays.before, arrays.after
             joint, wrench = given["joint_estimate"], given["wrench"]
             imu, scratch = given.get("imu_estimate", self._no_imu), self._model.create_context()
-
-            def outputs(time: float) -> None:
-                out[: n + 1] = before
-                np.negative(before[:n], out=out[n + 1 :])
 
             def update(time: float) -> None:
                 if self._begin <= time <= self._end:
                     after[:] = self._next(scratch, before, joint, imu, wrench)
 
-            return outputs, update
+            return copying(before, arrays.out), update
 
-        ports = places({"memory": slice(n + 1), "correction": slice(n + 1, 2 * n + 1)})
         inputs = frozenset({"joint_estimate", "imu_estimate", "wrench"})
-        return ArrayStage(2 * n + 1, ports, bind, updates=inputs, start=np.zeros(n + 1), period=self._period)
+        memory = places({"memory": slice(n + 1)})
+        return ArrayStage(n + 1, memory, bind, updates=inputs, start=np.zeros(n + 1), period=self._period)
 
     def _write_correction(self, context: Any, vector: BasicVector) -> None:
         vector.set_value(-context.get_discrete_state(self._state).value()[: self._size])

@@ -8,8 +8,10 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray, IntArray
 
-GATHER, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(8)
+GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(11)
 """Kinds of calls in a sequence."""
+BETWEEN_TICKS = 1e-6
+"""Of a tick: a time that is later by less is the tick itself."""
 MOST_ARGUMENTS = 16
 TIME, SKIPPED = "time", "skipped"
 """Arguments that the sequence itself knows."""

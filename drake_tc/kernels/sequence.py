@@ -4,6 +4,7 @@ A call from Python into a compiled function costs about a microsecond, and more 
 in a simulation. Here one call runs what would be ten. Who makes the table (`drake_tc.kernels.calls`) keeps the arrays.
 """
 
+import math
 from typing import Any
 
 import numba
@@ -11,13 +12,27 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic
 
 from drake_tc.kernels.actuator import advance
-from drake_tc.kernels.calls import ADVANCE, ESTIMATE, FILTER, GATHER, GUARD, MOTION, RAISE_FLAGS, SOLVE
+from drake_tc.kernels.calls import (
+    ADD,
+    ADVANCE,
+    BETWEEN_TICKS,
+    ESTIMATE,
+    FILTER,
+    GATHER,
+    GUARD,
+    MOTION,
+    MULTIPLY,
+    RAISE_FLAGS,
+    READING,
+    SOLVE,
+)
 from drake_tc.kernels.compiling import REAL, TABLE, helper, kernel
 from drake_tc.kernels.fault_monitor import raise_flags
 from drake_tc.kernels.guard import step
 from drake_tc.kernels.inverse_dynamics import motion_torque
 from drake_tc.kernels.joint_torque import estimate
 from drake_tc.kernels.savitzky_golay import advance as filtered
+from drake_tc.kernels.sensor import reading
 from drake_tc.kernels.torque_control import solve
 from drake_tc.types import FloatArray, IntArray
 
@@ -90,6 +105,23 @@ def run(calls: IntArray, time: float) -> int:
             source, where, target = vector(c, 0), index(c, 1), vector(c, 2)
             for k in range(where.shape[0]):
                 target[k] = source[where[k]]
+        elif kind == ADD:
+            first, second, total = vector(c, 0), vector(c, 1), vector(c, 2)
+            for k in range(total.shape[0]):
+                total[k] = first[k] + second[k]
+        elif kind == MULTIPLY:
+            factor, product = vector(c, 1), vector(c, 2)
+            for k in range(product.shape[0]):
+                product[k] = 0.0
+                for j in range(factor.shape[0]):
+                    product[k] += matrix(c, 0)[k, j] * factor[j]
+        elif kind == READING:
+            rows, first_tick = matrix(c, 1), index(c, 2)[0]
+            tick = max(math.ceil(time / vector(c, 3)[0] - BETWEEN_TICKS), 0) - first_tick
+            if rows.shape[0] > 1 and not 0 <= tick < rows.shape[0]:
+                return i
+            row = tick if rows.shape[0] > 1 else 0
+            reading(vector(c, 0), rows, row, vector(c, 4), vector(c, 4), matrix(c, 5), index(c, 6), vector(c, 7))
         elif kind == ESTIMATE:
             given = (vector(c, 0), vector(c, 1), vector(c, 2), table(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6))
             estimate(*given, index(c, 7), table(c, 8), matrix(c, 9), vector(c, 10)[0], vector(c, 11))

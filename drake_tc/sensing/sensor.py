@@ -11,6 +11,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Inpu
 
 from drake_tc.array_stage import Arrays, ArrayStage, Call, Held, places
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import BETWEEN_TICKS, READING, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
@@ -22,8 +23,6 @@ __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
 
 _READING = Kernel("sensor", "reading")
 _TICK, _OFFSET = 0, 2
-_LATE = 1e-6
-"""Of a tick: a time that is later by less is the tick itself."""
 
 
 @dataclass
@@ -160,29 +159,27 @@ class SensorBase(PortMethods, LeafSystem):
         """This stage without its ports; None where readings of earlier ticks are kept."""
         if self._ticks:
             return None
-        name, rows_of = self._input.get_name(), self._rows_at
+        name, fixed = self._input.get_name(), (self._channels, self._layout)
 
-        def bind(arrays: Arrays) -> tuple[Call, None]:
-            given, out, truth_of = arrays.inputs[name], arrays.out, self._truth_of
-            reading, fixed = _READING.entry(), (self._nothing, self._nothing, self._channels, self._layout)
-            held, block = isinstance(given, Held), _Block()
+        def bind(arrays: Arrays) -> tuple[Sequence[Call], None]:
+            given, nothing, out = arrays.inputs[name], self._nothing, arrays.out
+            rows = self._rows(0) if self._changes else self._first.copy()
+            truth, first_tick = np.zeros(self._size) if isinstance(given, Held) else given, np.zeros(1, dtype=np.int64)
 
-            def outputs(time: float) -> None:
-                rows, at = rows_of(time, block)
-                reading(truth_of(given.value if held else given), rows, at, *fixed, out)
+            def look(time: float) -> None:
+                truth[:] = self._truth_of(given.value)
 
-            return outputs, None
+            def read(time: float) -> None:
+                tick = max(ceil(time / self._dt - BETWEEN_TICKS), 0) if self._changes else 0
+                if not 0 <= tick - first_tick[0] < len(rows):
+                    first_tick[0] = tick - tick % BLOCK
+                    rows[:] = self._rows(tick // BLOCK)
+                _READING(truth, rows, int(tick - first_tick[0]), nothing, nothing, *fixed, out)
+
+            reading = KernelCall(READING, read, truth, rows, first_tick, self._dt, nothing, *fixed, out)
+            return ([look, reading] if isinstance(given, Held) else [reading]), None
 
         return ArrayStage(self._size, places({"reading": slice(self._size)}), bind, frozenset({name}))
-
-    def _rows_at(self, time: float, block: "_Block") -> tuple[FloatArray, int]:
-        """(rows, that of a time) of a sensor without latency; the block is drawn anew where it has another index."""
-        if not self._changes:
-            return self._first, 0
-        index, at = divmod(max(ceil(time / self._dt - _LATE), 0), BLOCK)
-        if block.index != index:
-            block.index, block.rows = index, self._rows(index)
-        return block.rows, at
 
     def _truth(self, context: Context) -> FloatArray:
         """(n,) u of a Context."""
@@ -214,7 +211,7 @@ class SensorBase(PortMethods, LeafSystem):
         if not self._changes:
             return self._first, 0
         block: _Block = context.get_abstract_state(self._drawn).get_value()
-        tick = ceil(context.get_time() / self._dt - _LATE)
+        tick = ceil(context.get_time() / self._dt - BETWEEN_TICKS)
         at = tick - block.index * BLOCK + 1
         if 0 <= at <= BLOCK:
             return block.rows, at
@@ -246,7 +243,7 @@ class SensorBase(PortMethods, LeafSystem):
 
     def _draw_first(self, context: Any, state: Any) -> None:
         """The block of the start time."""
-        self._draw(state, ceil(context.get_time() / self._dt - _LATE) // BLOCK)
+        self._draw(state, ceil(context.get_time() / self._dt - BETWEEN_TICKS) // BLOCK)
 
     def _draw_next(self, context: Any, state: Any) -> None:
         """The block that begins a tick from now."""

@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, Selector
 
 from drake_tc.array_stage import Arrays, ArrayStage, Call
+from drake_tc.kernels.calls import ADD, MULTIPLY, KernelCall
 from drake_tc.types import FloatArray, IntArray
 
 PICKING = (Multiplexer, Demultiplexer, Selector)
@@ -54,11 +55,11 @@ def _sum_of(terms: Sequence[FloatArray], out: FloatArray) -> Call:
         for term in others:
             np.add(out, term, out)
 
-    return outputs
+    return outputs if others else KernelCall(ADD, outputs, first, second, out)
 
 
 def _product_of(matrix: FloatArray, factor: FloatArray, out: FloatArray) -> Call:
     def outputs(time: float) -> None:
         matrix.dot(factor, out=out)
 
-    return outputs
+    return KernelCall(MULTIPLY, outputs, matrix, factor, out)

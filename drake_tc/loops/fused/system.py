@@ -144,7 +144,7 @@ class FusedStages(PortMethods, LeafSystem):
             before, after = _read_only(scratch.before[self._states[node]]), scratch.after[self._states[node]]
             outputs, update = node.stage.bind(Arrays(inputs, out, before, after))
             if outputs is not None:
-                scratch.outputs[node.level].append(outputs)
+                scratch.outputs[node.level] += [outputs] if callable(outputs) else outputs
             if update is not None:
                 scratch.updates[node.stage.period] += [update] if callable(update) else update
         scratch.outputs = [sequences(calls) for calls in scratch.outputs]
