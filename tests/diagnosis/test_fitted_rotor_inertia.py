@@ -1,7 +1,7 @@
 """A rotor inertia that is fitted, on a joint whose load is a pendulum and nothing else.
 
-The load is tau = J_l qddot + m g l sin q then, so that J qddot = (J/J_l) (tau - m g l sin q): a smaller 1/K and a function
-of the position explain the rotor as well as its inertia does, without the noise of an acceleration.
+The load is tau = J_l qddot + m g l sin q then, so that J qddot = (J/J_l) (tau - m g l sin q): a smaller 1/K and a
+function of the position explain the rotor as well as its inertia does, without the noise of an acceleration.
 """
 
 from dataclasses import replace
