@@ -19,6 +19,7 @@ from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.request import DesignRequest, designed
 from drake_tc.experiments.design.run import DesignOptions, default_motion, design_joint, joint_within
 from drake_tc.experiments.design.solve import random_start
 from drake_tc.experiments.sizes import JointNumbers, size_of, sizes_found
@@ -341,3 +342,16 @@ def test_a_drive_gain_that_the_fits_hold_is_no_parameter_of_the_design(joint):
     assert np.linalg.cond(information) < 1e8
     free = Parameters(replace(held, gain_held=False), (), 10.0)
     assert np.linalg.cond(free.information(columns)) > 1e12
+
+
+def test_a_torque_limit_is_refused_where_nothing_fixes_the_scale_of_the_torques(tmp_path):
+    (tmp_path / "rig.yaml").write_text("joint: s\ndrive: position_servo\nload: unknown\n", encoding="utf-8")
+    time = np.arange(400) * 0.01
+    q = 0.5 * np.sin(2.0 * np.pi * 0.5 * time)
+    rows = np.column_stack([time, q, q + 0.01 * np.cos(2.0 * np.pi * 0.5 * time)])
+    header = "time,s/position,s/position_command"
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header=header, comments="")
+    limits = {"torque": 1.0}
+    request = DesignRequest(tmp_path / "rig.yaml", (tmp_path / "run.csv",), None, "parameters", None, (), limits)
+    with pytest.raises(ParamsError, match=r"--torque: joint s: .*scale.*declare drive_gain"):
+        designed(request, DesignOptions())

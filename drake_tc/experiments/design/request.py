@@ -12,6 +12,7 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
 from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.is_file import is_file
+from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
@@ -114,6 +115,11 @@ def _designed_joint(
     progress: Progress,
 ) -> JointDesign:
     name, goal, model = what
+    if request.limits.get("torque") is not None and load_scale(rig, name).as_effort:
+        raise ParamsError(
+            f"--torque: joint {name}: nothing fixes the scale of its torques (load: unknown), so that a limit in N m"
+            " cannot be compared with them; declare drive_gain, or leave --torque out"
+        )
     if runs:
         joint, found, prepared = joint_from_logs(rig, runs, name, model)
         return design_joint(joint, limits_with(found, request.limits, name), goal, options, prepared, progress)
