@@ -58,7 +58,7 @@ def _array(argument: Any) -> Any:
     if isinstance(argument, str):
         return None
     if not isinstance(argument, np.ndarray):
-        return np.array([argument], dtype=np.int64 if isinstance(argument, int) else np.float64)
+        return np.array([argument], dtype=np.int64 if isinstance(argument, int | np.integer) else np.float64)
     if not argument.flags.c_contiguous or argument.dtype not in (np.dtype(np.float64), np.dtype(np.int64)):
         raise TypeError(f"expected a contiguous array of float64 or int64, got {argument.dtype}, {argument.flags}")
     return argument

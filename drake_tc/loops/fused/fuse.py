@@ -8,7 +8,7 @@ from pydrake.systems.framework import DiagramBuilder, System
 from drake_tc.array_stage import ArrayStage
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused.plan import Connections, Plan
-from drake_tc.loops.fused.system import FusedStages
+from drake_tc.loops.fused.system import FusedStages, Scratch
 from drake_tc.loops.ports import picked
 
 NAME = "stages"
@@ -30,7 +30,9 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
         The new system, called "stages"; None where there are not two stages to fuse, and nothing was changed.
 
     Raises:
-        ParamsError: The builder exports a port of a stage; export ports after fusing.
+        ParamsError: A required input port of a stage is not connected (an input that would be fixed in the Context
+            counts as not connected), or a stage depends on its own output within a tick; the builder is unchanged.
+            The builder exports a port of a stage: export ports after fusing. The stages are then already removed.
 
     Example:
         >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
@@ -49,6 +51,7 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
         return None
     plan = Plan(stages, connections)
     system = FusedStages(plan)
+    Scratch(system)  # refuses an input port that is not connected while the builder is still unchanged
     exports = builder.num_input_ports() + builder.num_output_ports()
     for each in plan.fused:
         builder.RemoveSystem(each)

@@ -62,7 +62,9 @@ class Plan:
         nodes: In the order in which their outputs are computed.
         given: What is read from outside.
         size: Number of signals.
-        exported: Source outside readers have, to its elements among the signals.
+        exported: Output port that is read outside, to its elements among the signals.
+        export_level: Output port that is read outside, to its level.
+        num_levels: Number of levels, of nodes and of what is read outside.
     """
 
     def __init__(self, stages: Mapping[System, ArrayStage], connections: Connections) -> None:
@@ -159,6 +161,9 @@ class Plan:
             for given, sources in zip(self.given, causes, strict=True):
                 behind = [self._level(of_element, self._elements(source)) for source in sources]
                 level = 1 + max(behind, default=-1)
+                if level > len(self.given):  # each level needs another input from outside
+                    name = f"{given.port.get_system().get_name()}.{given.port.get_name()}"
+                    raise ParamsError(f"fuse: {name} depends on itself within a tick, through stages that read it")
                 if level > given.level:
                     given.level, changed = level, True
                 if given.elements is not None:
@@ -171,6 +176,8 @@ class Plan:
                 of_element[node.first : node.first + node.stage.width] = node.level
         self.nodes.sort(key=lambda node: node.level)  # stable: within a level the order stays
         self.export_level = {source: self._level(of_element, elements) for source, elements in self.exported.items()}
+        levels = [*(node.level for node in self.nodes), *self.export_level.values()]
+        self.num_levels = 1 + max(levels, default=0)
         self.read_now = self._read_now()
 
     def _level(self, of_element: IntArray, elements: IntArray | int) -> int:

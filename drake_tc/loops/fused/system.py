@@ -9,6 +9,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, Call, Held
+from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import gathering, sequences
 from drake_tc.loops.fused.plan import Node, Plan
 from drake_tc.port_methods import PortMethods
@@ -51,7 +52,7 @@ class FusedStages(PortMethods, LeafSystem):
         tickets = {self.discrete_state_ticket(memory), self.time_ticket()}
         self._levels: list[Any] = []
         self._ports: list[list[tuple[int, Callable[[Context], Any]]]] = []
-        for level in range(1 + max((node.level for node in plan.nodes), default=0)):
+        for level in range(plan.num_levels):
             tickets |= {self._inputs[number].ticket() for number in self._read_at(level)}
             width, name = self.exported_at(level).size, f"signals_{level}"
             self._levels.append(self.DeclareVectorOutputPort(name, width, self._writer(level), set(tickets)))
@@ -139,7 +140,9 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.outputs = [[] for _ in self._levels]
         scratch.updates = {node.stage.period: [] for node in plan.nodes}
         for node in plan.nodes:
-            inputs = {name: self._bound(scratch, node, name, where) for name, where in node.inputs.items()}
+            inputs = _Inputs(node.name)
+            for name, where in node.inputs.items():
+                inputs[name] = self._bound(scratch, node, name, where)
             out = scratch.signals[node.first : node.first + node.stage.width]
             before, after = _read_only(scratch.before[self._states[node]]), scratch.after[self._states[node]]
             outputs, update = node.stage.bind(Arrays(inputs, out, before, after))
@@ -164,6 +167,17 @@ class FusedStages(PortMethods, LeafSystem):
         else:
             scratch.updates[node.stage.period].append(gather)
         return _read_only(copy.view())
+
+
+class _Inputs(dict[str, Any]):
+    """Name of each connected input port to its value."""
+
+    def __init__(self, stage: str) -> None:
+        super().__init__()
+        self._stage = stage
+
+    def __missing__(self, name: str) -> Any:
+        raise ParamsError(f"fuse: input port {name!r} of {self._stage!r} is not connected; connect it before fusing")
 
 
 class Scratch:
