@@ -255,7 +255,7 @@ class Columns:
         `true_torque` (T,): what a found sensor error leaves of the measured load, for effects that depend on it.
         """
         s = self.samples.signals
-        known = BalanceCoefficients.of(terms, beta)
+        known = BalanceCoefficients.of(terms, beta, s.rotor_inertia)
         friction = known.viscous * s.velocity + known.coulomb * s.direction
         # Where the effort is the target, a torque from it holds the residual: its sign would explain 40 % of any noise.
         of_effort = known.stiffness * s.effort - friction - s.rotor_inertia * s.acceleration

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import OutputPort, PortDataType, System
@@ -162,7 +163,8 @@ class Plan:
                 behind = [self._level(of_element, self._elements(source)) for source in sources]
                 level = 1 + max(behind, default=-1)
                 if level > len(self.given):  # each level needs another input from outside
-                    name = f"{given.port.get_system().get_name()}.{given.port.get_name()}"
+                    port: Any = given.port
+                    name = f"{port.get_system().get_name()}.{port.get_name()}"
                     raise ParamsError(f"fuse: {name} depends on itself within a tick, through stages that read it")
                 if level > given.level:
                     given.level, changed = level, True
