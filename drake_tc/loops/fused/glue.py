@@ -16,7 +16,7 @@ GLUE = (*PICKING, MatrixGain, Adder)
 
 
 def picked_elements(system: Any) -> list[IntArray] | None:
-    """For each output port, which elements of all inputs, one below the other, it has; None where it computes.
+    """For each output port, the indices of its elements among all inputs, stacked; None if the block computes.
 
     A MatrixGain computes even where its matrix only selects: 0 times NaN is NaN.
     """
@@ -32,7 +32,7 @@ def picked_elements(system: Any) -> list[IntArray] | None:
 
 
 def computed(system: Any) -> ArrayStage:
-    """The stage of an Adder or a MatrixGain; its inputs are called by their index, as its output is."""
+    """The stage of an Adder or a MatrixGain."""
     count, output = system.num_input_ports(), system.get_output_port(0)
     names = [system.get_input_port(index).get_name() for index in range(count)]
     matrix = np.ascontiguousarray(system.D()) if isinstance(system, MatrixGain) else None

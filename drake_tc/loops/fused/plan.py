@@ -23,15 +23,14 @@ class Node:
     """A stage in the plan.
 
     Attributes:
-        name, kind: Of its system, for block graphs.
-        stage: What it does.
-        first: Its first output among the signals.
+        name: Name of its system, for error messages.
+        stage: Its calculations.
+        first: Index of its first output among the signals.
         inputs: Input port to the elements that it reads, or to the number of an abstract input of the plan.
         level: When its outputs are computed, see `Plan`.
     """
 
     name: str
-    kind: str
     stage: ArrayStage
     first: int
     inputs: dict[str, IntArray | int] = field(default_factory=dict)
@@ -54,14 +53,15 @@ class Given:
 
 
 class Plan:
-    """Stages and the blocks between them, sorted.
+    """Stages and the blocks between them, in the order of their calculation.
 
-    Signals of level 0 depend on the state, and on inputs that are known before any fused stage has run; those of level
-    k + 1 depend on inputs that depend on signals of level k, such as the accelerations of a plant on its torques.
+    Signals of level 0 depend on the state, and on inputs from outside that do not depend on any fused stage in the same
+    tick. Signals of level k + 1 depend also on inputs from outside that depend on signals of level k, as a plant's
+    accelerations depend on its torques.
 
     Attributes:
         nodes: In the order in which their outputs are computed.
-        given: What is read from outside.
+        given: Output ports outside that are read.
         size: Number of signals.
         exported: Output port that is read outside, to its elements among the signals.
         export_level: Output port that is read outside, to its level.
@@ -72,11 +72,11 @@ class Plan:
         """Sort the stages.
 
         Args:
-            stages: Systems to what they do.
-            connections: Of the diagram in which they still stand.
+            stages: Systems to their calculations.
+            connections: Connections of the diagram before the stages are removed.
 
         Raises:
-            ParamsError: Stages that depend on each other in a circle within a tick.
+            ParamsError: A stage depends on its own output within a tick (algebraic loop).
         """
         self._connections, self._stages = connections, dict(stages)
         self._glue = _glue_between(stages, connections)
@@ -137,7 +137,7 @@ class Plan:
         stage = self._stages.get(system) or computed(system)
         inputs = {name: source for name, source in self._sources(system).items() if name in stage.inputs}
         before = {name: self._elements(source) for name, source in inputs.items() if name in stage.reads}
-        node = Node(system.get_name(), type(system).__name__, stage, int(self._signals(stage.width)[0]), before)
+        node = Node(system.get_name(), stage, int(self._signals(stage.width)[0]), before)
         self._node_of[system] = node
         self.nodes.append(node)
         node.inputs |= {name: self._elements(source) for name, source in inputs.items() if name not in stage.reads}
