@@ -1,7 +1,8 @@
-"""`ArrayStage`: what a stage's Drake callbacks do, as functions on arrays.
+"""`ArrayStage`: the calculations of a stage as functions on arrays, without Drake's ports and Contexts.
 
-A stage that has one can run together with others in a single Drake system (`drake_tc.loops.fused`). Its own callbacks
-call the same functions, so that both forms compute the same numbers.
+A stage with a method `on_arrays() -> ArrayStage` can run together with other stages in a single Drake system
+(`drake_tc.loops.fused`). The stage's own Drake callbacks call the same functions, so that both forms compute the same
+numbers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,11 +14,11 @@ import numpy as np
 from drake_tc.types import FloatArray, IntArray
 
 Call = Callable[[float], object]
-"""A function of the time [s] that reads and writes arrays to which it is bound."""
+"""A function of the time [s] that reads and writes the arrays to which it is bound."""
 
 
 class Held:
-    """The value of an abstract input port; set as an array is, by `held[:] = value`."""
+    """Holds the value of an abstract input port. It is set in the same way as an array, by `held[:] = value`."""
 
     value: Any = None
 
@@ -27,13 +28,13 @@ class Held:
 
 @dataclass(frozen=True)
 class Arrays:
-    """The arrays of one stage in one Context; the same objects in every tick.
+    """The arrays of one stage in one Context. They are the same objects in every tick.
 
     Attributes:
-        inputs: Name of each connected input port to its value: (n,), or a `Held` where the port is abstract.
+        inputs: Name of each connected input port to its value: (n,) and read-only, or a `Held` if the port is abstract.
         out: (width,) outputs y[n] of this tick.
-        before: (S,) state x[n].
-        after: (S,) state x[n+1]; holds x[n] when an update begins.
+        before: (S,) state x[n], read-only.
+        after: (S,) state x[n+1]; equal to x[n] when an update begins.
     """
 
     inputs: Mapping[str, Any]
@@ -46,11 +47,16 @@ class Bind(Protocol):
     """Bind a stage's functions to arrays."""
 
     def __call__(self, arrays: Arrays) -> tuple[Call | Sequence[Call] | None, Call | Sequence[Call] | None]:
-        """What writes `out` from inputs and `before`, and what writes `after`; None where there is nothing to do.
+        """Return the functions of one stage in one Context.
 
-        A `KernelCall` (`drake_tc.kernels.calls`) runs together with its neighbours.
+        Args:
+            arrays: What the functions read and write.
 
-        All inputs, and `out`, are those of the tick when an update is called.
+        Returns:
+            First the function, or several in their order, that computes `out` from the inputs in `ArrayStage.reads` and
+            `before`. Second the one that computes `after` (the update); all inputs and `out` have the values of the
+            tick when it is called. None where there is nothing to compute. Neighbouring functions that are a
+            `KernelCall` (`drake_tc.kernels.calls`) run in one compiled call.
         """
 
 
@@ -59,13 +65,14 @@ class ArrayStage:
     """A stage on arrays.
 
     Attributes:
-        width: Numbers in `Arrays.out`.
-        ports: Output port to its places in `out`. Ports that are missing here exist only on the stage's own system.
+        width: Length of `Arrays.out`.
+        ports: Name of an output port to its indices in `out`. An output port that is missing here exists only on the
+            stage's own Drake system.
         bind: Makes the functions for one Context.
         reads: Input ports on which `out` depends in the same tick.
-        updates: Input ports on which the next state depends besides.
-        start: (S,) first state.
-        period: Of the update [s]; None for a stage without state.
+        updates: Further input ports, on which only the next state depends.
+        start: (S,) initial state.
+        period: Period of the update [s]; None for a stage without state.
     """
 
     width: int

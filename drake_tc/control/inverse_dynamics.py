@@ -150,7 +150,9 @@ class InverseDynamics(PortMethods, LeafSystem):
 
         Raises:
             ParamsError: gains of another size, or Kf other than 0 without a force task.
+            RuntimeError: `context` is not this system's, for example because `fuse` has removed the system.
         """
+        self.ValidateContext(context)
         values: Any = self._flat(gains)
         context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
 

@@ -161,11 +161,13 @@ class TorqueControl(PortMethods, LeafSystem):
 
         Raises:
             ParamsError: gains of another size, or an integral where the system was built without.
+            RuntimeError: `context` is not this system's, for example because `fuse` has removed the system.
         """
         if not self._integrates and np.any(gains.ki > 0.0):
             raise ParamsError(
                 "gains.ki: expected 0, as when this TorqueControl was built; build it with ki > 0 to tune it"
             )
+        self.ValidateContext(context)
         values: Any = self._flat(gains)
         context.get_mutable_numeric_parameter(self._gains).SetFromVector(values)
 

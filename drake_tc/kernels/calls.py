@@ -1,4 +1,4 @@
-"""`KernelCall`: a kernel with its arguments; and how several of them run in one call (`sequence`)."""
+"""`KernelCall`: a kernel with its arguments; and `sequences`, which runs several of them in one call."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -11,10 +11,10 @@ from drake_tc.types import FloatArray, IntArray
 GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(11)
 """Kinds of calls in a sequence."""
 BETWEEN_TICKS = 1e-6
-"""Of a tick: a time that is later by less is the tick itself."""
+"""Fraction of a tick: a time that is later than a tick by less than this counts as the tick itself."""
 MOST_ARGUMENTS = 16
 TIME, SKIPPED = "time", "skipped"
-"""Arguments that the sequence itself knows."""
+"""Arguments that are passed by the sequence itself and need no array."""
 Call = Callable[[float], object]
 _RUN = Kernel("sequence", "run")
 
@@ -28,12 +28,12 @@ class KernelCall:
     """
 
     def __init__(self, kind: int, call: Call, *arguments: Any) -> None:
-        """Keep what a sequence needs.
+        """Keep the arguments, so that their addresses stay valid.
 
         Args:
             kind: Of the call in a sequence.
-            call: Does the same in Python.
-            arguments: Of the kernel.
+            call: Calls the same kernel from Python.
+            arguments: Arguments of the kernel.
         """
         self.kind, self._call = kind, call
         self.arguments = tuple(_array(argument) for argument in arguments)
@@ -58,7 +58,7 @@ def _array(argument: Any) -> Any:
     if isinstance(argument, str):
         return None
     if not isinstance(argument, np.ndarray):
-        return np.array([argument], dtype=np.int64 if isinstance(argument, int) else np.float64)
+        return np.array([argument], dtype=np.int64 if isinstance(argument, int | np.integer) else np.float64)
     if not argument.flags.c_contiguous or argument.dtype not in (np.dtype(np.float64), np.dtype(np.int64)):
         raise TypeError(f"expected a contiguous array of float64 or int64, got {argument.dtype}, {argument.flags}")
     return argument
@@ -83,7 +83,7 @@ def gathering(source: FloatArray, where: IntArray, target: FloatArray) -> Kernel
 
 
 def sequences(calls: Sequence[Call]) -> list[Call]:
-    """The same calls, with neighbours that are kernels in one call each."""
+    """The same calls in the same order; adjacent kernel calls are joined to one call."""
     from drake_tc.kernels.compiling import interpreted
 
     found: list[Call] = []

@@ -1,7 +1,8 @@
-"""Several kernels, one behind the other, in one call: arguments stand in memory at addresses that a table has.
+"""Several kernels, one after the other, in one call. A table contains the memory addresses of their arguments.
 
 A call from Python into a compiled function costs about a microsecond, and more where other code has run in between, as
-in a simulation. Here one call runs what would be ten. Who makes the table (`drake_tc.kernels.calls`) keeps the arrays.
+in a simulation. Here one call replaces several. Addresses do not keep an array alive: the maker of the table
+(`drake_tc.kernels.calls`) holds the arrays.
 """
 
 import math

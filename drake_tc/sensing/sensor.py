@@ -78,7 +78,7 @@ class SensorBase(PortMethods, LeafSystem):
         self._channels = np.stack([spec.channels("scale", size), spec.channels("resolution", size)])
         ages = _OFFSET + size * (1 + self._freezes) if self._is_late else 0
         self._layout, self._nothing = np.array([self._delay, ages]), np.zeros(0)
-        self._ticks, self._changes, self._dt = bool(self._length or self._freezes), sensor.changes, sensor.dt
+        self._ticks, self._changes, self._dt = bool(self._length or self._freezes), sensor.changes, float(sensor.dt)
         self._first = self._rows(0)[:1]
         if self._ticks:
             first: Any = self._first[0]

@@ -141,9 +141,10 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> 
     """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
     the white part.
 
-    The differences of values on a grid lie on it too, and so does their median: noise of 0.2 to 0.5 steps would be
-    found a third too small or 15 % too large. Values spread evenly over their steps have a continuous median; the
-    variance of the spread, step^2/12, is known.
+    Differences of values that are multiples of the step are multiples of it too, and so is their median: noise of 0.2
+    to 0.5 steps would be estimated a third too small or 15 % too large. Therefore a uniform random number within
+    +-step/2 is added to each value, which makes the median continuous, and its known variance, step^2/12, is
+    subtracted.
     """
     least = step / float(np.sqrt(12.0))
     if not step > 0.0:

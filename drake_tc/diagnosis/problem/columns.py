@@ -99,7 +99,7 @@ class BalanceCoefficients:
 
 
 NOISE_RATIOS = (0.1, 10.0)
-"""Least and largest correction of an error for the noise that its fit lets through."""
+"""Smallest and largest factor by which an error is corrected for the sensor noise that its fit passes."""
 
 
 class Columns:
@@ -119,7 +119,7 @@ class Columns:
         With a gain of its own a drive effect could make its residual small by making the gain small. `floor` then also
         weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,). With a
         `declared_gain` K_0 [effort/(N m)] fits hold the drive at it unless one of their effects says that it is wrong.
-        `fitted_inertia` [kg m^2] is what the declared model has beside the declared rotor inertia.
+        `fitted_inertia` [kg m^2] is what the effects of the known model add to the declared rotor inertia.
         """
         self.declared_gain, self.fitted_inertia = declared_gain, fitted_inertia
         self.samples = samples
@@ -255,7 +255,7 @@ class Columns:
         `true_torque` (T,): what a found sensor error leaves of the measured load, for effects that depend on it.
         """
         s = self.samples.signals
-        known = BalanceCoefficients.of(terms, beta)
+        known = BalanceCoefficients.of(terms, beta, s.rotor_inertia)
         friction = known.viscous * s.velocity + known.coulomb * s.direction
         # Where the effort is the target, a torque from it holds the residual: its sign would explain 40 % of any noise.
         of_effort = known.stiffness * s.effort - friction - s.rotor_inertia * s.acceleration

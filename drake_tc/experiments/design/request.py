@@ -117,8 +117,8 @@ def _designed_joint(
     name, goal, model = what
     if request.limits.get("torque") is not None and load_scale(rig, name).as_effort:
         raise ParamsError(
-            f"--torque: joint {name}: nothing fixes the scale of its torques (load: unknown), so that a limit in N m"
-            " cannot be compared with them; declare drive_gain, or leave --torque out"
+            f"--torque: joint {name}: nothing fixes the scale of its torques (load: unknown), so a limit in N m"
+            " cannot be compared with them; declare drive_gain, or omit --torque"
         )
     if runs:
         joint, found, prepared = joint_from_logs(rig, runs, name, model)

@@ -8,29 +8,32 @@ from pydrake.systems.framework import DiagramBuilder, System
 from drake_tc.array_stage import ArrayStage
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused.plan import Connections, Plan
-from drake_tc.loops.fused.system import FusedStages
+from drake_tc.loops.fused.system import FusedStages, Scratch
 from drake_tc.loops.ports import picked
 
 NAME = "stages"
-"""Of the system that takes the stages' place."""
+"""Name of the system that replaces the stages."""
 
 
 def fuse(builder: DiagramBuilder) -> FusedStages | None:
     """Replace the stages of a diagram that is under construction by one system that computes the same numbers.
 
     A call from Drake into Python costs some microseconds, and every port that a stage reads costs one more. One system
-    for all stages saves most of that. Stages, and blocks of Drake's own between them, are removed from the builder:
-    call it last before `builder.Build()`, and fix gains and other parameters before. Systems of the user's own, and
-    stages with a port in use that exists only on their own system, stay.
+    for all stages saves most of that. The stages, and Drake's own blocks between them, are removed from the builder, so
+    this is the last call before `builder.Build()`. The new system has the gains, parameters and initial states with
+    which the stages were built; gains and parameters cannot be changed in its Context. Other systems stay, and so does
+    a stage if one of its connected output ports is not available on arrays (`ArrayStage.ports`).
 
     Args:
-        builder: With the loop, for example by `add_torque_loop`, and its logs.
+        builder: Contains the loop, made for example by `add_torque_loop`, and its logs.
 
     Returns:
-        The new system, called "stages"; None where there are not two stages to fuse, and nothing was changed.
+        The new system, named "stages". None if there are fewer than two stages to fuse; the builder is then unchanged.
 
     Raises:
-        ParamsError: The builder exports a port of a stage; export ports after fusing.
+        ParamsError: A required input port of a stage is not connected (an input that would be fixed in the Context
+            counts as not connected), or a stage depends on its own output within a tick; the builder is unchanged.
+            The builder exports a port of a stage: export ports after fusing. The stages are then already removed.
 
     Example:
         >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
@@ -49,6 +52,7 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
         return None
     plan = Plan(stages, connections)
     system = FusedStages(plan)
+    Scratch(system)  # refuses an input port that is not connected while the builder is still unchanged
     exports = builder.num_input_ports() + builder.num_output_ports()
     for each in plan.fused:
         builder.RemoveSystem(each)
@@ -62,7 +66,7 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
 
 
 def _stages(builder: Any, connections: Connections) -> dict[System, ArrayStage]:
-    """Systems that can be fused to what they do."""
+    """The systems that can be fused, each with its calculations on arrays."""
     offered = ((system, getattr(system, "on_arrays", None)) for system in builder.GetSystems())
     found: dict[System, ArrayStage] = {}
     for system, on_arrays in offered:
@@ -76,7 +80,10 @@ def _stages(builder: Any, connections: Connections) -> dict[System, ArrayStage]:
 
 
 def _suffices(system: System, stages: Mapping[System, ArrayStage], connections: Connections) -> bool:
-    """Whether all ports that are read, and not ignored by the stage that they go to, exist on arrays."""
+    """Whether all output ports of a stage that are in use exist on arrays.
+
+    A port that only enters an input that the reading stage does not use on arrays is not in use.
+    """
     for (reader, entering), (source, leaving) in connections.items():
         if source is not system or system.get_output_port(leaving).get_name() in stages[system].ports:
             continue
@@ -86,7 +93,7 @@ def _suffices(system: System, stages: Mapping[System, ArrayStage], connections: 
 
 
 def _connect_readers(builder: DiagramBuilder, connections: Connections, plan: Plan, system: FusedStages) -> None:
-    """Connect what reads the stages from outside to blocks that pick its elements."""
+    """Connect each system outside that reads a stage, through a Selector that picks the elements that it reads."""
     for level in sorted(set(plan.export_level.values())):
         sources = [source for source, at in plan.export_level.items() if at == level]
         exported = {int(element): i for i, element in enumerate(system.exported_at(level))}

@@ -16,11 +16,10 @@ GLUE = (*PICKING, MatrixGain, Adder)
 
 
 def picked_elements(system: Any) -> list[IntArray] | None:
-    """For each output port, which elements of all inputs, one below the other, it has; None where it computes."""
-    if isinstance(system, MatrixGain):
-        matrix = np.asarray(system.D())
-        picks = (np.count_nonzero(matrix, axis=1) == 1) & (matrix.max(axis=1, initial=0.0) == 1.0)
-        return [matrix.argmax(axis=1)] if picks.all() else None
+    """For each output port, the indices of its elements among all inputs, stacked; None if the block computes.
+
+    A MatrixGain computes even where its matrix only selects: 0 times NaN is NaN.
+    """
     if not isinstance(system, PICKING):
         return None
     context, first = system.CreateDefaultContext(), 0
@@ -33,7 +32,7 @@ def picked_elements(system: Any) -> list[IntArray] | None:
 
 
 def computed(system: Any) -> ArrayStage:
-    """The stage of an Adder or a MatrixGain; its inputs are called by their index, as its output is."""
+    """The stage of an Adder or a MatrixGain."""
     count, output = system.num_input_ports(), system.get_output_port(0)
     names = [system.get_input_port(index).get_name() for index in range(count)]
     matrix = np.ascontiguousarray(system.D()) if isinstance(system, MatrixGain) else None
@@ -60,6 +59,8 @@ def _sum_of(terms: Sequence[FloatArray], out: FloatArray) -> Call:
 
 def _product_of(matrix: FloatArray, factor: FloatArray, out: FloatArray) -> Call:
     def outputs(time: float) -> None:
-        matrix.dot(factor, out=out)
+        out[:] = 0.0  # column by column, as Drake and the kernel: another order of the sum gives other last bits
+        for j in range(factor.size):
+            np.add(out, matrix[:, j] * factor[j], out)
 
     return KernelCall(MULTIPLY, outputs, matrix, factor, out)

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import OutputPort, PortDataType, System
@@ -22,15 +23,14 @@ class Node:
     """A stage in the plan.
 
     Attributes:
-        name, kind: Of its system, for block graphs.
-        stage: What it does.
-        first: Its first output among the signals.
+        name: Name of its system, for error messages.
+        stage: Its calculations.
+        first: Index of its first output among the signals.
         inputs: Input port to the elements that it reads, or to the number of an abstract input of the plan.
         level: When its outputs are computed, see `Plan`.
     """
 
     name: str
-    kind: str
     stage: ArrayStage
     first: int
     inputs: dict[str, IntArray | int] = field(default_factory=dict)
@@ -53,27 +53,30 @@ class Given:
 
 
 class Plan:
-    """Stages and the blocks between them, sorted.
+    """Stages and the blocks between them, in the order of their calculation.
 
-    Signals of level 0 depend on the state, and on inputs that are known before any fused stage has run; those of level
-    k + 1 depend on inputs that depend on signals of level k, such as the accelerations of a plant on its torques.
+    Signals of level 0 depend on the state, and on inputs from outside that do not depend on any fused stage in the same
+    tick. Signals of level k + 1 depend also on inputs from outside that depend on signals of level k, as a plant's
+    accelerations depend on its torques.
 
     Attributes:
         nodes: In the order in which their outputs are computed.
-        given: What is read from outside.
+        given: Output ports outside that are read.
         size: Number of signals.
-        exported: Source outside readers have, to its elements among the signals.
+        exported: Output port that is read outside, to its elements among the signals.
+        export_level: Output port that is read outside, to its level.
+        num_levels: Number of levels, of nodes and of what is read outside.
     """
 
     def __init__(self, stages: Mapping[System, ArrayStage], connections: Connections) -> None:
         """Sort the stages.
 
         Args:
-            stages: Systems to what they do.
-            connections: Of the diagram in which they still stand.
+            stages: Systems to their calculations.
+            connections: Connections of the diagram before the stages are removed.
 
         Raises:
-            ParamsError: Stages that depend on each other in a circle within a tick.
+            ParamsError: A stage depends on its own output within a tick (algebraic loop).
         """
         self._connections, self._stages = connections, dict(stages)
         self._glue = _glue_between(stages, connections)
@@ -134,7 +137,7 @@ class Plan:
         stage = self._stages.get(system) or computed(system)
         inputs = {name: source for name, source in self._sources(system).items() if name in stage.inputs}
         before = {name: self._elements(source) for name, source in inputs.items() if name in stage.reads}
-        node = Node(system.get_name(), type(system).__name__, stage, int(self._signals(stage.width)[0]), before)
+        node = Node(system.get_name(), stage, int(self._signals(stage.width)[0]), before)
         self._node_of[system] = node
         self.nodes.append(node)
         node.inputs |= {name: self._elements(source) for name, source in inputs.items() if name not in stage.reads}
@@ -159,6 +162,10 @@ class Plan:
             for given, sources in zip(self.given, causes, strict=True):
                 behind = [self._level(of_element, self._elements(source)) for source in sources]
                 level = 1 + max(behind, default=-1)
+                if level > len(self.given):  # each level needs another input from outside
+                    port: Any = given.port
+                    name = f"{port.get_system().get_name()}.{port.get_name()}"
+                    raise ParamsError(f"fuse: {name} depends on itself within a tick, through stages that read it")
                 if level > given.level:
                     given.level, changed = level, True
                 if given.elements is not None:
@@ -171,6 +178,8 @@ class Plan:
                 of_element[node.first : node.first + node.stage.width] = node.level
         self.nodes.sort(key=lambda node: node.level)  # stable: within a level the order stays
         self.export_level = {source: self._level(of_element, elements) for source, elements in self.exported.items()}
+        levels = [*(node.level for node in self.nodes), *self.export_level.values()]
+        self.num_levels = 1 + max(levels, default=0)
         self.read_now = self._read_now()
 
     def _level(self, of_element: IntArray, elements: IntArray | int) -> int:

@@ -9,6 +9,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, Call, Held
+from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import gathering, sequences
 from drake_tc.loops.fused.plan import Node, Plan
 from drake_tc.port_methods import PortMethods
@@ -16,16 +17,18 @@ from drake_tc.types import FloatArray, IntArray
 
 
 class FusedStages(PortMethods, LeafSystem):
-    """Stages that compute what they would as systems of their own, in one callback instead of some in each of them.
+    """Several stages in one system; it computes the same numbers as the stages' own systems, with fewer callbacks.
 
-    Inputs: what the stages read from outside, called after the system and port that they come from.
+    Inputs: output ports outside that the stages read; an input is named "SYSTEM.PORT" after its source.
     Outputs:
-        signals_0, signals_1, ...: what is read outside; those of level k + 1 depend on inputs that depend on level k.
-    State x: the states of all stages, one behind the other. Every period of a stage,
+        signals_0, signals_1, ...: signals that are read outside, by level (see `Plan`): signals_(k+1) depends on inputs
+            that depend on signals_k.
+    State x: the states of all stages, one behind the other. The states of the stages with one period are updated
+    together, at each multiple of this period:
 
         x[n+1], y[n] = F(x[n], u[n])
 
-    with F that of the stages; a stage's parameters are those of its construction.
+    where F are the recursions of the stages. Gains and other parameters are those with which a stage was built.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -51,7 +54,7 @@ class FusedStages(PortMethods, LeafSystem):
         tickets = {self.discrete_state_ticket(memory), self.time_ticket()}
         self._levels: list[Any] = []
         self._ports: list[list[tuple[int, Callable[[Context], Any]]]] = []
-        for level in range(1 + max((node.level for node in plan.nodes), default=0)):
+        for level in range(plan.num_levels):
             tickets |= {self._inputs[number].ticket() for number in self._read_at(level)}
             width, name = self.exported_at(level).size, f"signals_{level}"
             self._levels.append(self.DeclareVectorOutputPort(name, width, self._writer(level), set(tickets)))
@@ -119,7 +122,7 @@ class FusedStages(PortMethods, LeafSystem):
         return update
 
     def _compute(self, context: Any, scratch: "Scratch", levels: Iterable[int]) -> None:
-        """The signals of some levels; those of the lower ones are there."""
+        """Compute the signals of some levels; those of all lower levels are up to date."""
         given, time = scratch.given, context.get_time()
         for level in levels:
             if not level:
@@ -139,7 +142,9 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.outputs = [[] for _ in self._levels]
         scratch.updates = {node.stage.period: [] for node in plan.nodes}
         for node in plan.nodes:
-            inputs = {name: self._bound(scratch, node, name, where) for name, where in node.inputs.items()}
+            inputs = _Inputs(node.name)
+            for name, where in node.inputs.items():
+                inputs[name] = self._bound(scratch, node, name, where)
             out = scratch.signals[node.first : node.first + node.stage.width]
             before, after = _read_only(scratch.before[self._states[node]]), scratch.after[self._states[node]]
             outputs, update = node.stage.bind(Arrays(inputs, out, before, after))
@@ -151,7 +156,7 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 
     def _bound(self, scratch: "Scratch", node: Node, name: str, where: IntArray | int) -> Any:
-        """A view of the signals where an input's elements follow each other, else an array that is filled before."""
+        """A view of the signals if an input's elements are adjacent; else an array, filled before the stage runs."""
         if isinstance(where, int):
             return scratch.given[where]
         first = int(where[0]) if where.size else 0
@@ -166,18 +171,30 @@ class FusedStages(PortMethods, LeafSystem):
         return _read_only(copy.view())
 
 
+class _Inputs(dict[str, Any]):
+    """Name of each connected input port to its value."""
+
+    def __init__(self, stage: str) -> None:
+        super().__init__()
+        self._stage = stage
+
+    def __missing__(self, name: str) -> Any:
+        raise ParamsError(f"fuse: input port {name!r} of {self._stage!r} is not connected; connect it before fusing")
+
+
 class Scratch:
     """The arrays of one Context, and the stages' functions on them.
 
-    Whenever the output port of a level is up to date, so are the signals of this level here, as its calculation wrote
-    both. A copy, for a cloned Context, starts without any: there the ports may be up to date and the arrays are not.
+    If the output port of a level is up to date, so are the signals of this level, as its calculation writes both. In a
+    cloned Context the ports may be up to date while the arrays are new and empty; `computed` tells so.
 
     Attributes:
-        signals: What the plan's elements point to.
-        before, after: (S,) states of this tick and the next.
-        given: By number of the input, where its value is written.
-        outputs, updates: What computes the signals of each level, and the states of each period.
-        computed: Number of levels whose signals have been computed here at all.
+        signals: (N,) all signals; the elements in the plan are indices of it.
+        before, after: (S,) states of this tick and of the next one.
+        given: For each input port, by its number, where its value is written.
+        outputs: For each level, the functions that compute its signals.
+        updates: For each period, the functions that compute the next states.
+        computed: Number of levels whose signals have been computed at least once in these arrays.
     """
 
     signals: FloatArray

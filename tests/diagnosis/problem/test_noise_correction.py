@@ -28,6 +28,14 @@ def test_the_declared_model_is_not_corrected(p):
     assert Columns(p.samples).noise_ratio(0.1 * p.baseline.beta, p.declared) == 1.0  # each fit in its own gain
 
 
+def test_a_model_with_an_error_of_the_torque_sensor_is_not_corrected_either():
+    """The sensor's gain error scales the declared rotor inertia, and with it the noise that the model lets through."""
+    p = problem(replace(NOISY, inertia=0.3), runs=2)
+    terms, beta = [*p.declared, Term(effect("torque_sensor_gain"))], np.append(p.baseline.beta, 0.3)
+    columns = p.columns.with_model(terms, beta, servo=True)
+    assert_allclose(columns.noise_ratio(beta, terms), 1.0, rtol=1e-12)
+
+
 def test_the_correction_is_the_ratio_of_the_floors_within_limits(p):
     def floor(beta: np.ndarray, inertia: float = 0.0) -> float:
         return p.samples.floor.torque(float(beta[0]), float(beta[1]), inertia)

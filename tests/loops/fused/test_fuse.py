@@ -146,6 +146,16 @@ def test_exported_ports_are_refused():
         fuse(builder)
 
 
+@pytest.mark.parametrize("name", ["torque_control", "inverse_dynamics"])
+def test_a_removed_stage_refuses_gains_for_the_context_of_another_system(name):
+    builder, loop = wired()
+    fuse(builder)
+    stage, context = loop.systems[name], builder.Build().CreateDefaultContext()
+    gains = TorqueGains.from_servo(load_models(load_robot(LEG).actuators))
+    with pytest.raises(RuntimeError, match="instead of the appropriate subsystem Context"):
+        stage.set_gains(stage.GetMyMutableContextFromRoot(context), gains)
+
+
 def test_a_diagram_without_stages_stays_as_it_is():
     builder = DiagramBuilder()
     builder.AddNamedSystem("gain", Gain(2.0, 1))
