@@ -149,8 +149,9 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> 
     least = step / float(np.sqrt(12.0))
     if not step > 0.0:
         return max(least, white_noise(values, segments))
-    spread = values + np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
-    return max(least, float(np.sqrt(max(white_noise(spread, segments) ** 2 - least**2, 0.0))))
+    spread = np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
+    both = [white_noise(values + way * spread, segments) ** 2 for way in (1.0, -1.0)]  # alike for either direction
+    return max(least, float(np.sqrt(max(0.5 * sum(both) - least**2, 0.0))))
 
 
 def quantisation_error(position: FloatArray, step: float) -> FloatArray:
