@@ -5,16 +5,13 @@ A stage with a method `on_arrays() -> ArrayStage` can run together with other st
 numbers.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
-from drake_tc.types import FloatArray, IntArray
-
-Call = Callable[[float], object]
-"""A function of the time [s] that reads and writes the arrays to which it is bound."""
+from drake_tc.types import Call, FloatArray, IntArray
 
 
 class Held:

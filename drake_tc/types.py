@@ -1,5 +1,6 @@
-"""Array types shared by every module. SI units throughout; samples come first, then joints."""
+"""Types shared by every module. SI units throughout; samples come first, then joints."""
 
+from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
@@ -8,3 +9,5 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IntArray: TypeAlias = NDArray[np.int64]
+Call: TypeAlias = Callable[[float], object]
+"""A function of the time [s] that reads and writes the arrays to which it is bound."""

@@ -10,11 +10,11 @@ from drake_tc.actuation.joint_effects import JointEffects
 from drake_tc.actuation.joint_program import JointOutput
 from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
-from drake_tc.array_stage import Arrays, ArrayStage, Call
+from drake_tc.array_stage import Arrays, ArrayStage
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 
 class ActuatorPlant(PortMethods, LeafSystem):
@@ -159,11 +159,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
         def bind(arrays: Arrays) -> tuple[Call, Call]:
             given, out, before, after = arrays.inputs, arrays.out, arrays.before, arrays.after
             command, state, load, reached = given["command"], given["state"], given.get("load_torque"), out[kinds * n :]
-            around: Any = None
-            if "temperature" in given or "supply_voltage" in given:
-                names = zip(("temperature", "supply_voltage"), self._unconnected, strict=True)
-                around = tuple(given.get(name, nominal) for name, nominal in names)
-
+            around = self._around(given.get("temperature"), given.get("supply_voltage"))
             return step.bind(out, before, command, state, load, around), copying(reached, after)
 
         ports = {name: np.arange(i, kinds * n, kinds) for i, name in enumerate(JointOutput._fields)}
@@ -173,10 +169,8 @@ class ActuatorPlant(PortMethods, LeafSystem):
 
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
-        around: Any = None
-        if self._temperature.HasValue(context) or self._supply.HasValue(context):
-            ports = zip((self._temperature, self._supply), self._unconnected, strict=True)
-            around = tuple(port.Eval(context) if port.HasValue(context) else nominal for port, nominal in ports)
+        ports = (self._temperature, self._supply)
+        around = self._around(*(port.Eval(context) if port.HasValue(context) else None for port in ports))
         self._step_of_joints.step(
             vector.get_mutable_value(),
             context.get_discrete_state(self._memory).value(),
@@ -186,6 +180,13 @@ class ActuatorPlant(PortMethods, LeafSystem):
             self._load.Eval(context) if self._load.HasValue(context) else None,
             around,
         )
+
+    def _around(self, temperature: FloatArray | None, supply: FloatArray | None) -> Any:
+        """Both (n,), with nominal values for what is not connected; None where neither is."""
+        if temperature is None and supply is None:
+            return None
+        given = zip((temperature, supply), self._unconnected, strict=True)
+        return tuple(nominal if value is None else value for value, nominal in given)
 
     def _writer(self, part: slice) -> Callable[[Context, Any], None]:
         """The calc function of one output port."""

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, Call, places
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.guard_law import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 __all__ = ["CommandGuard", "GuardMode", "GuardSpec"]
 

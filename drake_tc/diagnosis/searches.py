@@ -77,13 +77,7 @@ def searched(
     usable, obstacles = candidates(library, prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
-        subsample = Columns(
-            columns.samples.subsample(SEARCHED_SAMPLES),
-            columns.gain,
-            columns.floor,
-            declared_gain=columns.declared_gain,
-            fitted_inertia=columns.fitted_inertia,
-        )
+        subsample = columns.changed(samples=columns.samples.subsample(SEARCHED_SAMPLES), target=None)
     found = search(
         subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor
     )

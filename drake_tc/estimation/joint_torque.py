@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, Call, places
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.kernels.calls import ESTIMATE, KernelCall
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 LARGEST = 1e9
 """No reading in SI units is as large; one that is counts as not finite."""

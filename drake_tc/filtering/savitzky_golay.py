@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, Call, places
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savgol_weights import delay, savgol_weights
 from drake_tc.kernels.calls import FILTER, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 __all__ = ["SavitzkyGolayFilter", "Smoothed", "delay", "savgol_weights", "smooth", "smooth_causal"]
 

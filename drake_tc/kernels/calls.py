@@ -1,12 +1,13 @@
 """`KernelCall`: a kernel with its arguments; and `sequences`, which runs several of them in one call."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import Call, FloatArray, IntArray
 
 GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(11)
 """Kinds of calls in a sequence."""
@@ -15,7 +16,6 @@ BETWEEN_TICKS = 1e-6
 MOST_ARGUMENTS = 16
 TIME, SKIPPED = "time", "skipped"
 """Arguments that are passed by the sequence itself and need no array."""
-Call = Callable[[float], object]
 _RUN = Kernel("sequence", "run")
 
 
@@ -86,19 +86,13 @@ def sequences(calls: Sequence[Call]) -> list[Call]:
     """The same calls in the same order; adjacent kernel calls are joined to one call."""
     from drake_tc.kernels.compiling import interpreted
 
+    if interpreted():
+        return list(calls)
     found: list[Call] = []
-    group: list[KernelCall] = []
-    for call in (*calls, None):
-        if isinstance(call, KernelCall) and not interpreted():
-            group.append(call)
-            continue
-        if len(group) > 1:
-            found.append(_in_one(tuple(group)))
-        else:
-            found += group
-        group = []
-        if call is not None:
-            found.append(call)
+    for _, neighbours in groupby(calls, lambda call: isinstance(call, KernelCall)):
+        group = tuple(neighbours)
+        kernels = tuple(call for call in group if isinstance(call, KernelCall))
+        found += [_in_one(kernels)] if len(kernels) > 1 else group
     return found
 
 

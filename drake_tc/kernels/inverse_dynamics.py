@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
-from drake_tc.kernels.newton_euler import joint_forces_into
+from drake_tc.kernels.newton_euler import joint_forces
 from drake_tc.types import FloatArray, IntArray
 
 LARGEST = 1e12
@@ -56,7 +56,7 @@ def motion_torque(
     if not finite:
         out[n : 2 * n] = np.nan
         return False
-    joint_forces_into(place[:n], place[n : 2 * n], reference[2 * n :], places, constants, trunk, base, out[:n])
+    joint_forces(place[:n], place[n : 2 * n], reference[2 * n :], places, constants, trunk, base, out[:n])
     for j in range(n):
         out[n + j] = out[j] + (out[2 * n + j] + out[3 * n + j])
     return True

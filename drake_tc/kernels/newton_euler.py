@@ -56,27 +56,6 @@ def add_joint_forces(bodies: FloatArray, loads: FloatArray, places: IntArray, ou
             out[places[j, 3]] += bodies[j + 1, _SCREW + k] * loads[j + 1, k]
 
 
-@helper
-def joint_forces_into(
-    q: FloatArray,
-    v: FloatArray,
-    vdot: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    trunk: FloatArray,
-    base: FloatArray,
-    out: FloatArray,
-) -> None:
-    """As `joint_forces`."""
-    bodies = np.empty((places.shape[0] + 1, BODY_WIDTH))
-    move(base, q, v, places, constants, bodies)
-    add_joint_accelerations(bodies, places, vdot)
-    carry_along(bodies, base[13:19])
-    loads = wrenches_needed(bodies, places, constants, trunk)
-    out[:] = 0.0
-    add_joint_forces(bodies, loads, places, out)
-
-
 @kernel(VECTOR, VECTOR, VECTOR, TABLE, MATRIX, VECTOR, VECTOR, OUT_VECTOR)
 def joint_forces(
     q: FloatArray,
@@ -100,4 +79,10 @@ def joint_forces(
         base: (19,) quaternion and place of the base, [omega; v], and [alpha; proper acceleration] of its origin.
         out: (n,) written.
     """
-    joint_forces_into(q, v, vdot, places, constants, trunk, base, out)
+    bodies = np.empty((places.shape[0] + 1, BODY_WIDTH))
+    move(base, q, v, places, constants, bodies)
+    add_joint_accelerations(bodies, places, vdot)
+    carry_along(bodies, base[13:19])
+    loads = wrenches_needed(bodies, places, constants, trunk)
+    out[:] = 0.0
+    add_joint_forces(bodies, loads, places, out)

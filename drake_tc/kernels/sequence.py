@@ -35,7 +35,7 @@ from drake_tc.kernels.joint_torque import estimate
 from drake_tc.kernels.savitzky_golay import advance as filtered
 from drake_tc.kernels.sensor import reading
 from drake_tc.kernels.torque_control import solve
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import IntArray
 
 types: Any = numba_types
 
@@ -53,39 +53,25 @@ def _pointer_to(kind: Any) -> Any:
     return pointer
 
 
-_reals, _wholes = _pointer_to(types.float64), _pointer_to(types.int64)
+def _arguments_of(kind: Any) -> Any:
+    """How an argument of (n,) and one of (m, n) numbers is read from the row of a call, by its place there."""
+    pointer = _pointer_to(kind)
+
+    @helper
+    def one(row: IntArray, number: int) -> Any:
+        at = 1 + 3 * number
+        return numba.carray(pointer(row[at]), (row[at + 1],))
+
+    @helper
+    def two(row: IntArray, number: int) -> Any:
+        at = 1 + 3 * number
+        return numba.carray(pointer(row[at]), (row[at + 1], row[at + 2]))
+
+    return one, two
 
 
-@helper
-def vector(row: IntArray, number: int) -> FloatArray:
-    """An argument: (n,) real numbers."""
-    at = 1 + 3 * number
-    array: FloatArray = numba.carray(_reals(row[at]), (row[at + 1],))
-    return array
-
-
-@helper
-def matrix(row: IntArray, number: int) -> FloatArray:
-    """An argument: (m, n) real numbers."""
-    at = 1 + 3 * number
-    array: FloatArray = numba.carray(_reals(row[at]), (row[at + 1], row[at + 2]))
-    return array
-
-
-@helper
-def index(row: IntArray, number: int) -> IntArray:
-    """An argument: (n,) whole numbers."""
-    at = 1 + 3 * number
-    array: IntArray = numba.carray(_wholes(row[at]), (row[at + 1],))
-    return array
-
-
-@helper
-def table(row: IntArray, number: int) -> IntArray:
-    """An argument: (m, n) whole numbers."""
-    at = 1 + 3 * number
-    array: IntArray = numba.carray(_wholes(row[at]), (row[at + 1], row[at + 2]))
-    return array
+vector, matrix = _arguments_of(types.float64)
+index, table = _arguments_of(types.int64)
 
 
 @kernel(TABLE, REAL)

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, Call, Held, places
+from drake_tc.array_stage import Arrays, ArrayStage, Held, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import BETWEEN_TICKS, READING, KernelCall
 from drake_tc.kernels.lazy import Kernel
@@ -17,7 +17,7 @@ from drake_tc.port_methods import PortMethods
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.spec import SensorSpec
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, Call, places
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.joint_torque import LARGEST
@@ -18,7 +18,7 @@ from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 FASTEST = 20.0
 """Speed of a joint without a velocity limit [rad/s]."""

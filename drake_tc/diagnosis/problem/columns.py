@@ -7,7 +7,7 @@ Rows of  z = tau + J qddot  against  [y*, -phi_1, ..., -phi_k], all passed throu
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -247,6 +247,11 @@ class Columns:
             self._products[a, b] = np.stack([x[s:e].T @ y[s:e] for s, e in zip(starts, self._ends, strict=True)])
         return self._products[a, b]
 
+    def changed(self, **arguments: Any) -> "Columns":
+        """These columns with other arguments of the constructor; without what has been computed."""
+        names = ("samples", "gain", "floor", "target", "declared_gain", "fitted_inertia")
+        return Columns(**{name: arguments.get(name, getattr(self, name)) for name in names})
+
     def with_model(
         self, terms: Sequence[Term], beta: FloatArray, *, servo: bool, true_torque: FloatArray | None = None
     ) -> "Columns":
@@ -264,9 +269,8 @@ class Columns:
         if true_torque is not None:
             s = replace(s, load_torque=true_torque)
         signals = replace(s, viscous=known.viscous, stiffness=stiffness, expected_torque=expected)
-        gain = 1.0 / max(known.stiffness, 1e-9)
-        samples = replace(self.samples, signals=signals)
-        return Columns(samples, gain, self.samples.floor, self.target, self.declared_gain, known.inertia)
+        gain, samples = 1.0 / max(known.stiffness, 1e-9), replace(self.samples, signals=signals)
+        return self.changed(samples=samples, gain=gain, floor=self.samples.floor, fitted_inertia=known.inertia)
 
     def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
         """Noise floor under the declared model over that under beta: a fit that lets less noise of the encoder through,

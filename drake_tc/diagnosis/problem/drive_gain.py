@@ -74,8 +74,7 @@ def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
 
 def _fit_at(columns: Columns, gain: float, declared: Fit) -> Fit:
     """The declared model at a drive gain [effort/(N m)]."""
-    held = Columns(columns.samples, columns.gain, columns.floor, columns.target, gain, columns.fitted_inertia)
-    return fit(held, declared.terms)
+    return fit(columns.changed(declared_gain=gain), declared.terms)
 
 
 def not_identifiable(joint: str, drive: DriveKind, repair: str) -> IdentificationError:

@@ -56,7 +56,7 @@ def weighed(columns: Columns, rows: Columns, fitted: Fit) -> Columns:
     share = effective_samples(residual, rows.samples) / residual.size
     prior = SensorPrior(variance=float(np.mean(residual**2)), share=share)
     samples = replace(columns.samples, sensor_prior=prior)
-    return Columns(samples, columns.gain, columns.floor, columns.target, columns.declared_gain, columns.fitted_inertia)
+    return columns.changed(samples=samples)
 
 
 def spread_of_errors(columns: Columns, fitted: Fit) -> FloatArray:

@@ -74,7 +74,7 @@ def with_fitted_load(columns: Columns, fitted: Fit) -> Columns:
     rms = float(np.sqrt(np.mean(slope[samples.rows] ** 2)))
     floor = replace(samples.floor, inertia=s.rotor_inertia + inertia, load_slope=rms)
     samples = replace(samples, signals=signals, floor=floor)
-    return Columns(samples, columns.gain, floor, columns.target, columns.declared_gain, columns.fitted_inertia)
+    return columns.changed(samples=samples, floor=floor)
 
 
 def _moved(signals: Signals, step: float) -> Signals:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, Selector
 
-from drake_tc.array_stage import Arrays, ArrayStage, Call
+from drake_tc.array_stage import Arrays, ArrayStage
 from drake_tc.kernels.calls import ADD, MULTIPLY, KernelCall
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import Call, FloatArray, IntArray
 
 PICKING = (Multiplexer, Demultiplexer, Selector)
 """Blocks whose outputs are some of their inputs' elements."""

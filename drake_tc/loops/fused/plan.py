@@ -222,15 +222,14 @@ def _glue_between(stages: Collection[System], connections: Connections) -> dict[
     found: dict[System, list[IntArray] | None] = {}
     blocks = {system for pair in connections.items() for (system, _) in pair if isinstance(system, GLUE)}
     blocks = {system for system in blocks if _complete(system, connections)}
-    grows = True
-    while grows:
+    while True:
         inside = {*stages, *found}
         read = {source for (system, _), (source, _) in connections.items() if system in inside}
         outside = {system for (system, _), (source, _) in connections.items() if source not in inside}
         more = {system for system in blocks - inside if system in read or system not in outside}
+        if not more:
+            return found
         found |= {system: picked_elements(system) for system in more}
-        grows = bool(more)
-    return found
 
 
 def _complete(system: System, connections: Connections) -> bool:

@@ -8,12 +8,12 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, Call, Held
+from drake_tc.array_stage import Arrays, Held
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import gathering, sequences
 from drake_tc.loops.fused.plan import Node, Plan
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import Call, FloatArray, IntArray
 
 
 class FusedStages(PortMethods, LeafSystem):
