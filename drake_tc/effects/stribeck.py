@@ -63,7 +63,7 @@ class Stribeck(EquationEffect):
     signature = Signature(
         x="velocity",
         split="direction",
-        look_for="peaks at zero velocity that die out within v_s, of opposite sign on both sides",
+        look_for="peaks at zero velocity, of opposite sign on both sides, that end within the Stribeck velocity",
     )
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
