@@ -11,10 +11,20 @@ from pydrake.multibody.tree import MultibodyForces
 
 from drake_tc.benchmarks.arm_rigs import BASE_INTERVALS, ArmScore, arm_benchmark, arm_rows, base_intervals
 from drake_tc.benchmarks.blind_arm.arms import ARMS, LinkError, apply_errors, link_parameters, moving_links
-from drake_tc.benchmarks.blind_arm.cases import MASS_TOLERANCE, ROUND, SENSORS, arm_case, record_case, rig_file
+from drake_tc.benchmarks.blind_arm.cases import (
+    MASS_TOLERANCE,
+    ROUND,
+    SENSORS,
+    arm_case,
+    effect_name,
+    record_case,
+    rig_file,
+)
 from drake_tc.benchmarks.blind_arm.physics import TORQUES, JointMotion, JointTruth, effort
 from drake_tc.benchmarks.blind_arm.recorder import MOST_ACCELERATION, MOST_TRAVEL, fourier
 from drake_tc.benchmarks.robot_rigs import RobotScore
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import effect
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.plant import make_plant
@@ -97,6 +107,17 @@ def test_a_round_holds_every_kind_and_both_drives():
     assert set(SENSORS) <= set(TORQUES) | {"late_encoder"}
     assert arm_case(3, 3) == cases[3]
     assert arm_case(3, 4) != cases[3]
+
+
+def test_the_offset_of_an_effort_is_known_by_the_effect_that_its_drive_allows():
+    """`effort_bias` cannot be looked for in a position servo, and says by which effect it is covered there."""
+    cases = [arm_case(number, 3) for number in range(6 * len(ROUND))]
+    names = {case.drive: effect_name(case) for case in cases if case.kind == "current_offset"}
+    assert names == {"current": "effort_bias", "position_servo": "encoder_offset"}
+    for drive, name in names.items():
+        context = Context(drive=drive, load="links", recorded=frozenset())
+        assert effect(name).unavailable(context) is None
+        assert (effect("effort_bias").unavailable(context) is None) == (name == "effort_bias")
 
 
 @pytest.mark.parametrize("number", range(4))

@@ -5,17 +5,25 @@ function of the position explain the rotor as well as its inertia does, without 
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.column_noise import attenuation
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import fit, noise_floor
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.selection.rotor_inertia import leaves_noise_of_its_inertia, replaces_inertia
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 
-from .rigs import COMMAND, Joint, sines
+from .rigs import COMMAND, Joint, Waves, sines
 
 STEP = 2e-5
 WAVES = (
@@ -30,11 +38,17 @@ WAVES = (
 )
 PENDULUM = Joint(drive="position_servo", gain=2e-3, encoder_step=STEP, encoder_noise=0.3 * STEP, torque_noise=0.02)
 
+FAST = tuple((0.6 + 0.775 * k, 0.05, phase) for k, phase in enumerate((0.2, 1.9, 3.3, 4.1, 5.6)))
+"""Small and fast, so that the acceleration's noise is most of what is left."""
+NOISY = Joint(period=5e-4, duration=8.0, gain=0.1, viscous=3.0, coulomb=2.0, encoder_step=3e-5, torque_noise=0.02)
+RIG = parse_rig({"joint": "joint", "drive": "current"})
+DECLARED = ("viscous", "coulomb", "rotor_inertia")
 
-def hung(joint: Joint, seed: int) -> Run:
+
+def hung(joint: Joint, seed: int, waves: Waves = WAVES) -> Run:
     """A pendulum of 5 N m and 0.5 kg m^2, its torque measured."""
     rng, time = np.random.default_rng(seed), joint.times()
-    q, v, a = sines(time, WAVES, 0.37 * seed)
+    q, v, a = sines(time, waves, 0.37 * seed)
     load = 0.5 * a + 5.0 * np.sin(q)
     effort = joint.gain * (load + joint.inertia * a + joint.viscous * v + joint.coulomb * np.sign(v))
     columns = {
@@ -45,9 +59,9 @@ def hung(joint: Joint, seed: int) -> Run:
     return joint.run(f"run{seed}", columns)
 
 
-def diagnosed(joint: Joint, **keys: object) -> JointResult:
+def diagnosed(joint: Joint, waves: Waves = WAVES, **keys: object) -> JointResult:
     rig = parse_rig({"joint": "joint", "drive": joint.drive, "command_hold": False, **keys})
-    runs = [hung(joint, seed) for seed in range(3)]
+    runs = [hung(joint, seed, waves) for seed in range(3)]
     return diagnose_joint(runs[:2], runs[2:], rig, "joint", DiagnosisOptions(assess_residual=False))
 
 
@@ -63,3 +77,80 @@ def test_an_undeclared_rotor_is_found_where_the_drive_gain_is_known():
     result = diagnosed(PENDULUM, drive_gain=PENDULUM.gain)
     assert [each.id for each in result.effects] == ["rotor_inertia"]
     assert result.effects[0].parameters["rotor_inertia"].value == pytest.approx(PENDULUM.inertia, rel=0.02)
+
+
+def terms(*names: str) -> list[Term]:
+    return [Term(e, e.shape_grid(context())[0]) for e in map(effect, names)]
+
+
+def noisy(seed: int) -> Columns:
+    samples = build_samples([hung(NOISY, seed, FAST)], RIG, "joint")
+    first = Columns(samples)
+    return first.with_model(terms(*DECLARED), fit(first, terms(*DECLARED)).beta, servo=False)
+
+
+@cache
+def context() -> Context:
+    return context_of(build_samples([hung(NOISY, 0, FAST)], RIG, "joint"), RIG, "joint")
+
+
+@pytest.mark.parametrize("name", ["cable_spring", "position_dependent_load"])
+@pytest.mark.parametrize("seed", range(4))
+def test_an_effect_that_takes_the_place_of_the_inertia_is_not_believed(seed, name):
+    columns = noisy(seed)
+    declared, both = fit(columns, terms(*DECLARED)), fit(columns, terms(*DECLARED, name))
+    assert both.rms < 0.65 * declared.rms  # by what the search compares, it would be chosen
+    found = replaces_inertia(columns, both, both.terms[-1], set(DECLARED), noise_floor(columns, declared))
+    assert found is not None
+    assert found.inertia == pytest.approx(declared.beta[-1])
+
+
+def test_an_effect_beside_which_the_inertia_stays_may_be_believed():
+    columns = noisy(0)
+    declared, both = fit(columns, terms(*DECLARED)), fit(columns, terms(*DECLARED, "torque_sensor_bias"))
+    noise = noise_floor(columns, declared)
+    assert replaces_inertia(columns, both, both.terms[-1], set(DECLARED), noise) is None
+
+
+def test_an_effect_may_be_believed_where_the_declared_model_leaves_more_than_noise():
+    columns = noisy(0)
+    declared, both = fit(columns, terms(*DECLARED)), fit(columns, terms(*DECLARED, "position_dependent_load"))
+    assert replaces_inertia(columns, both, both.terms[-1], set(DECLARED), declared.rms / 2.5) is None
+
+
+def test_an_added_rotor_that_leaves_its_own_noise_is_recognised():
+    columns = noisy(0)
+    with_rotor, with_spring = (
+        fit(columns, terms("viscous", "coulomb", name)) for name in ("rotor_inertia", "cable_spring")
+    )
+    assert leaves_noise_of_its_inertia(columns, with_rotor, {"viscous", "coulomb"})
+    assert not leaves_noise_of_its_inertia(columns, with_rotor, set(DECLARED))
+    assert not leaves_noise_of_its_inertia(columns, with_spring, {"viscous", "coulomb"})
+
+
+def test_what_the_noise_of_the_acceleration_moves_is_known():
+    """The mean error of every coefficient over eight logs, to four tenths of it."""
+    found = []
+    for seed in range(8):
+        columns = noisy(seed)
+        fitted = fit(columns, terms(*DECLARED))
+        found.append((fitted.beta, attenuation(columns, fitted)))
+    beta, moved = np.mean(found, axis=0)
+    true = np.array([1.0 / NOISY.gain, NOISY.viscous, NOISY.coulomb, NOISY.inertia])
+    assert (true - beta > 0.15 * true).all()
+    assert true - beta == pytest.approx(moved, rel=0.4)
+
+
+def test_nothing_is_moved_where_the_inertia_is_declared_with_its_value():
+    columns = noisy(0)
+    assert attenuation(columns, fit(columns, terms("viscous", "coulomb"))) is None
+
+
+def test_intervals_hold_the_truth_that_the_noise_moves_the_estimate_from():
+    result = diagnosed(NOISY, FAST, declared=["rotor_inertia"])
+    assert result.effects == ()
+    truth = {"drive": NOISY.gain, "viscous": NOISY.viscous, "coulomb": NOISY.coulomb, "rotor_inertia": NOISY.inertia}
+    for key, value in truth.items():
+        (estimate,) = result.final_parameters[key].values()
+        assert estimate.ci95[0] <= value <= estimate.ci95[1]
+        assert abs(estimate.value - value) > 0.02 * value

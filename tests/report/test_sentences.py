@@ -59,6 +59,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     NotFoundAgain,
     NotSeenToRepeat,
     Objection,
+    ReplacesInertia,
     SizeMayBeZero,
     TrainingRunAgainst,
     UncertainOnHeldOut,
@@ -86,6 +87,10 @@ OBJECTIONS = [
     (NotSeenToRepeat(1.6, 2.0, 12.0), ["1.6 periods", "12 cycles a turn", "fewer than 2:"]),
     (NoiseOfEffort(), ["the effort is noisy"]),
     (BelowEncoderStep("offset", 2e-6, 1e-5), ["offset is 2e-06 rad", "the encoder resolves 1e-05 rad"]),
+    (
+        ReplacesInertia(0.219, 1.17),
+        ["hardly anything is left of the declared rotor inertia", "With 0.219 kg*m^2", "leaves 1.2 noise floors"],
+    ),
     (
         SizeMayBeZero("presliding_travel", "presliding", 1.92, 0.0, 4.4, "N*m"),
         ["presliding_travel is at its bound", "presliding is not certain to differ from 0: 1.92 N*m", "0 to 4.4."],

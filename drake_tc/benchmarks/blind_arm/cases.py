@@ -11,8 +11,9 @@ No case has one of these sensor errors, because a log of this kind cannot identi
 - the gain of a current sensor: the joint's friction and, for the most part, the links' masses take it up;
 - a late encoder of a position servo: it acts as viscous friction.
 
-The offset of a current sensor is a constant torque, which the library calls asymmetric friction. A late encoder of a
-current drive is the same as a late command.
+The offset of a current sensor is a constant torque, which the library also calls asymmetric friction; that of a
+position servo, whose effort is computed from the position, is an offset of the encoder. A late encoder of a current
+drive is the same as a late command.
 """
 
 from collections.abc import Mapping
@@ -46,6 +47,8 @@ JOINT_EFFECTS = (
 )
 SENSORS = {"current_offset": "effort_bias", "late_encoder": "delay"}
 """A sensor's error, and the effect by which the library knows it."""
+OFFSET_OF_SERVO = "encoder_offset"
+"""The same of the effort of a position servo, which is computed from the position."""
 ROUND = (*JOINT_EFFECTS, *SENSORS, "", "")
 """One round of cases; "" lacks nothing. Case k is entry k of these rounds without end."""
 LATE = ("current_lag", "delay", "late_encoder")
@@ -213,6 +216,13 @@ def _size(plant: Any, context: Any, link: str) -> float:
     return float(np.sqrt(0.5 * np.sum(moments) / inertia.get_mass()))
 
 
+def effect_name(case: ArmCase) -> str:
+    """The effect by which the library knows what is wrong; empty for nothing."""
+    if case.kind == "current_offset" and case.drive == "position_servo":
+        return OFFSET_OF_SERVO
+    return SENSORS.get(case.kind, case.kind)
+
+
 def _truth(case: ArmCase) -> dict[str, Any]:
     numbers = dict(case.joints[case.where].numbers or {}) if case.where else {}
     estimated = dict(numbers)
@@ -225,9 +235,8 @@ def _truth(case: ArmCase) -> dict[str, Any]:
     friction = {j: {"viscous": t.viscous, "coulomb": t.coulomb} for j, t in case.joints.items()}
     if case.kind == "thermal_friction":
         del friction[case.where]  # the report's friction is that at the mean temperature
-    name = SENSORS.get(case.kind, case.kind)
     return {
-        "id": name,
+        "id": effect_name(case),
         "kind": case.kind,
         "drive": case.drive,
         "where": case.where,

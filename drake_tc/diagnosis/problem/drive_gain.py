@@ -10,6 +10,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import NO_STIFFNESS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.effects.context import LoadKind
@@ -66,8 +67,15 @@ def require_drive_gain(
 
 
 def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
-    """The declared model; fitted at the drive gain of the model found where it does not tell its own."""
-    if tells_drive_gain(columns, fit(columns, declared.terms)):
+    """The declared model; fitted at the drive gain of the model found where it does not tell its own.
+
+    A declared model that leaves less torque than the same model with more effects does not tell it either: its 1/K is
+    nearly 0, and so is all that its friction has to explain.
+    """
+    own = fit(columns, declared.terms)
+    left, of_chosen = (rms(columns.target - columns.design(f.terms) @ f.beta) for f in (own, chosen))
+    physical = len(chosen.terms) == len(declared.terms) or left >= of_chosen
+    if tells_drive_gain(columns, own) and physical:
         return declared
     return _fit_at(columns, chosen.gain, declared)
 

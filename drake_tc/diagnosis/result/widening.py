@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
+from drake_tc.diagnosis.problem.column_noise import attenuation
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
@@ -27,7 +28,10 @@ Parameters = Mapping[str, Mapping[str, Estimate]]
 
 
 def parameters_of(columns: Columns, fitted: Fit, drive: str) -> Parameters:
-    """Every parameter of a joint's fit, with intervals that hold what is not known of its sensors' errors.
+    """Every parameter of a joint's fit, with intervals that hold what is not known of its sensors' errors and noise.
+
+    The noise of a fitted inertia's acceleration moves the coefficients by b (`column_noise`). The intervals take b as a
+    standard deviation, since it follows from a noise that is itself estimated.
 
     Args:
         columns: Training rows.
@@ -35,7 +39,10 @@ def parameters_of(columns: Columns, fitted: Fit, drive: str) -> Parameters:
         drive: Kind of drive, for the units.
     """
     found = estimates(columns, fitted, drive)
-    return widened(found, fitted, spread_of_errors(columns, fitted)) if errors_in(fitted.terms) else found
+    if errors_in(fitted.terms):
+        found = widened(found, fitted, spread_of_errors(columns, fitted))
+    moved_by = attenuation(columns, fitted)
+    return found if moved_by is None else widened(found, fitted, np.outer(moved_by, moved_by))
 
 
 def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:

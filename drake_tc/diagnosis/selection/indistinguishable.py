@@ -15,6 +15,9 @@ from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.types import FloatArray
 
+TWICE_AS_MUCH = 2.0
+"""RMS beyond the noise of a delay over that of a lag, or the other way round, that tells which of two it is not."""
+
 
 def indistinguishable(
     columns: Columns, found: Search, context: Context, floor: float, effects: Sequence[Effect] | None = None
@@ -88,12 +91,17 @@ def _within_resolution(chosen: FloatArray, other: FloatArray, floor: float) -> b
     """Whether the chosen fit nowhere explains enough more than the other to count as an improvement.
 
     With the noise that a lag takes out of the effort charged to it (`Columns.noise_ratio`) and without: how much of the
-    residual is such noise is known roughly, and an order that rests on it tells nothing.
+    residual is such noise is known roughly, and an order that rests on it tells nothing. Nor does one between two
+    models of which neither fits.
 
     Args:
         chosen: Errors (1 + r, 2) of `_errors`.
         other: The same of the fit with the other effect.
         floor: Noise floor [effort].
     """
-    enough = other**2 - chosen**2 >= (JOINT.least_removed * floor) ** 2
-    return not bool(enough.all(axis=1).any())
+    least = (JOINT.least_removed * floor) ** 2
+    enough = other**2 - chosen**2 >= least
+    if not enough.all(axis=1).any():
+        return True
+    left, of_other = chosen[0] ** 2 - floor**2, other[0] ** 2 - floor**2
+    return bool((left >= least).all() and (of_other < TWICE_AS_MUCH**2 * left).all())

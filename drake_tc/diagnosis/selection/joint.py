@@ -16,6 +16,7 @@ from drake_tc.diagnosis.selection.engine import Progress, Proposal, Selection, c
 from drake_tc.diagnosis.selection.known_load import looks_like_known_load
 from drake_tc.diagnosis.selection.lag_or_noise import LATE, is_noise
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
+from drake_tc.diagnosis.selection.rotor_inertia import leaves_noise_of_its_inertia, replaces_inertia
 from drake_tc.diagnosis.selection.shape_refinement import Known, Refinement, refine, term_keys
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, NoiseOfEffort
@@ -170,6 +171,8 @@ class JointProblem:
                 found = objection_to_values(fitted, term, self.context, self.columns)
                 if found is None and is_noise(self.columns, fitted, term):
                     found = NoiseOfEffort()
+                if found is None:
+                    found = replaces_inertia(self.columns, fitted, term, self.known, self.noise)
                 if found is not None:
                     out.append(DidNotHold(effect.key, effect.id, effect.title, found))
         return out
@@ -233,7 +236,8 @@ def _of_simplest_causes(
     A curve over the position can explain most of two simpler effects at once, and neither of these enters the beam
     after it; without it an encoder's eccentricity may do the same. So where a curve was chosen, the search is repeated
     without curves, and without all effects that depend on the position. A curve in the form of the known load is no
-    cause of its own; in its place fewer parameters that leave next to nothing but noise are taken.
+    cause of its own; in its place fewer parameters that leave next to nothing but noise are taken. A rotor inertia is
+    taken before a curve where it leaves next to nothing but the noise that it brings.
     """
     added = [t for t in found.chosen.terms if t.effect.key not in problem.known]
     imitates = any(looks_like_known_load(found.chosen, t, problem.columns) for t in added)
@@ -246,7 +250,12 @@ def _of_simplest_causes(
     most = (1.0 + thresholds.same) * found.chosen.cv_rms
     if imitates:
         most = max(most, thresholds.own_floors * problem.noise)
-    as_good = [each for each in tried if each.chosen.cv_rms <= most and each.chosen.size <= found.chosen.size]
+    as_good = [
+        each
+        for each in tried
+        if each.chosen.size <= found.chosen.size
+        and (each.chosen.cv_rms <= most or leaves_noise_of_its_inertia(problem.columns, each.chosen, problem.known))
+    ]
     return min(as_good, key=lambda each: problem.order(each.chosen), default=found)
 
 

@@ -112,6 +112,19 @@ class SizeMayBeZero:
 
 
 @dataclass(frozen=True)
+class ReplacesInertia:
+    """An effect beside which nothing is left of a declared rotor inertia, though the declared model fits with it.
+
+    Attributes:
+        inertia: Of the declared model [kg m^2]. floors: noise floors that the declared model leaves.
+    """
+
+    inertia: float
+    floors: float
+    reason: ClassVar[Withdrawal] = "implausible"
+
+
+@dataclass(frozen=True)
 class FormOfKnownLoad:
     """A curve over the position that has the form of the known load.
 
@@ -215,6 +228,7 @@ Objection = (
     | BelowEncoderStep
     | BelowLeastAmplitude
     | SizeMayBeZero
+    | ReplacesInertia
     | FormOfKnownLoad
     | LevelWithinWander
     | TrainingRunAgainst

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     NotFoundAgain,
     NotSeenToRepeat,
     Objection,
+    ReplacesInertia,
     SizeMayBeZero,
     TrainingRunAgainst,
     UncertainOnHeldOut,
@@ -29,6 +30,7 @@ _OfValues = (
     | BelowEncoderStep
     | BelowLeastAmplitude
     | SizeMayBeZero
+    | ReplacesInertia
 )
 
 
@@ -104,6 +106,11 @@ def _of_values(objection: _OfValues) -> str:
             return (
                 f"{shape} is at its bound, and there {size} is not certain to differ from 0: {value:.3g} {unit}, 95 % "
                 f"interval {low:.3g} to {high:.3g}."
+            )
+        case ReplacesInertia(inertia, floors):
+            return (
+                f"Beside it hardly anything is left of the declared rotor inertia. With {inertia:.3g} kg*m^2, the "
+                f"declared model leaves {floors:.2g} noise floors: the effect only takes the place of the inertia."
             )
         case _:
             assert_never(objection)

@@ -174,3 +174,14 @@ def test_a_wave_that_was_not_seen_to_repeat_is_listed_beside_the_curve_that_stan
     found = Search(p.baseline, fit(p.columns, [*p.declared, curve]))
     pairs = module.indistinguishable(p.columns, found, p.context, floor_of(p), [effect("torque_ripple")])
     assert (("position_dependent_load", "torque_ripple") in pairs) == listed
+
+
+@pytest.mark.parametrize(
+    ("chosen", "other", "tie"),
+    [(1.05, 1.35, False), (1.3, 1.6, True), (1.3, 2.2, False)],
+    ids=["the better one fits", "neither fits", "one leaves much more"],
+)
+def test_a_delay_and_a_lag_tie_where_neither_is_the_whole_cause(chosen, other, tie):
+    """Errors in noise floors; the difference alone would count as an effect."""
+    fits = [np.full((2, 2), each) for each in (chosen, other)]
+    assert module._within_resolution(*fits, 1.0) is tie
