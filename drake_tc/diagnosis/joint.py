@@ -81,6 +81,7 @@ def diagnose_joint(
         link_prior=link_prior,
         width_s=options.width_s,
         common=options.common,
+        command_held=options.command_held,
     )
     stage, prepare = of_its_gear(prepare, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms

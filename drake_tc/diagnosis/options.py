@@ -17,6 +17,7 @@ class DiagnosisOptions:
     structured. `width_s`: width of the light kernel [s]; None lets the data choose. `effects`: what the search tries
     in place of the library; a result names effects by their id, so those that are not of the library are registered
     first (`drake_tc.register_effect`). `common`: terms that every joint's declared model has besides its own.
+    `command_held`: whether position servos hold their commands, decided for all joints; None: each joint decides.
 
     Raises:
         ParamsError: an effect that is neither of the library nor registered.
@@ -29,6 +30,7 @@ class DiagnosisOptions:
     width_s: float | None = None
     effects: tuple[Effect, ...] | None = None
     common: tuple[Term, ...] = ()
+    command_held: bool | None = None
 
     def __post_init__(self) -> None:
         for given in self.effects or ():

@@ -7,6 +7,8 @@ a viscous friction that is too large by K T/2, and a delay of T/2. Free runs hol
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import context_of
@@ -16,6 +18,7 @@ from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, kn
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.thresholds import HELD_CERTAIN, HELD_FROM_PERIOD
 from drake_tc.effects.base import Effect
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
@@ -37,16 +40,44 @@ def command_is_held(
     """
     if rig.command_hold is not None or rig.drive[joint] != "position_servo":
         return bool(rig.command_hold)
+    load = rig.load[joint]
+    if isinstance(load, RobotLoad) and load.fitted and link_prior is None:
+        return bool(build().signals.period >= HELD_FROM_PERIOD)  # the load is not yet fitted
+    return speaks_for_hold([drop_by_hold(build, rig, joint, link_prior, loads)])
+
+
+def speaks_for_hold(drops: Sequence[FloatArray]) -> bool:
+    """Whether the errors of `drop_by_hold` of one joint or of all joints of a robot are smaller with a held command.
+
+    One controller commands all joints of a robot, and an effect that one joint lacks may speak for either. A joint
+    counts by its share of blocks.
+    """
+    blocks = np.concatenate(drops)
+    return blocks.size > 0 and better_share(blocks) >= HELD_CERTAIN
+
+
+def drop_by_hold(
+    build: Callable[..., Samples], rig: Rig, joint: str, link_prior: LinkPrior | None, loads: Sequence[Effect]
+) -> FloatArray:
+    """(B,) by how much the squared error of each block drops if the command is held, over the mean of all blocks.
+
+    Empty on a fast clock. One number where the kernels leave other rows: nothing can be compared block by block.
+
+    Args:
+        build: Makes the training samples; takes `effort_age`.
+        rig: Says drive and load.
+        joint: A position servo.
+        link_prior: Of the links' columns; None where there are none.
+        loads: What an unknown load may be.
+    """
     continuous = build()
     if continuous.signals.period < HELD_FROM_PERIOD:
-        return False
-    if context_of(continuous, rig, joint).load == "links" and link_prior is None:
-        return True  # the load is not yet fitted
+        return np.zeros(0)
     both = (known_taken_off(each, rig, joint, link_prior) for each in (continuous, build(effort_age=HELD)))
     without, with_hold = (_block_errors(each, rig, joint, loads) for each in both)
-    if without.size != with_hold.size:  # the kernels leave other rows: nothing can be compared block by block
-        return bool(without.sum() > with_hold.sum())
-    return better_share(without - with_hold) >= HELD_CERTAIN
+    if without.size != with_hold.size:
+        return np.array([1.0 - with_hold.sum() / without.sum()])
+    return np.asarray((without - with_hold) / without.mean())
 
 
 def _block_errors(samples: Samples, rig: Rig, joint: str, loads: Sequence[Effect]) -> FloatArray:

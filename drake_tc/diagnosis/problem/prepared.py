@@ -100,6 +100,7 @@ def prepare_joint(
     sampled_late: float = 0.0,
     gap: OpenGap | None = None,
     position_late: float = 0.0,
+    command_held: bool | None = None,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -115,6 +116,7 @@ def prepare_joint(
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
         gap: As in `build_samples`.
         position_late: As in `build_samples` [s].
+        command_held: Whether a position servo holds its command, where that is decided; None lets this joint decide.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
@@ -130,13 +132,15 @@ def prepare_joint(
         gap=gap,
         position_late=position_late,
     )
-    held_for = HELD if command_is_held(partial(build, train_runs), rig, joint, link_prior, loads) else 0.0
+    if command_held is None:
+        command_held = command_is_held(partial(build, train_runs), rig, joint, link_prior, loads)
+    servo = rig.drive[joint] == "position_servo"
+    held_for = HELD if command_held and servo else 0.0
     build = partial(build, effort_age=held_for + sampled_late)
     train, held = _samples(build, train_runs, held_runs)
     context = context_of(train, rig, joint)
     require_positions(rig, joint, context)
     train, held = (known_taken_off(each, rig, joint, link_prior) for each in (train, held))
-    servo = context.drive == "position_servo"
     scale = load_scale(rig, joint)
     first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
     plain = fit_declared(first, declared_terms(rig, joint), context, loads)

@@ -3,15 +3,18 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
+from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.command_hold import drop_by_hold, speaks_for_hold
 from drake_tc.diagnosis.problem.estimates import shape_slopes
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit
@@ -23,7 +26,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.joint import Search, candidates, search
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
-from drake_tc.effects.link_load import LinkLoad
+from drake_tc.effects.link_load import LinkLoad, link_load
 from drake_tc.estimation.coupled_gears import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -92,8 +95,9 @@ class RobotCase:
 
     def prepared(self, train: Sequence[Run], held: Sequence[Run]) -> dict[str, Prepared]:
         """Each joint with its declared model."""
-        width, train, held = self.options.width_s, self.at_motors(train), self.at_motors(held)
-        return {j: prepare_joint(train, held, self.rig, j, width_s=width) for j in self.rig.joints}
+        train, held = self.at_motors(train), self.at_motors(held)
+        made = partial(prepare_joint, width_s=self.options.width_s, command_held=self.options.command_held)
+        return {j: made(train, held, self.rig, j) for j in self.rig.joints}
 
     def diagnose(
         self,
@@ -121,6 +125,22 @@ class RobotCase:
         train, held = self.at_motors(train), self.at_motors(held)
         options = replace(self.options, search=replace(self.options.search, **FAST))
         return self.each(_searched, {j: (train, held, self.rig, j, options, priors[j]) for j in self.rig.joints})
+
+    def with_hold(self, train: Sequence[Run], priors: Mapping[str, LinkPrior]) -> "RobotCase":
+        """The case with one answer for all position servos to whether they hold their commands (`command_hold`).
+
+        Args:
+            train: Runs to fit.
+            priors: By joint, of the links' columns that the runs hold.
+        """
+        servos = [j for j in self.rig.joints if self.rig.drive[j] == "position_servo"]
+        if self.rig.command_hold is not None or not servos:
+            return self
+        train, width = self.at_motors(train), self.options.width_s
+        drops = self.each(_drop_by_hold, {j: (train, self.rig, j, priors[j], width) for j in servos})
+        if not any(each.size for each in drops.values()):
+            return self  # a fast clock
+        return replace(self, options=replace(self.options, command_held=speaks_for_hold(list(drops.values()))))
 
     def each(self, work: Callable[..., Result], arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Result]:
         """`work` of each joint's arguments."""
@@ -159,8 +179,22 @@ def _searched(
     link_prior: LinkPrior | None,
 ) -> OwnModel:
     with threadpool_limits(1):
-        prepared = prepare_joint(train, held, rig, joint, 0.0, link_prior, options.width_s, options.common)
+        prepared = prepare_joint(
+            *(train, held, rig, joint),
+            link_prior=link_prior,
+            width_s=options.width_s,
+            common=options.common,
+            command_held=options.command_held,
+        )
         return OwnModel.of(prepared.train, own_search(prepared, options).chosen)
+
+
+def _drop_by_hold(
+    train: Sequence[Run], rig: Rig, joint: str, link_prior: LinkPrior, width_s: float | None
+) -> FloatArray:
+    with threadpool_limits(1):
+        build = partial(build_samples, train, rig=rig, joint=joint, width_s=width_s)
+        return drop_by_hold(build, rig, joint, link_prior, (link_load(link_prior.mean.size),))
 
 
 def own_search(prepared: Prepared, options: DiagnosisOptions) -> Search:

@@ -1,7 +1,8 @@
 """`close-loop` of a robot whose links' inertial parameters are fitted together with its joints' models.
 
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
-   (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried.
+   (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried. Whether position servos hold
+   their commands is decided for all joints together.
 2. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's model from here on.
    An encoder that comes late (`late_encoder`); where there is one, its readings are moved from here on.
 3. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
@@ -123,7 +124,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     joints = case.rig.joints
-    declared = start = _in_wide_enough_band(case)
+    declared = start = _as_commanded(_in_wide_enough_band(case))
     first, delay = declared.links, _common_delay(declared)
     encoder = _late_encoder(declared, delay, logs, model)
     if encoder is not None:
@@ -233,6 +234,18 @@ def _in_wide_enough_band(case: RobotCase) -> _Start:
             break  # too little motion is left between reversals
     enough = max(LITTLE_LEFT, AS_WELL * min(each.left for each in tried))
     return next(each for each in tried if each.left <= enough)
+
+
+def _as_commanded(start: _Start) -> _Start:
+    """The declared models with commands held or not, as all joints together say beside the links of the first fit.
+
+    Until the links are fitted, commands are taken to hold: viscous friction takes up half a period that is too much or
+    too little, but it is not negative.
+    """
+    train, _, priors = start.links.sides(start.case)
+    options = start.links.held_at(start.case).with_hold(train, priors).options
+    case = replace(start.case, options=options)
+    return _at_width(case) if options.command_held is False else replace(start, case=case)
 
 
 def _at_width(case: RobotCase) -> _Start:
