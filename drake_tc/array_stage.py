@@ -70,6 +70,8 @@ class ArrayStage:
         updates: Further input ports, on which only the next state depends.
         start: (S,) initial state.
         period: Period of the update [s]; None for a stage without state.
+        early: Outputs that depend on fewer inputs than `reads`, where the stage has such outputs and another stage may
+            lie between them and the others. It has no state of its own: its `Arrays.before` is the state of this stage.
     """
 
     width: int
@@ -79,11 +81,17 @@ class ArrayStage:
     updates: frozenset[str] = frozenset()
     start: FloatArray = field(default_factory=lambda: np.zeros(0))
     period: float | None = None
+    early: "ArrayStage | None" = None
 
     @property
     def inputs(self) -> frozenset[str]:
         """All input ports that are used."""
-        return self.reads | self.updates
+        return self.reads | self.updates | (frozenset() if self.early is None else self.early.reads)
+
+    def part_with(self, port: str) -> "ArrayStage | None":
+        """This stage, or its early one, whichever has the output port; None where no part has it."""
+        parts = (self,) if self.early is None else (self, self.early)
+        return next((part for part in parts if port in part.ports), None)
 
 
 def places(parts: Mapping[str, slice]) -> dict[str, IntArray]:

@@ -7,8 +7,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 STOP_TIME = 0.3
 """From full speed to rest [s]."""
@@ -38,7 +39,7 @@ class StoppingReference(PortMethods, LeafSystem):
         super().__init__()
         output = source.get_output_port()
         size = int(output.size())
-        self._source, self._output = source, output
+        self._source, self._output, self._dt = source, output, dt
         self._velocity, self._acceleration = LAYOUTS[size]
         self._stop: Any = self.DeclareVectorInputPort("stop", 1)
         never: Any = np.array([math.inf])
@@ -54,25 +55,47 @@ class StoppingReference(PortMethods, LeafSystem):
         )
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _at(self, context: Context, instant: float) -> FloatArray:
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        size = int(self._output.size())
+
+        def bind(arrays: Arrays) -> tuple[Call, Call | None]:
+            out, before, after, stop = arrays.out, arrays.before, arrays.after, arrays.inputs.get("stop")
+            scratch = self._source.CreateDefaultContext()
+
+            def outputs(time: float) -> None:
+                out[:] = self._reference(scratch, time, float(before[0]))
+
+            def update(time: float) -> None:
+                if before[0] == math.inf and stop[0] > 0.5:
+                    after[0] = time
+
+            return outputs, None if stop is None else update
+
+        ports, start = places({"reference": slice(size)}), np.array([math.inf])
+        return ArrayStage(size, ports, bind, updates=frozenset({"stop"}), start=start, period=self._dt)
+
+    def _at(self, scratch: Context, instant: float) -> FloatArray:
         """The source's reference at an instant."""
-        scratch = self._scratch.Eval(context)
         scratch.SetTime(instant)
         found: FloatArray = self._output.Eval(scratch)
         return found
 
-    def _write(self, context: Context, vector: Any) -> None:
-        now, begin = context.get_time(), context.get_discrete_state(self._state).GetAtIndex(0)
+    def _reference(self, scratch: Context, now: float, begin: float) -> FloatArray:
+        """y at the time `now`, of t0 = `begin`."""
         if now <= begin:
-            vector.set_value(self._at(context, now))
-            return
+            return self._at(scratch, now)
         pace = max(0.0, 1.0 - (now - begin) / STOP_TIME)
-        found = np.array(self._at(context, begin + 0.5 * (1.0 - pace * pace) * STOP_TIME))
+        found = np.array(self._at(scratch, begin + 0.5 * (1.0 - pace * pace) * STOP_TIME))
         v, a = self._velocity, self._acceleration
         braking = found[v:a] / STOP_TIME if pace > 0.0 else 0.0
         found[a:] = pace * pace * found[a:] - braking
         found[v:a] *= pace
-        vector.set_value(found)
+        return found
+
+    def _write(self, context: Any, vector: Any) -> None:
+        now, begin = context.get_time(), context.get_discrete_state(self._state).GetAtIndex(0)
+        vector.set_value(self._reference(self._scratch.Eval(context), now, begin))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         begin = context.get_discrete_state(self._state).GetAtIndex(0)
