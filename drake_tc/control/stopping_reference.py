@@ -82,7 +82,7 @@ class StoppingReference(PortMethods, LeafSystem):
         return found
 
     def _reference(self, scratch: Context, now: float, begin: float) -> FloatArray:
-        """y at the time `now`, of t0 = `begin`."""
+        """The output y(t) of t = `now` and t0 = `begin`."""
         if now <= begin:
             return self._at(scratch, now)
         pace = max(0.0, 1.0 - (now - begin) / STOP_TIME)
