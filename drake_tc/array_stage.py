@@ -5,7 +5,7 @@ A stage with a method `on_arrays() -> ArrayStage` can run together with other st
 numbers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -72,6 +72,8 @@ class ArrayStage:
         period: Period of the update [s]; None for a stage without state.
         early: Outputs that depend on fewer inputs than `reads`, where the stage has such outputs and another stage may
             lie between them and the others. It has no state of its own: its `Arrays.before` is the state of this stage.
+        begin: Makes the function for one Context that computes `after` when a simulator is initialized; None where the
+            state stays as it is then.
     """
 
     width: int
@@ -82,6 +84,7 @@ class ArrayStage:
     start: FloatArray = field(default_factory=lambda: np.zeros(0))
     period: float | None = None
     early: "ArrayStage | None" = None
+    begin: Callable[[Arrays], Call] | None = None
 
     @property
     def inputs(self) -> frozenset[str]:

@@ -66,6 +66,8 @@ class FusedStages(PortMethods, LeafSystem):
                 group = list(nodes)
                 self._parts[period] = slice(self._states[group[0]].start, self._states[group[-1]].stop)
                 self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._updater(period))
+        if any(node.stage.begin is not None for node in self._nodes):
+            self.DeclareInitializationDiscreteUpdateEvent(self._begin)
 
     def _declare_input(self, number: int) -> Any:
         port: Any = self._plan.given[number].port
@@ -111,12 +113,26 @@ class FusedStages(PortMethods, LeafSystem):
 
         return update
 
+    def _begin(self, context: Any, values: Any) -> None:
+        """The states with which a simulation starts."""
+        scratch, time = self._evaluated(context), context.get_time()
+        self._read_late(context, scratch)
+        scratch.after[:] = scratch.before
+        for call in scratch.begins:
+            call(time)
+        values.get_mutable_value(self._memory)[:] = scratch.after
+
+    def _read_late(self, context: Context, scratch: "Scratch") -> None:
+        """Read the inputs on which no output depends."""
+        given = scratch.given
+        for number, evaluate in self._late_ports:
+            given[number][:] = evaluate(context)
+
     def _advanced(self, context: Context, period: float | None) -> "Scratch":
         """The arrays of a Context, with the next states of the stages of one period."""
         scratch, part = self._evaluated(context), self._parts[period]
-        given, after, time = scratch.given, scratch.after, context.get_time()
-        for number, evaluate in self._late_ports:
-            given[number][:] = evaluate(context)
+        after, time = scratch.after, context.get_time()
+        self._read_late(context, scratch)
         after[part] = scratch.before[part]
         for call in scratch.updates[period]:
             call(time)
@@ -189,7 +205,7 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.before, scratch.after = np.zeros(size), np.zeros(size)
         scratch.given = [_place_of(scratch.signals, given.elements) for given in plan.given]
         scratch.outputs = [[] for _ in self._levels]
-        scratch.updates = {node.stage.period: [] for node in plan.nodes}
+        scratch.updates, scratch.begins = {node.stage.period: [] for node in plan.nodes}, []
         for node in plan.nodes:
             inputs = _Inputs(node.name)
             for name, where in node.inputs.items():
@@ -197,11 +213,14 @@ class FusedStages(PortMethods, LeafSystem):
             out = scratch.signals[node.first : node.first + node.stage.width]
             state = self._states[plan.node_of(node.system) or node]
             before, after = _read_only(scratch.before[state]), scratch.after[state]
-            outputs, update = node.stage.bind(Arrays(inputs, out, before, after))
+            arrays = Arrays(inputs, out, before, after)
+            outputs, update = node.stage.bind(arrays)
             if outputs is not None:
                 scratch.outputs[node.level] += [outputs] if callable(outputs) else outputs
             if update is not None:
                 scratch.updates[node.stage.period] += [update] if callable(update) else update
+            if node.stage.begin is not None:
+                scratch.begins.append(node.stage.begin(arrays))
         scratch.outputs = [sequences(calls) for calls in scratch.outputs]
         scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 
@@ -218,6 +237,7 @@ class FusedStages(PortMethods, LeafSystem):
             scratch.outputs[node.level].append(gather)
         else:
             scratch.updates[node.stage.period].append(gather)
+            scratch.begins.append(gather)
         return _read_only(copy.view())
 
 
@@ -244,6 +264,7 @@ class Scratch:
         given: For each input port, by its number, where its value is written.
         outputs: For each level, the functions that compute its signals.
         updates: For each period, the functions that compute the next states.
+        begins: The functions that compute the states at the start of a simulation.
         computed: Number of levels whose signals have been computed at least once in these arrays.
     """
 
@@ -253,6 +274,7 @@ class Scratch:
     given: list[Any]
     outputs: list[list[Call]]
     updates: dict[float | None, list[Call]]
+    begins: list[Call]
 
     def __init__(self, system: FusedStages) -> None:
         self._system, self.computed = system, 0
