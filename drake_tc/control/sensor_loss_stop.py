@@ -87,18 +87,22 @@ class SensorLossStop(PortMethods, LeafSystem):
 
     def _is_lost(self, ticks: FloatArray) -> bool:
         """Whether a joint is lost that the robot stands on."""
-        return bool(np.count_nonzero(ticks[self._carrying] >= self._limit))
+        return self._fades(ticks) and bool(np.count_nonzero(ticks[self._carrying] >= self._limit))
+
+    def _fades(self, ticks: FloatArray) -> bool:
+        """Whether any joint is lost."""
+        return bool(np.count_nonzero(ticks)) and bool(np.count_nonzero(ticks >= self._limit))
 
     def _faded_torque(self, ticks: FloatArray, torque: FloatArray) -> FloatArray:
         """(n,) the output `torque`."""
-        if not np.count_nonzero(ticks > self._limit):
+        if not self._fades(ticks):
             return torque
         longest = float(ticks[self._carrying].max(initial=0.0))
         return np.asarray(torque * np.exp(-self._rate * np.maximum(np.maximum(ticks, longest) - self._limit, 0.0)))
 
     def _faded_desired(self, ticks: FloatArray, desired: FloatArray) -> FloatArray:
         """(n,) the output `desired`."""
-        if not np.count_nonzero(ticks > self._limit) or self._is_lost(ticks):
+        if not self._fades(ticks) or self._is_lost(ticks):
             return desired
         return np.asarray(desired * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0)))
 

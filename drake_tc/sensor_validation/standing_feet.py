@@ -131,10 +131,15 @@ class StandingFeet(PortMethods, LeafSystem):
             names = [name for name in self._ports if name != "contacts" or name in arrays.inputs]
             given: Inputs = {name: arrays.inputs[name] for name in names}.get
             before, after, scratch = arrays.before, arrays.after, self._plant.CreateDefaultContext()
+            imu, reading, of_imu = given("imu"), arrays.out[parts["reading"]], arrays.out[: parts["imu_tilt"].stop]
             shown = [(self._value(name), arrays.out[part]) for name, part in parts.items()]
+            of_state = shown[2:]
 
             def outputs(time: float) -> None:
-                for value, out in shown:
+                there = _finite(imu)
+                if there:
+                    of_imu[:], reading[:] = np.nan, imu
+                for value, out in of_state if there else shown:
                     out[:] = value(given, before, scratch)
 
             def update(time: float) -> None:
@@ -225,7 +230,7 @@ class StandingFeet(PortMethods, LeafSystem):
         if not _finite(np.asarray(given("imu"))):
             after[_ABSENT] = held[_ABSENT] + _EVERY * self._dt
         elif (soles := self._standing(given)) and after[_SPEED] < RESTS:
-            self._moved(given, scratch)
+            self._plant.SetPositions(scratch, given("estimated_state")[: self._plant.num_positions()])
             moving = np.zeros(self._plant.num_velocities())
             moving[:3], moving[self._places] = after[turns], rates
             self._plant.SetVelocities(scratch, moving)
