@@ -136,9 +136,7 @@ class StandingState(PortMethods, LeafSystem):
         reads, ports = frozenset({*names, "active_contacts"}), places({"estimated_state": slice(size)})
         return ArrayStage(size, ports, bind, reads, start=self._first, period=self._period)
 
-    def _know(
-        self, known: "_Known", held: FloatArray, now: Sequence[FloatArray], switch: FloatArray | None
-    ) -> None:
+    def _know(self, known: "_Known", held: FloatArray, now: Sequence[FloatArray], switch: FloatArray | None) -> None:
         """The state of a tick and the memory after it, from inputs `now` and the memory `held` before it."""
         model = self._model
         switch = np.ones(len(model.contacts)) if switch is None else switch

@@ -40,7 +40,12 @@ CASES = {
             force_torque: [{kind: dropped, start: 0.12, duration: 0.03}]}}""",
         0.2,
     ),
-    "a joint without two of its sensors": (COMAN, "stand", f"{{faults: {{motor_encoder: {LOST}, gauge: {LOST}}}}}", 0.3),
+    "a joint without two of its sensors": (
+        COMAN,
+        "stand",
+        f"{{faults: {{motor_encoder: {LOST}, gauge: {LOST}}}}}",
+        0.3,
+    ),
     "motors held by their own encoders": (COMAN, "pushed_held", "{}", 0.06),
     "damped joints, and a contact that is lifted": (
         COMAN,
