@@ -61,7 +61,8 @@ class StoppingReference(PortMethods, LeafSystem):
         size = int(self._output.size())
 
         def bind(arrays: Arrays) -> tuple[Call, Call | None]:
-            out, before, after, stop = arrays.out, arrays.before, arrays.after, arrays.inputs.get("stop")
+            out, before, after = arrays.out, arrays.before, arrays.after
+            stop: Any = arrays.inputs.get("stop")
             source = self._source_on_arrays()
 
             def outputs(time: float) -> None:

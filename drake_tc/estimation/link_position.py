@@ -107,7 +107,8 @@ class LinkPosition(PortMethods, LeafSystem):
 
     def _solved(self, context: Context) -> tuple[FloatArray, FloatArray]:
         now = self._inputs(context)
-        return self._solve(context.get_discrete_state(self._state).value(), *now, _lost(*now))
+        held: Any = context.get_discrete_state(self._state).value()
+        return self._solve(held, *now, _lost(*now))
 
     def _write_fault(self, context: Context, vector: Any) -> None:
         vector.set_value(_lost(*self._inputs(context)).astype(float))

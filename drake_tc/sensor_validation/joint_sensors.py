@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, Value
 from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import Call, FloatArray
+from drake_tc.types import BoolArray, Call, FloatArray
 
 FLAGS = (
     "motor_encoder/missing",
@@ -144,7 +144,8 @@ class JointSensors(PortMethods, LeafSystem):
         """x[n+1]."""
         vote: Any = self._solved.Eval(context)
         values.set_value(self._state, vote.after)
-        self._count(vote, *(values.get_mutable_value(index) for index in (self._left, self._flags, self._lost)))
+        counters: Any = [values.get_mutable_value(index) for index in (self._left, self._flags, self._lost)]
+        self._count(vote, *counters)
 
     def _count(self, vote: _Vote, left: FloatArray, flags: FloatArray, lost: FloatArray) -> None:
         """Count down how long flags and losses stay up, and begin anew where the vote found a cause; in place."""
@@ -153,7 +154,7 @@ class JointSensors(PortMethods, LeafSystem):
         lost[:] = np.where(vote.found[-1], self._hold, np.maximum(lost - 1.0, 0.0))
         left -= 1.0
         np.maximum(left, 0.0, out=left)
-        any_of = vote.found.any(axis=1)
+        any_of: BoolArray = np.asarray(vote.found.any(axis=1))
         missing, frozen, odd = any_of[:3], any_of[3:6], any_of[6:9]
         causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], any_of[9]]
         left[causes] = self._hold

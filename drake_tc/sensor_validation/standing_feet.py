@@ -251,13 +251,12 @@ class StandingFeet(PortMethods, LeafSystem):
         value = self._value(output)
 
         def write(context: Context, vector: Any) -> None:
-            held = context.get_discrete_state(self._held).value()
+            held: Any = context.get_discrete_state(self._held).value()
             vector.set_value(value(self._inputs(context), held, self._scratch.Eval(context)))
 
         return write
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        after: Any = self._next(
-            self._inputs(context), context.get_discrete_state(self._held).value(), self._scratch.Eval(context)
-        )
+        held: Any = context.get_discrete_state(self._held).value()
+        after: Any = self._next(self._inputs(context), held, self._scratch.Eval(context))
         values.set_value(self._held, after)
