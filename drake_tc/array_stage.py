@@ -5,7 +5,7 @@ A stage with a method `on_arrays() -> ArrayStage` can run together with other st
 numbers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -70,6 +70,10 @@ class ArrayStage:
         updates: Further input ports, on which only the next state depends.
         start: (S,) initial state.
         period: Period of the update [s]; None for a stage without state.
+        early: Outputs that depend on fewer inputs than `reads`, where the stage has such outputs and another stage may
+            lie between them and the others. It has no state of its own: its `Arrays.before` is the state of this stage.
+        begin: Makes the function for one Context that computes `after` when a simulator is initialized; None where the
+            state stays as it is then.
     """
 
     width: int
@@ -79,11 +83,18 @@ class ArrayStage:
     updates: frozenset[str] = frozenset()
     start: FloatArray = field(default_factory=lambda: np.zeros(0))
     period: float | None = None
+    early: "ArrayStage | None" = None
+    begin: Callable[[Arrays], Call] | None = None
 
     @property
     def inputs(self) -> frozenset[str]:
         """All input ports that are used."""
-        return self.reads | self.updates
+        return self.reads | self.updates | (frozenset() if self.early is None else self.early.reads)
+
+    def part_with(self, port: str) -> "ArrayStage | None":
+        """This stage, or its early one, whichever has the output port; None where no part has it."""
+        parts = (self,) if self.early is None else (self, self.early)
+        return next((part for part in parts if port in part.ports), None)
 
 
 def places(parts: Mapping[str, slice]) -> dict[str, IntArray]:

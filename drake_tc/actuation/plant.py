@@ -10,7 +10,7 @@ from drake_tc.actuation.joint_effects import JointEffects
 from drake_tc.actuation.joint_program import JointOutput
 from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
-from drake_tc.array_stage import Arrays, ArrayStage
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
@@ -165,7 +165,18 @@ class ActuatorPlant(PortMethods, LeafSystem):
         ports = {name: np.arange(i, kinds * n, kinds) for i, name in enumerate(JointOutput._fields)}
         reads = frozenset({"command", "state", "temperature", "supply_voltage", "load_torque"})
         ports["step"] = np.arange(step.width)
-        return ArrayStage(step.width, ports, bind, reads, start=start, period=self._dt)
+
+        def bind_motors(arrays: Arrays) -> tuple[Call, None]:
+            state, before, out = arrays.inputs["state"], arrays.before, arrays.out
+
+            def outputs(time: float) -> None:
+                out[:] = step.motors(before, state)
+
+            return outputs, None
+
+        motors = places({"motor_state": slice(2 * n), "transmitted_torque": slice(2 * n, 3 * n)})
+        early = ArrayStage(3 * n, motors, bind_motors, frozenset({"state"}))
+        return ArrayStage(step.width, ports, bind, reads, start=start, period=self._dt, early=early)
 
     def _solve(self, context: Any, vector: Any) -> None:
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""

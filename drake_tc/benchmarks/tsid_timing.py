@@ -122,7 +122,7 @@ def _ratio(name: str, value: float, n: int) -> FigureRow:
 
 def diagram_timing(scenario: TsidScenario) -> FigureRow:
     """Single ticks of controller, plant with contact, references and log; the first one warms up."""
-    loop = build_tsid(scenario)
+    loop = build_tsid(scenario, fused=True)
     simulator, period, seconds = Simulator(loop.diagram), loop.law.period, []
     loop.start(simulator.get_mutable_context())
     simulator.Initialize()

@@ -4,8 +4,10 @@ from typing import Any
 
 from pydrake.systems.framework import Context, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.references import Path
 from drake_tc.port_methods import PortMethods
+from drake_tc.types import Call
 
 
 class ReferenceSource(PortMethods, LeafSystem):
@@ -29,6 +31,19 @@ class ReferenceSource(PortMethods, LeafSystem):
         super().__init__()
         self._path = path
         self.DeclareVectorOutputPort("reference", path.size, self._write, {self.time_ticket()})
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            out, row = arrays.out, self._path.row
+
+            def outputs(time: float) -> None:
+                out[:] = row(time)
+
+            return outputs, None
+
+        return ArrayStage(self._path.size, places({"reference": slice(self._path.size)}), bind)
 
     def _write(self, context: Context, vector: Any) -> None:
         vector.set_value(self._path.row(context.get_time()))

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import BoolArray
+from drake_tc.types import BoolArray, Call, FloatArray
 
 LOSS_TIME = 0.15
 """Time for which a flag is up before the joint counts as lost [s]; the flag itself takes 0.1 s of it."""
@@ -37,7 +38,7 @@ class SensorLossStop(PortMethods, LeafSystem):
             dt: Period [s].
         """
         super().__init__()
-        self._limit, self._nothing = float(np.ceil(LOSS_TIME / dt)), np.full(size, np.nan)
+        self._limit, self._nothing, self._dt = float(np.ceil(LOSS_TIME / dt)), np.full(size, np.nan), dt
         self._rate, self._carrying = dt / fade, np.array(carrying, dtype=bool)
         joints = self._carrying.size
         self._known: Any = self.DeclareVectorInputPort("state", size)
@@ -52,33 +53,77 @@ class SensorLossStop(PortMethods, LeafSystem):
         self.DeclareVectorOutputPort("desired", joints, self._write_desired, own | {self._desired.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _is_lost(self, ticks: Any) -> bool:
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        size, n = self._nothing.size, self._carrying.size
+
+        def bind_early(arrays: Arrays) -> tuple[Call, None]:
+            ticks, known, torque = arrays.before, arrays.inputs["state"], arrays.inputs["torque"]
+            state_out, torque_out = arrays.out[:size], arrays.out[size:]
+
+            def outputs(time: float) -> None:
+                state_out[:] = self._nothing if self._is_lost(ticks) else known
+                torque_out[:] = self._faded_torque(ticks, torque)
+
+            return outputs, None
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            ticks, desired, lost = arrays.before, arrays.inputs["desired"], arrays.inputs["lost"]
+            out, after = arrays.out, arrays.after
+
+            def outputs(time: float) -> None:
+                out[:] = self._faded_desired(ticks, desired)
+
+            def update(time: float) -> None:
+                after[:] = self._next(ticks, lost)
+
+            return outputs, update
+
+        parts = places({"state": slice(size), "torque": slice(size, size + n)})
+        early = ArrayStage(size + n, parts, bind_early, frozenset({"state", "torque"}))
+        desired, lost = frozenset({"desired"}), frozenset({"lost"})
+        ports = places({"desired": slice(n)})
+        return ArrayStage(n, ports, bind, desired, lost, start=np.zeros(n), period=self._dt, early=early)
+
+    def _is_lost(self, ticks: FloatArray) -> bool:
         """Whether a joint is lost that the robot stands on."""
-        return bool(np.count_nonzero(ticks[self._carrying] >= self._limit))
+        return self._fades(ticks) and bool(np.count_nonzero(ticks[self._carrying] >= self._limit))
+
+    def _fades(self, ticks: FloatArray) -> bool:
+        """Whether any joint is lost."""
+        return bool(np.count_nonzero(ticks)) and bool(np.count_nonzero(ticks >= self._limit))
+
+    def _faded_torque(self, ticks: FloatArray, torque: FloatArray) -> FloatArray:
+        """(n,) the output `torque`."""
+        if not self._fades(ticks):
+            return torque
+        longest = float(ticks[self._carrying].max(initial=0.0))
+        return np.asarray(torque * np.exp(-self._rate * np.maximum(np.maximum(ticks, longest) - self._limit, 0.0)))
+
+    def _faded_desired(self, ticks: FloatArray, desired: FloatArray) -> FloatArray:
+        """(n,) the output `desired`."""
+        if not self._fades(ticks) or self._is_lost(ticks):
+            return desired
+        return np.asarray(desired * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0)))
+
+    def _next(self, ticks: FloatArray, lost: FloatArray) -> FloatArray:
+        """(n,) c[n+1]."""
+        if not (np.count_nonzero(ticks) or np.count_nonzero(lost)):
+            return ticks
+        return np.where((ticks >= self._limit) | (lost > 0.0), ticks + 1.0, 0.0)
+
+    def _ticks_of(self, context: Context) -> Any:
+        return context.get_discrete_state(self._ticks).value()
 
     def _write(self, context: Context, vector: Any) -> None:
-        ticks: Any = context.get_discrete_state(self._ticks).value()
-        vector.set_value(self._nothing if self._is_lost(ticks) else self._known.Eval(context))
+        vector.set_value(self._nothing if self._is_lost(self._ticks_of(context)) else self._known.Eval(context))
 
     def _write_torque(self, context: Context, vector: Any) -> None:
-        ticks: Any
-        ticks, torque = context.get_discrete_state(self._ticks).value(), self._torque.Eval(context)
-        if np.count_nonzero(ticks > self._limit):
-            longest = float(ticks[self._carrying].max(initial=0.0))
-            torque = torque * np.exp(-self._rate * np.maximum(np.maximum(ticks, longest) - self._limit, 0.0))
-        vector.set_value(torque)
+        vector.set_value(self._faded_torque(self._ticks_of(context), self._torque.Eval(context)))
 
     def _write_desired(self, context: Context, vector: Any) -> None:
-        ticks: Any
-        ticks, desired = context.get_discrete_state(self._ticks).value(), self._desired.Eval(context)
-        if np.count_nonzero(ticks > self._limit) and not self._is_lost(ticks):
-            desired = desired * np.exp(-self._rate * np.maximum(ticks - self._limit, 0.0))
-        vector.set_value(desired)
+        vector.set_value(self._faded_desired(self._ticks_of(context), self._desired.Eval(context)))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        ticks: Any
-        ticks, lost = context.get_discrete_state(self._ticks).value(), self._lost.Eval(context) > 0.0
-        if np.count_nonzero(ticks) or np.count_nonzero(lost):
-            up = (ticks >= self._limit) | lost
-            after: Any = np.where(up, ticks + 1.0, 0.0)
-            values.set_value(self._ticks, after)
+        after: Any = self._next(self._ticks_of(context), self._lost.Eval(context))
+        values.set_value(self._ticks, after)

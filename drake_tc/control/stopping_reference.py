@@ -1,14 +1,16 @@
 """`StoppingReference`: a motion that slows down and stays where it is when it is told to stop."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 STOP_TIME = 0.3
 """From full speed to rest [s]."""
@@ -38,8 +40,8 @@ class StoppingReference(PortMethods, LeafSystem):
         super().__init__()
         output = source.get_output_port()
         size = int(output.size())
-        self._source, self._output = source, output
-        self._velocity, self._acceleration = LAYOUTS[size]
+        self._source, self._output, self._dt = source, output, dt
+        self._layout = LAYOUTS[size]
         self._stop: Any = self.DeclareVectorInputPort("stop", 1)
         never: Any = np.array([math.inf])
         state = self.DeclareDiscreteState(never)
@@ -54,27 +56,69 @@ class StoppingReference(PortMethods, LeafSystem):
         )
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _at(self, context: Context, instant: float) -> FloatArray:
-        """The source's reference at an instant."""
-        scratch = self._scratch.Eval(context)
-        scratch.SetTime(instant)
-        found: FloatArray = self._output.Eval(scratch)
-        return found
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        size = int(self._output.size())
 
-    def _write(self, context: Context, vector: Any) -> None:
+        def bind(arrays: Arrays) -> tuple[Call, Call | None]:
+            out, before, after = arrays.out, arrays.before, arrays.after
+            stop: Any = arrays.inputs.get("stop")
+            source = self._source_on_arrays()
+
+            def outputs(time: float) -> None:
+                out[:] = _slowed(source, self._layout, time, float(before[0]))
+
+            def update(time: float) -> None:
+                if before[0] == math.inf and stop[0] > 0.5:
+                    after[0] = time
+
+            return outputs, None if stop is None else update
+
+        ports, start = places({"reference": slice(size)}), np.array([math.inf])
+        return ArrayStage(size, ports, bind, updates=frozenset({"stop"}), start=start, period=self._dt)
+
+    def _source_on_arrays(self) -> Callable[[float], FloatArray]:
+        """The source's reference over time, without a call of Drake's where the source offers that."""
+        on_arrays = getattr(self._source, "on_arrays", None)
+        if on_arrays is None:
+            return self._source_in(self._source.CreateDefaultContext())
+        found, nothing = np.zeros(self._output.size()), np.zeros(0)
+        calls, _ = on_arrays().bind(Arrays({}, found, nothing, nothing))
+
+        def at(instant: float) -> FloatArray:
+            calls(instant)
+            return found
+
+        return at
+
+    def _source_in(self, scratch: Context) -> Callable[[float], FloatArray]:
+        """The source's reference over time, by a Context of it."""
+
+        def at(instant: float) -> FloatArray:
+            scratch.SetTime(instant)
+            found: FloatArray = self._output.Eval(scratch)
+            return found
+
+        return at
+
+    def _write(self, context: Any, vector: Any) -> None:
         now, begin = context.get_time(), context.get_discrete_state(self._state).GetAtIndex(0)
-        if now <= begin:
-            vector.set_value(self._at(context, now))
-            return
-        pace = max(0.0, 1.0 - (now - begin) / STOP_TIME)
-        found = np.array(self._at(context, begin + 0.5 * (1.0 - pace * pace) * STOP_TIME))
-        v, a = self._velocity, self._acceleration
-        braking = found[v:a] / STOP_TIME if pace > 0.0 else 0.0
-        found[a:] = pace * pace * found[a:] - braking
-        found[v:a] *= pace
-        vector.set_value(found)
+        vector.set_value(_slowed(self._source_in(self._scratch.Eval(context)), self._layout, now, begin))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         begin = context.get_discrete_state(self._state).GetAtIndex(0)
         if begin == math.inf and self._stop.HasValue(context) and self._stop.Eval(context)[0] > 0.5:
             values.get_mutable_vector(self._state).SetAtIndex(0, context.get_time())
+
+
+def _slowed(source: Callable[[float], FloatArray], layout: tuple[int, int], now: float, begin: float) -> FloatArray:
+    """The output y(t) of t = `now` and t0 = `begin`."""
+    if now <= begin:
+        return source(now)
+    pace = max(0.0, 1.0 - (now - begin) / STOP_TIME)
+    found = np.array(source(begin + 0.5 * (1.0 - pace * pace) * STOP_TIME))
+    v, a = layout
+    braking = found[v:a] / STOP_TIME if pace > 0.0 else 0.0
+    found[a:] = pace * pace * found[a:] - braking
+    found[v:a] *= pace
+    return found

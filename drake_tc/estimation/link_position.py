@@ -6,8 +6,9 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.actuation.gear import CONTACT_DAMPING
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, Call, FloatArray
 
 LARGEST = 1e9
 """No reading in SI units is as large; one that is counts as not finite."""
@@ -58,7 +59,7 @@ class LinkPosition(PortMethods, LeafSystem):
         self._share = dt / (dt + np.asarray(spring_time, dtype=float))
         self._motor: Any = self.DeclareVectorInputPort("motor_angle", n)
         self._torque: Any = self.DeclareVectorInputPort("torque", n)
-        self._n = n
+        self._n, self._dt = n, dt
         state = self.DeclareDiscreteState(2 * n + 1)
         self._state = int(state)
         tickets = {self.discrete_state_ticket(state), self._motor.ticket(), self._torque.ticket()}
@@ -66,27 +67,57 @@ class LinkPosition(PortMethods, LeafSystem):
         self.DeclareVectorOutputPort("fault", n, self._write_fault, tickets)
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
-    def _lost(self, context: Context) -> BoolArray:
-        """(n,) where an input is not finite."""
-        told = [np.abs(port.Eval(context)) < LARGEST for port in (self._motor, self._torque)]
-        return np.asarray(~(told[0] & told[1]))
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        n = self._n
 
-    def _solve(self, context: Context) -> tuple[FloatArray, FloatArray]:
-        """(n,) d and (n,) position of this tick."""
-        held, n = context.get_discrete_state(self._state).value(), self._n
-        motor, torque, lost = self._motor.Eval(context), self._torque.Eval(context), self._lost(context)
-        told = np.abs(torque) < LARGEST
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            held, after, given, out = arrays.before, arrays.after, arrays.inputs, arrays.out
+            motor, torque, deflection = given["motor_angle"], given["torque"], np.zeros(n)
+
+            def outputs(time: float) -> None:
+                lost = _lost(motor, torque)
+                deflection[:], out[:n] = self._solve(held, motor, torque, lost)
+                out[n:] = lost
+
+            def update(time: float) -> None:
+                after[:n], after[n:-1], after[-1] = deflection, out[:n], 1.0
+
+            return outputs, update
+
+        ports, reads = places({"position": slice(n), "fault": slice(n, 2 * n)}), frozenset({"motor_angle", "torque"})
+        return ArrayStage(2 * n, ports, bind, reads, start=np.zeros(2 * n + 1), period=self._dt)
+
+    def _inputs(self, context: Context) -> tuple[FloatArray, FloatArray]:
+        """Motor angles and torques."""
+        return self._motor.Eval(context), self._torque.Eval(context)
+
+    def _solve(
+        self, held: FloatArray, motor: FloatArray, torque: FloatArray, lost: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(n,) d and (n,) position of this tick, from the state of the tick before."""
+        n, told = self._n, np.abs(torque) < LARGEST
         deflection = self._compliance * np.where(told, torque, 0.0)
         if held[-1]:
             deflection = np.where(told, held[:n] + self._share * (deflection - held[:n]), held[:n])
         return deflection, np.where(lost, held[n:-1], np.where(lost, 0.0, motor) - deflection)
 
     def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._solve(context)[1])
+        vector.set_value(self._solved(context)[1])
+
+    def _solved(self, context: Context) -> tuple[FloatArray, FloatArray]:
+        now = self._inputs(context)
+        held: Any = context.get_discrete_state(self._state).value()
+        return self._solve(held, *now, _lost(*now))
 
     def _write_fault(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._lost(context).astype(float))
+        vector.set_value(_lost(*self._inputs(context)).astype(float))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        after: Any = np.concatenate([*self._solve(context), [1.0]])
+        after: Any = np.concatenate([*self._solved(context), [1.0]])
         values.set_value(self._state, after)
+
+
+def _lost(motor: FloatArray, torque: FloatArray) -> BoolArray:
+    """(n,) where an input is not finite."""
+    return ~((np.abs(motor) < LARGEST) & (np.abs(torque) < LARGEST))

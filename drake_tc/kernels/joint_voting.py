@@ -25,7 +25,7 @@ Source: our own; the paper has no faults.
 import numpy as np
 
 from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, helper, kernel
-from drake_tc.kernels.late_sensor import HISTORY, LARGEST, TAU, THETA, Q, late_of, past_of
+from drake_tc.kernels.late_sensor import HISTORY, LARGEST, TAU, THETA, Q, late_of, latest_of
 from drake_tc.types import FloatArray
 
 TOLERANCE, SHARE = 1e-3, 0.05
@@ -109,7 +109,7 @@ def vote_of(
         s: Share of a new deflection in d [-].
         repeats: (3,) ticks from which one that repeats itself is frozen.
         known: (3,) 1 for a kind of sensor that is late at some joint.
-        after: (ROWS, n) written.
+        after: (ROWS, n) with the readings of the ticks before in their places; the others are written.
         found: (10, n) written.
     """
     same, bad, left, held = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
@@ -126,11 +126,13 @@ def vote_of(
         any_bad = any_bad or bad[row] > 0.0
         doubted = doubted or memory[_DOUBT + row, j] > 0.0
     agreed = within and not any_bad
-    past = past_of(memory[_PAST:, j].copy().reshape(3, HISTORY), y, c, s)
+    for row in range(3):
+        first = _PAST + row * HISTORY
+        after[first, j] = latest_of(row, memory[first, j], y[row], c, s)
     blamed = late = -1
     if not (agreed or any_bad):
         if max(same[THETA], same[Q]) < LATE_MOVES:
-            late = late_of(past, allowed, known)
+            late = late_of(after[_PAST:, j].copy().reshape(3, HISTORY), allowed, known)
         if not doubted:
             jumped = jumped_of(memory, j, y, d, c * s)
             blamed = jumped if jumped >= 0 else suspect_of(same, known)
@@ -157,7 +159,6 @@ def vote_of(
         after[_LAST + row, j], after[_BEFORE + row, j] = held[row], memory[_LAST + row, j]
         after[_RAW + row, j], after[_SAME + row, j], after[_DOUBT + row, j] = y[row], same[row], left[row]
     after[DEFLECTION, j] = d
-    after[_PAST:, j] = past.reshape(3 * HISTORY)
 
 
 @kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, OUT_VECTOR, OUT_MATRIX, OUT_MATRIX)
@@ -196,6 +197,8 @@ def vote(
     known = np.zeros(3)
     for row in range(3):
         known[row] = 1.0 if memory[_DOUBT + row].max() > AGREED else 0.0
+        first, last = _PAST + row * HISTORY, _PAST + (row + 1) * HISTORY
+        written[first + 1 : last] = memory[first : last - 1]
     for j in range(n):
         vote_of(memory, j, y[:, j].copy(), springs[0, j], springs[1, j], repeats, known, written, found)
         for row in range(3):

@@ -32,24 +32,19 @@ THETA, TAU, Q = 0, 1, 2
 
 
 @helper
-def past_of(before: FloatArray, y: FloatArray, c: float, s: float) -> FloatArray:
-    """(3, HISTORY) theta, d and q of a joint, the latest first, with those of this tick.
-
-    A reading that is not finite leaves its last value.
+def latest_of(row: int, before: float, reading: float, c: float, s: float) -> float:
+    """The theta, d or q of a joint by a raw reading; one that is not finite leaves the last value.
 
     Args:
-        before: (3, HISTORY) of the tick before.
-        y: (3,) raw readings theta, tau, q.
+        row: Which sensor: THETA, TAU or Q.
+        before: The value of the tick before.
+        reading: theta, tau or q as it came.
         c: Compliance [rad/(N m)].
         s: Share of a new deflection in d [-].
     """
-    past = np.empty((3, HISTORY))
-    past[:, 1:] = before[:, :-1]
-    past[:, 0] = before[:, 0]
-    for row in range(3):
-        if abs(y[row]) < LARGEST:
-            past[row, 0] = before[row, 0] + s * (c * y[TAU] - before[row, 0]) if row == TAU else y[row]
-    return past
+    if not abs(reading) < LARGEST:
+        return before
+    return before + s * (c * reading - before) if row == TAU else reading
 
 
 @helper

@@ -9,20 +9,20 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, Held, places
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import BETWEEN_TICKS, READING, KernelCall
+from drake_tc.kernels.calls import BETWEEN_TICKS
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
 from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.on_arrays import TICK, SensorOnArrays
 from drake_tc.sensing.spec import SensorSpec
-from drake_tc.types import Call, FloatArray
+from drake_tc.types import FloatArray
 
 __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
 
 _READING = Kernel("sensor", "reading")
-_TICK, _OFFSET = 0, 2
+_OFFSET = 2
 
 
 @dataclass
@@ -37,7 +37,7 @@ def _keep(context: object, value: object) -> None:
     """What is drawn does not age: it is a function of seed and tick."""
 
 
-class SensorBase(PortMethods, LeafSystem):
+class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
     """A truth that becomes a reading; a subclass says where the truth comes from.
 
     Output:
@@ -153,42 +153,12 @@ class SensorBase(PortMethods, LeafSystem):
 
     def _oldest(self, context: Context) -> int:
         """Row of the delay line that is read at this tick."""
-        return int(context.get_discrete_state(self._now).value()[_TICK]) % self._delay
-
-    def on_arrays(self) -> ArrayStage | None:
-        """This stage without its ports; None where readings of earlier ticks are kept."""
-        if self._ticks:
-            return None
-        name, fixed = self._input.get_name(), (self._channels, self._layout)
-
-        def bind(arrays: Arrays) -> tuple[Sequence[Call], None]:
-            given, nothing, out = arrays.inputs[name], self._nothing, arrays.out
-            rows = self._rows(0) if self._changes else self._first.copy()
-            truth, first_tick = np.zeros(self._size) if isinstance(given, Held) else given, np.zeros(1, dtype=np.int64)
-
-            def look(time: float) -> None:
-                truth[:] = self._truth_of(given.value)
-
-            def read(time: float) -> None:
-                tick = max(ceil(time / self._dt - BETWEEN_TICKS), 0) if self._changes else 0
-                if not 0 <= tick - first_tick[0] < len(rows):
-                    first_tick[0] = tick - tick % BLOCK
-                    rows[:] = self._rows(tick // BLOCK)
-                _READING(truth, rows, int(tick - first_tick[0]), nothing, nothing, *fixed, out)
-
-            reading = KernelCall(READING, read, truth, rows, first_tick, self._dt, nothing, *fixed, out)
-            return ([look, reading] if isinstance(given, Held) else [reading]), None
-
-        return ArrayStage(self._size, places({"reading": slice(self._size)}), bind, frozenset({name}))
+        return int(context.get_discrete_state(self._now).value()[TICK]) % self._delay
 
     def _truth(self, context: Context) -> FloatArray:
         """(n,) u of a Context."""
         port: Any = self._input
         return self._truth_of(port.Eval(context))
-
-    def _truth_of(self, value: Any) -> FloatArray:
-        """(n,) u from the value of the input port."""
-        raise NotImplementedError
 
     def _rows(self, block: int) -> FloatArray:
         """(BLOCK, ...) state rows [k, any m, o, m, a] of a block's ticks, m and a only where the sensor has them."""
@@ -227,7 +197,7 @@ class SensorBase(PortMethods, LeafSystem):
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         new: Any = values
-        tick = int(new.value(self._now)[_TICK])
+        tick = int(new.value(self._now)[TICK])
         index, row = divmod(tick + 1, BLOCK)
         block: _Block = self._block.Eval(context)
         if block.index != index:
@@ -261,10 +231,9 @@ class SensorBase(PortMethods, LeafSystem):
     def _start(self, context: Any, values: DiscreteValues) -> None:
         """Count from the start time, and fill what is empty of the delay line."""
         new: Any = values
-        tick = context.get_discrete_state(self._now).value()[_TICK]
-        start = round(context.get_time() / self._dt)
-        if tick == 0 and start > 0:
-            new.set_value(self._now, self._rows(start // BLOCK)[start % BLOCK])
+        first = self._first_row(context.get_discrete_state(self._now).value()[TICK], context.get_time())
+        if first is not None:
+            new.set_value(self._now, first)
         if self._length:
             line = context.get_discrete_state(self._line).value()
             if np.isnan(line).all():

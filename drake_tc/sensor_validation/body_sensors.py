@@ -1,14 +1,17 @@
 """`ValidatedImu`, `ValidatedWrench`: checked readings for the base estimator, and substitutes for failed ones."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.kernels.calls import copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 SETTLED = 0.1
 """Before, soles take their load, which no sensor is blamed for [s]."""
@@ -67,12 +70,13 @@ class ValidatedImu(PortMethods, LeafSystem):
             dt: Period [s].
         """
         super().__init__()
-        self._limit = np.array(limit, dtype=float)
+        self._limit, self._dt = np.array(limit, dtype=float), dt
         self._options = np.array([-np.expm1(-dt / _MEAN), round(_LEAST / dt), round(_SOON / dt)])
         self._imu: Any = self.DeclareVectorInputPort("imu", 6)
         self._flagged: Any = self.DeclareVectorInputPort("flagged", flags)
         self._jolt: Any = self.DeclareVectorInputPort("jolt", jolts)
         start: Any = np.append(np.full(24, np.nan), 0.0)
+        self._start: FloatArray = start
         state = self.DeclareDiscreteState(start)
         left_out = self.DeclareDiscreteState(1)
         self._state, self._left_out = int(state), int(left_out)
@@ -85,20 +89,38 @@ class ValidatedImu(PortMethods, LeafSystem):
         self.DeclareStateOutputPort("left_out", left_out)
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports; the state is [memory; left out]."""
+        names, size = ("imu", "flagged", "jolt"), self._start.size
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            now, reading, shown = [arrays.inputs[name] for name in names], arrays.out[:6], arrays.out[6:]
+            before, left_out, after, reached = arrays.before[:-1], arrays.before[-1:], arrays.after, np.zeros(size)
+
+            def outputs(time: float) -> None:
+                self._check(now, time, before, reading, reached)
+                shown[:] = left_out
+
+            def update(time: float) -> None:
+                after[:-1], after[-1] = reached, reached[-1] > 0.0
+
+            return outputs, update
+
+        parts, start = places({"reading": slice(6), "left_out": slice(6, 7)}), np.append(self._start, 0.0)
+        return ArrayStage(7, parts, bind, frozenset(names), start=start, period=self._dt)
+
+    def _check(
+        self, now: Sequence[FloatArray], time: float, before: FloatArray, reading: FloatArray, after: FloatArray
+    ) -> None:
+        """The recursion: the reading and the state after it, which are written."""
+        _IMU(*now, float(time >= SETTLED), self._limit, self._options, before, reading, after)
+
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's reading."""
         solved: _Solved = box.get_mutable_value()
-        _IMU(
-            self._imu.Eval(context),
-            self._flagged.Eval(context),
-            self._jolt.Eval(context),
-            float(context.get_time() >= SETTLED),
-            self._limit,
-            self._options,
-            context.get_discrete_state(self._state).value(),
-            solved.reading,
-            solved.after,
-        )
+        now = [port.Eval(context) for port in (self._imu, self._flagged, self._jolt)]
+        before = context.get_discrete_state(self._state).value()
+        self._check(now, context.get_time(), before, solved.reading, solved.after)
 
     def _write(self, context: Context, vector: Any) -> None:
         solved: Any = self._solved.Eval(context)
@@ -140,13 +162,14 @@ class ValidatedWrench(PortMethods, LeafSystem):
             dt: Period [s].
         """
         super().__init__()
-        self._sensor_of = np.array(sensor_of, dtype=int)
+        self._sensor_of, self._dt = np.array(sensor_of, dtype=int), dt
         self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * sensors)
         self._flagged: Any = self.DeclareVectorInputPort("flagged", flags * sensors)
         self._contacts: Any = self.DeclareVectorInputPort("contacts", len(sensor_of))
         self._options = np.array([-np.expm1(-dt / _MEAN), LOAD_JUMP, LOADS_AGREE])
         start: Any = np.zeros(13 * sensors + 1)
         start[6 * sensors : 12 * sensors + 1] = np.nan
+        self._start: FloatArray = start
         state = self.DeclareDiscreteState(start)
         self._state = int(state)
         self._all = np.ones(len(sensor_of))
@@ -158,33 +181,51 @@ class ValidatedWrench(PortMethods, LeafSystem):
         self.DeclareVectorOutputPort("contacts", len(sensor_of), self._write_contacts, {known, self._contacts.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        names, contacts = ("wrench", "flagged"), len(self._sensor_of)
+        sensors = self._wrench.size() // 6
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            solved, stood = _Solved(6 * sensors, sensors, self._start.size), arrays.inputs.get("contacts")
+            now, before, out = [arrays.inputs[name] for name in names], arrays.before, arrays.out[6 * sensors :]
+            solved.reading = arrays.out[: 6 * sensors]
+
+            def outputs(time: float) -> None:
+                self._check(now, time, before, solved)
+                out[:] = self._stood(solved, stood)
+
+            return outputs, copying(solved.after, arrays.after)
+
+        parts = places({"reading": slice(6 * sensors), "contacts": slice(6 * sensors, 6 * sensors + contacts)})
+        reads = frozenset({*names, "contacts"})
+        return ArrayStage(6 * sensors + contacts, parts, bind, reads, start=self._start, period=self._dt)
+
+    def _check(self, now: Sequence[FloatArray], time: float, before: FloatArray, solved: _Solved) -> None:
+        """The readings of a tick and the state after it."""
+        fixed = (float(time >= SETTLED), self._options, before)
+        solved.well = _WRENCHES(*now, *fixed, solved.reading, solved.good, solved.after)
+
+    def _stood(self, solved: _Solved, stood: FloatArray | None) -> FloatArray:
+        """(c,) the output `contacts`, of the input of that name; None where that is not connected."""
+        told = self._all if stood is None else np.where(np.isfinite(stood), stood, 1.0)
+        if solved.well:
+            return told
+        return np.where((solved.good[self._sensor_of] == 0.0) & (told > 0.5), 2.0, told)
+
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's readings."""
-        solved: _Solved = box.get_mutable_value()
-        solved.well = _WRENCHES(
-            self._wrench.Eval(context),
-            self._flagged.Eval(context),
-            float(context.get_time() >= SETTLED),
-            self._options,
-            context.get_discrete_state(self._state).value(),
-            solved.reading,
-            solved.good,
-            solved.after,
-        )
+        now = [port.Eval(context) for port in (self._wrench, self._flagged)]
+        before = context.get_discrete_state(self._state).value()
+        self._check(now, context.get_time(), before, box.get_mutable_value())
 
     def _write(self, context: Context, vector: Any) -> None:
         solved: Any = self._solved.Eval(context)
         vector.set_value(solved.reading)
 
     def _write_contacts(self, context: Context, vector: Any) -> None:
-        solved: Any = self._solved.Eval(context)
-        stood = self._all
-        if self._contacts.HasValue(context):
-            stood = self._contacts.Eval(context)
-            stood = np.where(np.isfinite(stood), stood, 1.0)
-        if not solved.well:
-            stood = np.where((solved.good[self._sensor_of] == 0.0) & (stood > 0.5), 2.0, stood)
-        vector.set_value(stood)
+        stood = self._contacts.Eval(context) if self._contacts.HasValue(context) else None
+        vector.set_value(self._stood(self._solved.Eval(context), stood))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         solved: Any = self._solved.Eval(context)

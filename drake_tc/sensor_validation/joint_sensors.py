@@ -1,14 +1,16 @@
 """`JointSensors`: encoders on both sides of series springs and the gauges in them, each checked against the others."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, Call, FloatArray
 
 FLAGS = (
     "motor_encoder/missing",
@@ -28,6 +30,8 @@ GAUGE_REPEATS, LINK_REPEATS = 6, 20
 ROWS = 256
 """Of the vote's memory, `drake_tc.kernels.joint_voting.ROWS`."""
 _VOTE = Kernel("joint_voting", "vote")
+_NAMES = ("motor_angle", "torque", "link_angle")
+_OUTPUTS = (*_NAMES, "position")
 
 
 class _Vote:
@@ -35,7 +39,7 @@ class _Vote:
 
     def __init__(self, n: int) -> None:
         self.after: FloatArray = np.zeros(ROWS * n + 1)
-        self.given: FloatArray = np.zeros((4, n))
+        self.given: FloatArray = np.zeros((len(_OUTPUTS), n))
         self.found: FloatArray = np.zeros((10, n))
         self.well = True
 
@@ -72,10 +76,8 @@ class JointSensors(PortMethods, LeafSystem):
         n = len(compliance)
         self._springs = np.array([compliance, dt / (dt + np.asarray(spring_time, dtype=float))], dtype=float)
         self._repeats = np.where((False, *noisy), (np.inf, GAUGE_REPEATS, LINK_REPEATS), np.inf)
-        self._hold = float(np.ceil(HOLD / dt))
-        names = ("motor_angle", "torque", "link_angle")
-        outputs = (*names, "position")
-        self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
+        self._hold, self._dt = float(np.ceil(HOLD / dt)), dt
+        self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in _NAMES]
         state = self.DeclareDiscreteState(ROWS * n + 1)
         left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
         lost = self.DeclareDiscreteState(n)
@@ -84,27 +86,46 @@ class JointSensors(PortMethods, LeafSystem):
         self._solved: Any = self.DeclareCacheEntry(
             "solved", ValueProducer(allocate=Value(_Vote(n)).Clone, calc=self._solve), tickets
         )
-        for row, name in enumerate(outputs):
+        for row, name in enumerate(_OUTPUTS):
             self.DeclareVectorOutputPort(name, n, self._writer(row), {self._solved.ticket()})
         self.DeclareStateOutputPort("flags", flags)
         self.DeclareVectorOutputPort("lost", n, self._write_lost, {self.discrete_state_ticket(lost)})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports; the state is [memory of the vote; ticks of flags; flags; ticks of losses]."""
+        n, memory = self._springs.shape[1], ROWS * self._springs.shape[1] + 1
+        shown, ends = len(_OUTPUTS) * n, (memory, memory + len(FLAGS), memory + 2 * len(FLAGS))
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            now, vote, out = [arrays.inputs[name] for name in _NAMES], _Vote(n), arrays.out
+            before, _, up, left_of_lost = np.split(arrays.before, ends)
+            after, left, flags, lost = np.split(arrays.after, ends)
+            vote.given = out[:shown].reshape(len(_OUTPUTS), n)
+
+            def outputs(time: float) -> None:
+                self._vote(now, before, vote)
+                out[shown : shown + len(FLAGS)], out[shown + len(FLAGS) :] = up, left_of_lost > 0.0
+
+            def update(time: float) -> None:
+                after[:] = vote.after
+                self._count(vote, left, flags, lost)
+
+            return outputs, update
+
+        parts = {name: slice(row * n, (row + 1) * n) for row, name in enumerate(_OUTPUTS)}
+        parts |= {"flags": slice(shown, shown + len(FLAGS)), "lost": slice(shown + len(FLAGS), shown + len(FLAGS) + n)}
+        width, start = shown + len(FLAGS) + n, np.zeros(ends[-1] + n)
+        return ArrayStage(width, places(parts), bind, frozenset(_NAMES), start=start, period=self._dt)
+
+    def _vote(self, now: Sequence[FloatArray], before: FloatArray, vote: _Vote) -> None:
+        """The vote of a tick."""
+        vote.well = _VOTE(*now, before, self._springs, self._repeats, vote.after, vote.given, vote.found)
+
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's vote."""
-        vote: _Vote = box.get_mutable_value()
-        motor_angle, torque, link_angle = self._inputs
-        vote.well = _VOTE(
-            motor_angle.Eval(context),
-            torque.Eval(context),
-            link_angle.Eval(context),
-            context.get_discrete_state(self._state).value(),
-            self._springs,
-            self._repeats,
-            vote.after,
-            vote.given,
-            vote.found,
-        )
+        now = [port.Eval(context) for port in self._inputs]
+        self._vote(now, context.get_discrete_state(self._state).value(), box.get_mutable_value())
 
     def _writer(self, row: int) -> Any:
         """The calc function of one output."""
@@ -123,15 +144,18 @@ class JointSensors(PortMethods, LeafSystem):
         """x[n+1]."""
         vote: Any = self._solved.Eval(context)
         values.set_value(self._state, vote.after)
-        left: Any = values.get_mutable_value(self._left)
+        counters: Any = [values.get_mutable_value(index) for index in (self._left, self._flags, self._lost)]
+        self._count(vote, *counters)
+
+    def _count(self, vote: _Vote, left: FloatArray, flags: FloatArray, lost: FloatArray) -> None:
+        """Count down how long flags and losses stay up, and begin anew where the vote found a cause; in place."""
         if vote.well and not np.count_nonzero(left):
             return
-        lost: Any = values.get_mutable_value(self._lost)
         lost[:] = np.where(vote.found[-1], self._hold, np.maximum(lost - 1.0, 0.0))
         left -= 1.0
         np.maximum(left, 0.0, out=left)
-        any_of = vote.found.any(axis=1)
+        any_of: BoolArray = np.asarray(vote.found.any(axis=1))
         missing, frozen, odd = any_of[:3], any_of[3:6], any_of[6:9]
         causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], any_of[9]]
         left[causes] = self._hold
-        values.get_mutable_value(self._flags)[:] = left > 0.0
+        flags[:] = left > 0.0

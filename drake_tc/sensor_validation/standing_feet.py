@@ -1,17 +1,18 @@
 """`StandingFeet`: what feet that stand say of the base, to check a gyro by and to go on without an IMU."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import Contact
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 TILT_TIME = 0.05
 """In which a tilt that no IMU measures goes over to that of the soles [s]."""
@@ -32,7 +33,11 @@ _FLAG, _ABSENT, _SPEED, _TILTS = range(4)
 """Where they begin in the state."""
 
 
+Inputs = Callable[[str], Any]
+"""Value of an input port by its name; None where it is not connected."""
 _NO_TILT: FloatArray = np.full(2, np.nan)
+_OUTPUTS = {"reading": 6, "imu_tilt": 2, "flag": 1, "lost": 1}
+_READ = ("estimated_state", "imu", "cop", "wrench", "contacts")
 
 
 def _finite(reading: FloatArray) -> bool:
@@ -92,61 +97,94 @@ class StandingFeet(PortMethods, LeafSystem):
         self._compliance = np.asarray(compliance, dtype=float)[self._which]
         mount = robot.imu[0]
         self._imu_link, self._R_LI = plant.GetBodyByName(mount.link), mount.pose.transform.rotation().matrix()
-        self._state: Any = self.DeclareVectorInputPort("estimated_state", plant.num_multibody_states())
-        self._imu: Any = self.DeclareVectorInputPort("imu", 6)
-        self._cop: Any = self.DeclareVectorInputPort("cop", 2 * len(contacts))
-        self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * len(robot.force_torque))
-        self._contacts: Any = self.DeclareVectorInputPort("contacts", len(contacts))
+        sizes = {
+            "estimated_state": plant.num_multibody_states(),
+            "imu": 6,
+            "cop": 2 * len(contacts),
+            "wrench": 6 * len(robot.force_torque),
+            "contacts": len(contacts),
+            "link_angle": self._n,
+        }
+        self._ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, n) for name, n in sizes.items()}
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(allocate=lambda: Value(plant.CreateDefaultContext()), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
-        self._link: Any = self.DeclareVectorInputPort("link_angle", self._n)
         self._turns = slice(_TILTS + 2 * len(soles), _TILTS + 2 * len(soles) + 3)
-        held = self.DeclareDiscreteState(self._turns.stop + self._n + 1)
+        self._size = self._turns.stop + self._n + 1
+        held = self.DeclareDiscreteState(self._size)
         self._held = int(held)
-        inputs = (self._state, self._imu, self._cop, self._wrench, self._contacts)
-        tickets = {self.discrete_state_ticket(held), *(port.ticket() for port in inputs)}
-        self.DeclareVectorOutputPort("reading", 6, self._write_reading, tickets)
-        self.DeclareVectorOutputPort("imu_tilt", 2, self._write_tilt, tickets)
-        self.DeclareVectorOutputPort("flag", 1, self._write_flag, {self.discrete_state_ticket(held)})
-        self.DeclareVectorOutputPort("lost", 1, self._write_lost, {self.discrete_state_ticket(held)})
+        of_state = {self.discrete_state_ticket(held)}
+        tickets = of_state | {self._ports[name].ticket() for name in _READ}
+        for name, width in _OUTPUTS.items():
+            own = of_state if name in ("flag", "lost") else tickets
+            self.DeclareVectorOutputPort(name, width, self._writer(name), own)
         self.DeclarePeriodicDiscreteUpdateEvent(_EVERY * dt, 0.0, self._update)
 
-    def _moved(self, context: Context) -> Any:
-        """A context of the plant at the estimate."""
-        scratch = self._scratch.Eval(context)
-        self._plant.SetPositionsAndVelocities(scratch, self._state.Eval(context))
-        return scratch
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        ends = np.cumsum([0, *_OUTPUTS.values()]).tolist()
+        parts = {name: slice(a, b) for name, a, b in zip(_OUTPUTS, ends, ends[1:], strict=False)}
 
-    def _standing(self, context: Context) -> list[int]:
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            names = [name for name in self._ports if name != "contacts" or name in arrays.inputs]
+            given: Inputs = {name: arrays.inputs[name] for name in names}.get
+            before, after, scratch = arrays.before, arrays.after, self._plant.CreateDefaultContext()
+            imu, reading, of_imu = given("imu"), arrays.out[parts["reading"]], arrays.out[: parts["imu_tilt"].stop]
+            shown = [(self._value(name), arrays.out[part]) for name, part in parts.items()]
+            of_state = shown[2:]
+
+            def outputs(time: float) -> None:
+                there = _finite(imu)
+                if there:
+                    of_imu[:], reading[:] = np.nan, imu
+                for value, out in of_state if there else shown:
+                    out[:] = value(given, before, scratch)
+
+            def update(time: float) -> None:
+                after[:] = self._next(given, before, scratch)
+
+            return outputs, update
+
+        updates, start, period = frozenset({"link_angle"}), np.zeros(self._size), _EVERY * self._dt
+        return ArrayStage(ends[-1], places(parts), bind, frozenset(_READ), updates, start, period)
+
+    def _value(self, output: str) -> Callable[[Inputs, FloatArray, Any], FloatArray]:
+        """The function of an output port, of the inputs, the state and a context of the plant."""
+        found: Callable[[Inputs, FloatArray, Any], FloatArray] = getattr(self, f"_{output}")
+        return found
+
+    def _standing(self, given: Inputs) -> list[int]:
         """Soles that carry."""
-        if not self._contacts.HasValue(context):
+        contacts = given("contacts")
+        if contacts is None:
             return list(range(len(self._links)))
-        return np.flatnonzero(self._contacts.Eval(context)[self._which] > 0.5).tolist()
+        return np.flatnonzero(contacts[self._which] > 0.5).tolist()
 
     def _rates(self, scratch: Any, soles: list[int]) -> FloatArray:
         """(3,) mean angular velocity of the soles."""
         found = [self._plant.EvalBodySpatialVelocityInWorld(scratch, self._links[i]).rotational() for i in soles]
         return np.asarray(np.mean(found, axis=0))
 
-    def _sunk(self, context: Context) -> FloatArray:
+    def _sunk(self, given: Inputs) -> FloatArray:
         """(soles, 2) tilts of the soles towards their centres of pressure [rad]."""
-        load = np.linalg.norm(self._wrench.Eval(context).reshape(-1, 6)[self._sensor, :3], axis=1)
-        tilt = self._compliance * load[:, None] * self._cop.Eval(context).reshape(-1, 2)[self._which]
+        load = np.linalg.norm(given("wrench").reshape(-1, 6)[self._sensor, :3], axis=1)
+        tilt = self._compliance * load[:, None] * given("cop").reshape(-1, 2)[self._which]
         return np.asarray(np.clip(tilt, -STEEPEST, STEEPEST))
 
-    def _seen(self, context: Context) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    def _moved(self, given: Inputs, scratch: Any) -> None:
+        """Put a context of the plant at the estimate."""
+        self._plant.SetPositionsAndVelocities(scratch, given("estimated_state"))
+
+    def _seen(self, given: Inputs, held: FloatArray, scratch: Any) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """(3,) normal of the floor and (3,) rate of the IMU's link in the estimate's world, (3, 3) R_WI; or no sole."""
-        soles = self._standing(context)
+        soles = self._standing(given)
         if not soles:
             return None
-        scratch, plant = self._moved(context), self._plant
-        sunk = self._sunk(context)
-        rates = (
-            sunk - context.get_discrete_state(self._held).value()[_TILTS : self._turns.start].reshape(-1, 2)
-        ) / _RATED
+        self._moved(given, scratch)
+        plant, sunk = self._plant, self._sunk(given)
+        rates = (sunk - held[_TILTS : self._turns.start].reshape(-1, 2)) / _RATED
         ups, turns = [], []
         for i in soles:
             axes = plant.EvalBodyPoseInWorld(scratch, self._links[i]).rotation().matrix() @ self._axes[i]
@@ -156,46 +194,69 @@ class StandingFeet(PortMethods, LeafSystem):
         rate = plant.EvalBodySpatialVelocityInWorld(scratch, self._imu_link).rotational() - self._rates(scratch, soles)
         return np.mean(ups, axis=0), rate + np.mean(turns, axis=0), R_WI
 
-    def _write_reading(self, context: Context, vector: Any) -> None:
-        reading = self._imu.Eval(context)
-        seen = None if _finite(reading) else self._seen(context)
-        vector.set_value(reading if seen is None else np.concatenate([seen[1] @ seen[2], np.full(3, np.nan)]))
+    def _reading(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
+        reading: FloatArray = np.asarray(given("imu"))
+        seen = None if _finite(reading) else self._seen(given, held, scratch)
+        return reading if seen is None else np.concatenate([seen[1] @ seen[2], np.full(3, np.nan)])
 
-    def _write_tilt(self, context: Context, vector: Any) -> None:
-        seen = None if _finite(self._imu.Eval(context)) else self._seen(context)
+    def _imu_tilt(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
+        seen = None if _finite(np.asarray(given("imu"))) else self._seen(given, held, scratch)
         if seen is None:
-            vector.set_value(_NO_TILT)
-            return
+            return _NO_TILT
         normal, rate, R_WI = seen
         up = R_WI[2]
         up = up - self._dt * np.cross(rate @ R_WI, up) + (self._dt / TILT_TIME) * (normal @ R_WI - up)
         x, y, z = (up / np.linalg.norm(up)).tolist()
-        vector.set_value([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
+        return np.array([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
 
-    def _write_flag(self, context: Context, vector: Any) -> None:
-        vector.set_value(context.get_discrete_state(self._held).value()[_FLAG : _FLAG + 1])
+    def _flag(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
+        return held[_FLAG : _FLAG + 1]
 
-    def _write_lost(self, context: Context, vector: Any) -> None:
-        vector.set_value([float(context.get_discrete_state(self._held).value()[_ABSENT] > LOST - 0.5 * self._dt)])
+    def _lost(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
+        return np.array([float(held[_ABSENT] > LOST - 0.5 * self._dt)])
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        held = context.get_discrete_state(self._held).value()
-        after: Any = np.zeros(held.size)
+    def _next(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
+        """x[n+1]."""
+        after = np.zeros(held.size)
         tilts, turns, angles = (slice(_TILTS, self._turns.start), self._turns, slice(self._turns.stop, -1))
-        after[tilts] = held[tilts] + self._sinking * (self._sunk(context).ravel() - held[tilts])
-        q, omega = self._link.Eval(context), self._state.Eval(context)[self._plant.num_positions() :][:3]
+        after[tilts] = held[tilts] + self._sinking * (self._sunk(given).ravel() - held[tilts])
+        q, omega = given("link_angle"), given("estimated_state")[self._plant.num_positions() :][:3]
         begun = held[-1] > 0.0
         after[turns] = held[turns] + self._blend * (omega - held[turns]) if begun else omega
         after[angles] = held[angles] + self._blend * (q - held[angles]) if begun else q
         after[-1] = 1.0
         rates = self._blend * (q - held[angles]) / (_EVERY * self._dt) if begun else np.zeros(self._n)
         after[_SPEED] = max(float(np.sqrt(np.mean(rates**2))), held[_SPEED] * self._memory)
-        if not _finite(self._imu.Eval(context)):
+        if not _finite(np.asarray(given("imu"))):
             after[_ABSENT] = held[_ABSENT] + _EVERY * self._dt
-        elif (soles := self._standing(context)) and after[_SPEED] < RESTS:
-            scratch = self._moved(context)
+        elif (soles := self._standing(given)) and after[_SPEED] < RESTS:
+            self._plant.SetPositions(scratch, given("estimated_state")[: self._plant.num_positions()])
             moving = np.zeros(self._plant.num_velocities())
             moving[:3], moving[self._places] = after[turns], rates
             self._plant.SetVelocities(scratch, moving)
             after[_FLAG] = float(abs(self._rates(scratch, soles)[2]) > TURNING)
+        return after
+
+    def _inputs(self, context: Context) -> Inputs:
+        """The inputs of a Context, each evaluated where it is needed."""
+
+        def given(name: str) -> Any:
+            port = self._ports[name]
+            return None if name == "contacts" and not port.HasValue(context) else port.Eval(context)
+
+        return given
+
+    def _writer(self, output: str) -> Callable[[Context, Any], None]:
+        """The calc function of an output port."""
+        value = self._value(output)
+
+        def write(context: Context, vector: Any) -> None:
+            held: Any = context.get_discrete_state(self._held).value()
+            vector.set_value(value(self._inputs(context), held, self._scratch.Eval(context)))
+
+        return write
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        held: Any = context.get_discrete_state(self._held).value()
+        after: Any = self._next(self._inputs(context), held, self._scratch.Eval(context))
         values.set_value(self._held, after)

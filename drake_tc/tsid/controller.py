@@ -1,7 +1,7 @@
 """`RobustTsid`: robust task-space inverse dynamics (Del Prete and Mansard, 2015) as a Drake system."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.errors import SimulationError
 from drake_tc.inner_stages import InnerStage
 from drake_tc.port_methods import PortMethods
@@ -17,7 +18,7 @@ from drake_tc.tsid.law import Law, Status
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.tick import PreviousTick, Tick, lost_tick, solve_tick
 from drake_tc.tsid.warm_start import WarmStart
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 _LOG = logging.getLogger(__name__)
 TASK_PORT = "{}_reference"
@@ -73,6 +74,7 @@ class RobustTsid(PortMethods, LeafSystem):
         self._start = slice(ends[-1], ends[-1] + self._warm.size)
         memory: Any = np.zeros(self._start.stop)
         memory[0] = -np.inf
+        self._first: FloatArray = memory
         index = self.DeclareDiscreteState(memory)
         self._memory = int(index)
         self._declare_inputs()
@@ -125,27 +127,73 @@ class RobustTsid(PortMethods, LeafSystem):
         solution: _Solution = self._solution.Eval(context)
         return solution.error
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        first = self._places["torque"].start
+        width = self._start.start - first
+        state, active, *references = (port.get_name() for port in (self._state, self._active, *self._references))
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given, held, after = arrays.inputs, arrays.before, arrays.after
+            solution = _Solution(self._law.model.create_scratch())
+            parts = [(name, arrays.out[part.start - first : part.stop - first]) for name, part in self._places.items()]
+            now = [given.get(name, rest) for name, rest in zip(references, self._rest, strict=True)]
+            known, carrying = given[state], given.get(active)
+
+            def outputs(time: float) -> None:
+                if self._holds(held, time):
+                    solution.hold(held, self._places)
+                else:
+                    self._answer(solution, held, time, now, self._switches(carrying), lambda: known)
+                for name, out in parts:
+                    out[:] = solution.outputs[name]
+
+            def update(time: float) -> None:
+                if solution.tick is not None:
+                    self._remember(solution, time, after)
+
+            return outputs, update
+
+        shown = {name: slice(part.start - first, part.stop - first) for name, part in self._places.items()}
+        reads = frozenset({state, active, *references})
+        return ArrayStage(width, places(shown), bind, reads, start=self._first, period=self._law.period)
+
     def _solve(self, context: Any, value: Any) -> None:
         """This tick's answer, or what is held, into the cache entry."""
         solution: _Solution = value.get_mutable_value()
-        held = context.get_discrete_state(self._memory).value()
-        if 0.0 <= context.get_time() - held[0] <= 0.99 * self._law.period:
+        held, time = context.get_discrete_state(self._memory).value(), context.get_time()
+        if self._holds(held, time):
             solution.hold(held, self._places)
             return
         references = [
             port.Eval(context) if port.HasValue(context) else rest
             for port, rest in zip(self._references, self._rest, strict=True)
         ]
+        active = self._switches(self._active.Eval(context) if self._active.HasValue(context) else None)
+        self._answer(solution, held, time, references, active, lambda: self._state.Eval(context))
+
+    def _holds(self, held: FloatArray, time: float) -> bool:
+        """Whether the outputs of the last tick are held at this time [s]."""
+        return bool(0.0 <= time - held[0] <= 0.99 * self._law.period)
+
+    def _answer(
+        self,
+        solution: "_Solution",
+        held: FloatArray,
+        time: float,
+        references: Sequence[FloatArray],
+        active: tuple[bool, ...] | None,
+        state: Callable[[], FloatArray],
+    ) -> None:
+        """The answer of a tick, from the state x[n] = `held`, into the solution."""
         before = PreviousTick(held[self._places["torque"]], self._warm.unpack(held[self._start]))
-        active = self._switches(context)
         if active is None:
             solution.take(lost_tick(self._law, before))
             return
-        state = self._state.Eval(context)
-        tick = solve_tick(self._law, solution.scratch, state, references, active, before)
+        tick = solve_tick(self._law, solution.scratch, state(), references, active, before)
         solution.take(tick)
         if tick.error is not None:
-            self._report(solution, tick.error, context.get_time())
+            self._report(solution, tick.error, time)
 
     def _report(self, solution: "_Solution", error: Exception, time: float) -> None:
         """Keep an exception, and log the first one or raise it."""
@@ -156,11 +204,10 @@ class RobustTsid(PortMethods, LeafSystem):
         if first:
             _LOG.error("%s; the torque fades out", text, exc_info=error)
 
-    def _switches(self, context: Any) -> tuple[bool, ...] | None:
-        """Which contacts carry; None where that is not a number."""
-        if not self._active.HasValue(context):
+    def _switches(self, given: FloatArray | None) -> tuple[bool, ...] | None:
+        """Which contacts carry; all of them where nothing is given, None where that is not a number."""
+        if given is None:
             return self._all
-        given = self._active.Eval(context)
         return tuple((given > 0.5).tolist()) if np.isfinite(given).all() else None
 
     def _writer(self, name: str) -> Callable[[Context, Any], None]:
@@ -174,11 +221,14 @@ class RobustTsid(PortMethods, LeafSystem):
         solution: _Solution = self._solution.Eval(context)
         if solution.tick is None:
             return
-        memory: Any = np.empty(self._start.stop)
-        memory[0] = context.get_time()
-        np.concatenate(tuple(solution.outputs.values()), out=memory[1 : self._start.start])
-        self._warm.pack(solution.tick.start, memory[self._start])
-        values.set_value(self._memory, memory)
+        self._remember(solution, context.get_time(), values.get_mutable_value(self._memory))
+
+    def _remember(self, solution: "_Solution", time: float, after: FloatArray) -> None:
+        """x[n+1] of a tick."""
+        tick = solution.tick
+        after[0] = time
+        np.concatenate(tuple(solution.outputs.values()), out=after[1 : self._start.start])
+        self._warm.pack(None if tick is None else tick.start, after[self._start])
 
 
 class _Solution:

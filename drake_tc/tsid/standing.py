@@ -10,18 +10,20 @@ places a_i in the world, on the mean: soles and floors that give way rock about 
 Fewer than three corners do not tell R_k; the gyro alone turns the base then.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.law import LARGEST
 from drake_tc.tsid.model import Scratch, TsidModel
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, Call, FloatArray
 
 ENOUGH = 3
 """Corners that tell an attitude."""
@@ -95,6 +97,7 @@ class StandingState(PortMethods, LeafSystem):
         start = model.start[self._base_q]
         body = _Body(self, model.create_scratch(), model.start[model.positions], np.zeros(model.n))
         first: Any = np.concatenate([(body.corners @ rotation_matrix(start[:4]).T + start[4:]).ravel(), start[:4]])
+        self._first: FloatArray = first
         memory = self.DeclareDiscreteState(first)
         self._memory = int(memory)
         ports = (self._position, self._velocity, self._imu, self._active)
@@ -107,10 +110,37 @@ class StandingState(PortMethods, LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _solve(self, context: Any, value: Any) -> None:
-        known: _Known = value.get_mutable_value()
-        model, held = self._model, context.get_discrete_state(self._memory).value()
-        switch = self._active.Eval(context) if self._active.HasValue(context) else np.ones(len(model.contacts))
-        position, velocity, imu = (port.Eval(context) for port in (self._position, self._velocity, self._imu))
+        switch = self._active.Eval(context) if self._active.HasValue(context) else None
+        now = [port.Eval(context) for port in (self._position, self._velocity, self._imu)]
+        self._know(value.get_mutable_value(), context.get_discrete_state(self._memory).value(), now, switch)
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        model, names = self._model, ("position", "velocity", "imu")
+        size = model.nq + model.nv
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            known, held, out, after = _Known(model.create_scratch()), arrays.before, arrays.out, arrays.after
+            now, switch = [arrays.inputs[name] for name in names], arrays.inputs.get("active_contacts")
+
+            def outputs(time: float) -> None:
+                self._know(known, held, now, switch)
+                out[:] = known.state
+
+            def update(time: float) -> None:
+                if known.memory is not None:
+                    after[:] = known.memory
+
+            return outputs, update
+
+        reads, ports = frozenset({*names, "active_contacts"}), places({"estimated_state": slice(size)})
+        return ArrayStage(size, ports, bind, reads, start=self._first, period=self._period)
+
+    def _know(self, known: "_Known", held: FloatArray, now: Sequence[FloatArray], switch: FloatArray | None) -> None:
+        """The state of a tick and the memory after it, from inputs `now` and the memory `held` before it."""
+        model = self._model
+        switch = np.ones(len(model.contacts)) if switch is None else switch
+        position, velocity, imu = now
         known.state, known.memory = np.full(model.nq + model.nv, np.nan), None
         if not np.abs(np.concatenate((position, velocity, imu[:3], switch))).max() < LARGEST:
             return

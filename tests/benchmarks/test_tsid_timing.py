@@ -27,7 +27,7 @@ class Busy(LeafSystem):
 
 def test_slow_ticks_are_not_averaged_away_and_the_label_has_the_period(monkeypatch):
     loop = SimpleNamespace(diagram=Busy(), law=SimpleNamespace(period=PERIOD), start=lambda context: None)
-    monkeypatch.setattr(timing, "build_tsid", lambda scenario: loop)
+    monkeypatch.setattr(timing, "build_tsid", lambda scenario, fused: loop)
     row = timing.diagram_timing(TsidScenario(controller="none.yaml", duration=300 * PERIOD))
     assert row.n == 299
     assert row.highest >= 1e6 * SLOW

@@ -10,17 +10,21 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.actuation.joint_values import Models
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.kernels.calls import copying
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
+
+_ROWS = ("voltage", "friction", "shaped_reference", "fault")
 
 
 class _Solved:
     """Answer of a tick and the state after it; a box for the cache."""
 
     def __init__(self, law: SeriesElasticLaw) -> None:
-        self.rows: FloatArray = np.zeros((4, law.size))
+        self.rows: FloatArray = np.zeros((len(_ROWS), law.size))
         self.state: FloatArray = np.zeros(law.state_size)
 
 
@@ -56,6 +60,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         """
         super().__init__()
         self._law = law = SeriesElasticLaw(spec, motors, dt)
+        self._dt = dt
         n = law.size
         names = ("motor_angle", "torque", "reference_torque", "reference_acceleration")
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
@@ -67,7 +72,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
             "solved", ValueProducer(allocate=Value(_Solved(law)).Clone, calc=self._solve), tickets
         )
         self._solved = solved
-        for row, name in enumerate(("voltage", "friction", "shaped_reference", "fault")):
+        for row, name in enumerate(_ROWS):
             self.DeclareVectorOutputPort(name, n, self._writer(row), {solved.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
@@ -75,6 +80,23 @@ class SeriesElasticControl(PortMethods, LeafSystem):
     def law(self) -> SeriesElasticLaw:
         """The law itself."""
         return self._law
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        n, names = self._law.size, tuple(port.get_name() for port in self._inputs)
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            now = Readings(*(arrays.inputs.get(name, self._zeros) for name in names))
+            before, rows, reached = arrays.before, arrays.out.reshape(len(_ROWS), n), np.zeros(self._law.state_size)
+
+            def outputs(time: float) -> None:
+                self._law.step(before, now, reached, rows)
+
+            return outputs, copying(reached, arrays.after)
+
+        parts = {name: slice(row * n, (row + 1) * n) for row, name in enumerate(_ROWS)}
+        start = np.zeros(self._law.state_size)
+        return ArrayStage(len(_ROWS) * n, places(parts), bind, frozenset(names), start=start, period=self._dt)
 
     def _solve(self, context: Any, box: Any) -> None:
         """y[n] and x[n+1]."""

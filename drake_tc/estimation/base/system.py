@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
@@ -15,7 +16,7 @@ from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Samp
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 METHODS: dict[str, type[CopEstimator] | type[FootCentreEstimator]] = {
     "cop": CopEstimator,
@@ -86,7 +87,7 @@ class BaseEstimator(PortMethods, LeafSystem):
         self._no_tilt, self._no_switch = np.full(2, np.nan), np.zeros(k)
         initial: Any = packed(self._estimator.initial_state(place, heading))
         state = self.DeclareDiscreteState(initial)
-        self._state = int(state)
+        self._state, self._start, self._dt = int(state), np.asarray(initial), spec.period
         cop, flags = place_of("pressure", n, k), slice(place_of("flags", n, k).start, None)
         kinematics, of_state = self._estimator.kinematics, {self.discrete_state_ticket(state)}
         size = kinematics.state_size
@@ -95,12 +96,13 @@ class BaseEstimator(PortMethods, LeafSystem):
         self._shown: Any = self.DeclareCacheEntry(
             "shown", ValueProducer(allocate=Value(whole).Clone, calc=self._show), of_state
         )
-        parts = {
+        self._shown_parts = {
             "base_pose": slice(0, 7),
             "base_velocity": slice(7 + n, 13 + n),
-            "estimated_state": slice(14 + 2 * n, None),
+            "estimated_state": slice(14 + 2 * n, whole.size),
         }
-        for name, part in parts.items():
+        self._state_parts = {"cop": cop, "status": flags}
+        for name, part in self._shown_parts.items():
             width = len(whole[part])
             self.DeclareVectorOutputPort(name, width, self._shower(part), {self._shown.ticket()})
         self.DeclareVectorOutputPort("cop", 2 * k, self._writer(cop), of_state)
@@ -116,6 +118,34 @@ class BaseEstimator(PortMethods, LeafSystem):
     def base_state(self, context: Any) -> BaseState:
         """All that is remembered."""
         return unpacked(np.array(context.get_discrete_state(self._state).value()), self._n, self._k)
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        cop, flags = self._state_parts.values()
+        shown = self._shown_parts["estimated_state"].stop
+        absent = {"imu_tilt": self._no_tilt, "contact_switch": self._no_switch}
+        names = ("position", "velocity", "imu", "imu_tilt", "wrench", "contact_switch")
+        ends = np.cumsum([shown, *(self._start[part].size for part in (cop, flags))]).tolist()
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given = absent | {
+                name: arrays.inputs[name] for name in names if name not in absent or name in arrays.inputs
+            }
+            sample, before, after = Sample(*(given[name] for name in names)), arrays.before, arrays.after
+            whole, pressure, status = np.split(arrays.out, ends[:2])
+
+            def outputs(time: float) -> None:
+                _OUTPUTS(before, self._n, self._k, self._order, whole)
+                pressure[:], status[:] = before[cop], before[flags]
+
+            def update(time: float) -> None:
+                self._estimator.advance(before, sample, after)
+
+            return outputs, update
+
+        parts = {**self._shown_parts, "cop": slice(ends[0], ends[1]), "status": slice(ends[1], ends[2])}
+        updates = frozenset(names)
+        return ArrayStage(ends[2], places(parts), bind, updates=updates, start=self._start, period=self._dt)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """x[n+1]."""

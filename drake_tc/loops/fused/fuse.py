@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_tc.array_stage import ArrayStage
 from drake_tc.errors import ParamsError
@@ -65,6 +65,12 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
     return system
 
 
+def fused_stages(diagram: Diagram) -> FusedStages | None:
+    """The system that `fuse` has put into a diagram; None where the stages are systems of their own."""
+    found = diagram.GetSubsystemByName(NAME) if diagram.HasSubsystemNamed(NAME) else None
+    return found if isinstance(found, FusedStages) else None
+
+
 def _stages(builder: Any, connections: Connections) -> dict[System, ArrayStage]:
     """The systems that can be fused, each with its calculations on arrays."""
     offered = ((system, getattr(system, "on_arrays", None)) for system in builder.GetSystems())
@@ -85,7 +91,7 @@ def _suffices(system: System, stages: Mapping[System, ArrayStage], connections: 
     A port that only enters an input that the reading stage does not use on arrays is not in use.
     """
     for (reader, entering), (source, leaving) in connections.items():
-        if source is not system or system.get_output_port(leaving).get_name() in stages[system].ports:
+        if source is not system or stages[system].part_with(system.get_output_port(leaving).get_name()) is not None:
             continue
         if reader not in stages or reader.get_input_port(entering).get_name() in stages[reader].inputs:
             return False

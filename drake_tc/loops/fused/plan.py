@@ -20,21 +20,26 @@ Connections = Mapping[tuple[System, int], Source]
 
 @dataclass(eq=False)
 class Node:
-    """A stage in the plan.
+    """A stage, or the early outputs of one, in the plan.
 
     Attributes:
-        name: Name of its system, for error messages.
+        system: Its system.
         stage: Its calculations.
         first: Index of its first output among the signals.
         inputs: Input port to the elements that it reads, or to the number of an abstract input of the plan.
         level: When its outputs are computed, see `Plan`.
     """
 
-    name: str
+    system: System
     stage: ArrayStage
     first: int
     inputs: dict[str, IntArray | int] = field(default_factory=dict)
     level: int = 0
+
+    @property
+    def name(self) -> str:
+        """Of its system."""
+        return str(self.system.get_name())
 
 
 @dataclass(eq=False)
@@ -84,9 +89,9 @@ class Plan:
         self.nodes: list[Node] = []
         self.given: list[Given] = []
         self.size = 0
-        self._node_of: dict[System, Node] = {}
+        self._node_of: dict[ArrayStage, Node] = {}
         self._given_of: dict[Source, int] = {}
-        self._open: set[System] = set()
+        self._open: set[ArrayStage] = set()
         readers = {
             source: None
             for (system, _), source in connections.items()
@@ -94,7 +99,7 @@ class Plan:
         }
         for system, stage in stages.items():
             if stage.period is not None:
-                self._place(system)
+                self._place(system, stage)
         self.exported: dict[Source, IntArray] = {}
         for source in readers:
             self.exported[source] = np.asarray(self._elements(source))  # no stage has an abstract output
@@ -112,8 +117,8 @@ class Plan:
             return self._read(source)
         chosen = self._glue.get(system)
         if chosen is None:
-            node = self._place(system)
-            return node.first + node.stage.ports[system.get_output_port(index).get_name()]
+            node, name = self._node_with(source), system.get_output_port(index).get_name()
+            return node.first + node.stage.ports[name]
         sources = [self._connections[system, each] for each in range(system.num_input_ports())]
         return np.concatenate([self._elements(each) for each in sources])[chosen[index]]
 
@@ -127,21 +132,49 @@ class Plan:
         elements = self.given[number].elements
         return number if elements is None else elements
 
-    def _place(self, system: System) -> Node:
-        """The node of a stage, behind those whose outputs its own depend on."""
-        if system in self._node_of:
-            return self._node_of[system]
-        if system in self._open:
+    def _node_with(self, source: Source) -> Node:
+        """The node that computes an output port of a stage or of a block that computes."""
+        system, index = source
+        if system not in self._stages:
+            self._stages[system] = computed(system)
+        part = self._stages[system].part_with(system.get_output_port(index).get_name())
+        if part is None:
+            raise KeyError(f"{system.get_name()}: an output port that is not available on arrays")
+        return self._place(system, part)
+
+    def _place(self, system: System, stage: ArrayStage) -> Node:
+        """The node of a stage, or of its early outputs, behind those whose outputs its own depend on."""
+        if stage in self._node_of:
+            return self._node_of[stage]
+        if stage in self._open:
             raise ParamsError(f"fuse: {system.get_name()!r} depends on its own output within a tick")
-        self._open.add(system)
-        stage = self._stages.get(system) or computed(system)
+        self._open.add(stage)
         inputs = {name: source for name, source in self._sources(system).items() if name in stage.inputs}
         before = {name: self._elements(source) for name, source in inputs.items() if name in stage.reads}
-        node = Node(system.get_name(), stage, int(self._signals(stage.width)[0]), before)
-        self._node_of[system] = node
+        node = Node(system, stage, int(self._signals(stage.width)[0]), before)
+        self._node_of[stage] = node
         self.nodes.append(node)
-        node.inputs |= {name: self._elements(source) for name, source in inputs.items() if name not in stage.reads}
+        late = {name: source for name, source in inputs.items() if name in stage.updates - stage.reads}
+        node.inputs |= {name: self._elements(source) for name, source in late.items()}
         return node
+
+    def node_of(self, system: System) -> Node | None:
+        """The node with the state of a stage; None where the system is none of the stages."""
+        stage = self._stages.get(system)
+        return None if stage is None else self._node_of.get(stage)
+
+    def elements(self, port: OutputPort) -> IntArray:
+        """Where the value of an output port of a fused system stands.
+
+        Raises:
+            ParamsError: No stage and no output of the plan reads the port, so that it is not computed.
+        """
+        system: Any = port.get_system()
+        count = len(self.nodes)
+        found = self._elements((system, int(port.get_index())))
+        if isinstance(found, int) or len(self.nodes) != count:
+            raise ParamsError(f"fuse: {system.get_name()}.{port.get_name()} is not computed, as nothing reads it")
+        return found
 
     def _sources(self, system: System) -> dict[str, Source]:
         """Connected input port to its source."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, ValueProducer
 
 from drake_tc.array_stage import Arrays, Held
 from drake_tc.errors import ParamsError
@@ -58,11 +58,16 @@ class FusedStages(PortMethods, LeafSystem):
             tickets |= {self._inputs[number].ticket() for number in self._read_at(level)}
             width, name = self.exported_at(level).size, f"signals_{level}"
             self._levels.append(self.DeclareVectorOutputPort(name, width, self._writer(level), set(tickets)))
+        late = sorted(set(range(len(self._inputs))) - plan.read_now)
+        self._late_ports = [(number, self._inputs[number].Eval) for number in late]
+        self._parts: dict[float | None, slice] = {}
         for period, nodes in groupby(self._nodes, lambda node: node.stage.period):
             if period is not None:
                 group = list(nodes)
-                part = slice(self._states[group[0]].start, self._states[group[-1]].stop)
-                self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._updater(group, part))
+                self._parts[period] = slice(self._states[group[0]].start, self._states[group[-1]].stop)
+                self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._updater(period))
+        if any(node.stage.begin is not None for node in self._nodes):
+            self.DeclareInitializationDiscreteUpdateEvent(self._begin)
 
     def _declare_input(self, number: int) -> Any:
         port: Any = self._plan.given[number].port
@@ -99,27 +104,87 @@ class FusedStages(PortMethods, LeafSystem):
 
         return write
 
-    def _updater(self, nodes: list[Node], part: slice) -> Callable[[Context, Any], None]:
+    def _updater(self, period: float) -> Callable[[Context, Any], None]:
         """The update of the stages of one period, whose states are a part of the state."""
-        numbers = sorted(set(range(len(self._inputs))) - self._plan.read_now)
-        ports = [(number, self._inputs[number].Eval) for number in numbers]
-        eval_scratch, eval_outputs, memory = self._scratch.Eval, self._levels[-1].Eval, self._memory
-        period, levels = nodes[0].stage.period, len(self._levels)
+        memory, part = self._memory, self._parts[period]
 
         def update(context: Any, values: Any) -> None:
-            eval_outputs(context)
-            scratch = eval_scratch(context)
-            if scratch.computed < levels:
-                self._compute(context, scratch, range(scratch.computed, levels))
-            given, after, time = scratch.given, scratch.after, context.get_time()
-            for number, evaluate in ports:
-                given[number][:] = evaluate(context)
-            after[part] = scratch.before[part]
-            for call in scratch.updates[period]:
-                call(time)
-            values.get_mutable_value(memory)[part] = after[part]
+            values.get_mutable_value(memory)[part] = self._advanced(context, period).after[part]
 
         return update
+
+    def _begin(self, context: Any, values: Any) -> None:
+        """The states with which a simulation starts."""
+        scratch, time = self._evaluated(context), context.get_time()
+        self._read_late(context, scratch)
+        scratch.after[:] = scratch.before
+        for call in scratch.begins:
+            call(time)
+        values.get_mutable_value(self._memory)[:] = scratch.after
+
+    def _read_late(self, context: Context, scratch: "Scratch") -> None:
+        """Read the inputs on which no output depends."""
+        given = scratch.given
+        for number, evaluate in self._late_ports:
+            given[number][:] = evaluate(context)
+
+    def _advanced(self, context: Context, period: float | None) -> "Scratch":
+        """The arrays of a Context, with the next states of the stages of one period."""
+        scratch, part = self._evaluated(context), self._parts[period]
+        after, time = scratch.after, context.get_time()
+        self._read_late(context, scratch)
+        after[part] = scratch.before[part]
+        for call in scratch.updates[period]:
+            call(time)
+        return scratch
+
+    def _evaluated(self, context: Context) -> "Scratch":
+        """The arrays of a Context, with the signals of all levels up to date."""
+        self._levels[-1].Eval(context)
+        scratch: Scratch = self._scratch.Eval(context)
+        if scratch.computed < len(self._levels):
+            self._compute(context, scratch, range(scratch.computed, len(self._levels)))
+        return scratch
+
+    def replaces(self, system: System) -> bool:
+        """Whether this system stands in place of a system."""
+        return system in self._plan.fused
+
+    def output(self, context: Context, port: OutputPort) -> FloatArray:
+        """Value of an output port of a replaced system, in a Context of this system.
+
+        Raises:
+            ParamsError: The port is not computed, as nothing reads it.
+        """
+        elements = self._plan.elements(port)
+        return np.array(self._evaluated(context).signals[elements])
+
+    def input(self, context: Context, stage: System, name: str) -> FloatArray:
+        """Value of a vector input port on which a replaced stage's outputs depend, in a Context of this system."""
+        return np.array(self._evaluated(context).signals[self._node(stage).inputs[name]])
+
+    def next_state(self, context: Context, stage: System) -> FloatArray:
+        """(S,) x[n+1] of a replaced stage, in a Context of this system."""
+        node = self._node(stage)
+        part = self._states[node]
+        return np.array(self._advanced(context, node.stage.period).after[part])
+
+    def set_state(self, context: Context, stage: System, state: FloatArray) -> None:
+        """Set the state (S,) of a replaced stage, in a Context of this system."""
+        values: Any = np.array(context.get_discrete_state(self._memory).value())
+        values[self._states[self._node(stage)]] = state
+        context.SetDiscreteState(self._memory, values)
+
+    def _node(self, stage: System) -> Node:
+        """The node with the state of a replaced stage.
+
+        Raises:
+            ParamsError: There is none.
+        """
+        node = self._plan.node_of(stage)
+        if node is None:
+            raise ParamsError(f"fuse: {stage.get_name()!r} is not a stage of {self.get_name()!r}")
+        return node
 
     def _compute(self, context: Any, scratch: "Scratch", levels: Iterable[int]) -> None:
         """Compute the signals of some levels; those of all lower levels are up to date."""
@@ -140,18 +205,22 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.before, scratch.after = np.zeros(size), np.zeros(size)
         scratch.given = [_place_of(scratch.signals, given.elements) for given in plan.given]
         scratch.outputs = [[] for _ in self._levels]
-        scratch.updates = {node.stage.period: [] for node in plan.nodes}
+        scratch.updates, scratch.begins = {node.stage.period: [] for node in plan.nodes}, []
         for node in plan.nodes:
             inputs = _Inputs(node.name)
             for name, where in node.inputs.items():
                 inputs[name] = self._bound(scratch, node, name, where)
             out = scratch.signals[node.first : node.first + node.stage.width]
-            before, after = _read_only(scratch.before[self._states[node]]), scratch.after[self._states[node]]
-            outputs, update = node.stage.bind(Arrays(inputs, out, before, after))
+            state = self._states[plan.node_of(node.system) or node]
+            before, after = _read_only(scratch.before[state]), scratch.after[state]
+            arrays = Arrays(inputs, out, before, after)
+            outputs, update = node.stage.bind(arrays)
             if outputs is not None:
                 scratch.outputs[node.level] += [outputs] if callable(outputs) else outputs
             if update is not None:
                 scratch.updates[node.stage.period] += [update] if callable(update) else update
+            if node.stage.begin is not None:
+                scratch.begins.append(node.stage.begin(arrays))
         scratch.outputs = [sequences(calls) for calls in scratch.outputs]
         scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 
@@ -168,6 +237,7 @@ class FusedStages(PortMethods, LeafSystem):
             scratch.outputs[node.level].append(gather)
         else:
             scratch.updates[node.stage.period].append(gather)
+            scratch.begins.append(gather)
         return _read_only(copy.view())
 
 
@@ -194,6 +264,7 @@ class Scratch:
         given: For each input port, by its number, where its value is written.
         outputs: For each level, the functions that compute its signals.
         updates: For each period, the functions that compute the next states.
+        begins: The functions that compute the states at the start of a simulation.
         computed: Number of levels whose signals have been computed at least once in these arrays.
     """
 
@@ -203,6 +274,7 @@ class Scratch:
     given: list[Any]
     outputs: list[list[Call]]
     updates: dict[float | None, list[Call]]
+    begins: list[Call]
 
     def __init__(self, system: FusedStages) -> None:
         self._system, self.computed = system, 0

@@ -4,13 +4,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, OutputPort
+from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+from drake_tc.loops.fused import StageValues
 from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
@@ -120,11 +121,9 @@ def base_state(
         "cop": estimator.GetOutputPort("cop"),
     }
 
-    def start(root: Context) -> None:
+    def start(values: StageValues) -> None:
         for each in estimators:
-            mine = each.GetMyMutableContextFromRoot(root)
-            after: Any = each.EvalUniquePeriodicDiscreteUpdate(mine)
-            mine.SetDiscreteState(np.array(after.value()))
+            values.set_state(each, values.next_state(each))
 
     port: OutputPort = estimator.GetOutputPort("estimated_state")
     return port, start

@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.tsid.model import TsidModel
+from drake_tc.types import Call, FloatArray
 
 
 class DesiredMotion(LeafSystem):
@@ -32,8 +34,27 @@ class DesiredMotion(LeafSystem):
         tickets = {self._state.ticket(), self._acceleration.ticket()}
         self.DeclareVectorOutputPort("reference", 3 * model.n, self._write, tickets)
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        names = ("estimated_state", "acceleration")
+
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            (state, acceleration), out = (arrays.inputs[name] for name in names), arrays.out
+
+            def outputs(time: float) -> None:
+                out[:] = self._reference(state, acceleration)
+
+            return outputs, None
+
+        ports = places({"reference": slice(3 * self._model.n)})
+        return ArrayStage(3 * self._model.n, ports, bind, frozenset(names))
+
+    def _reference(self, state: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """(3n,) the output."""
+        model = self._model
+        own = acceleration[model.actuated]
+        velocity = state[model.nq + model.actuated] + self._ahead * own
+        return np.concatenate((state[model.positions], velocity, own))
+
     def _write(self, context: Context, vector: Any) -> None:
-        model, state = self._model, self._state.Eval(context)
-        acceleration = self._acceleration.Eval(context)[model.actuated]
-        velocity = state[model.nq + model.actuated] + self._ahead * acceleration
-        vector.set_value(np.concatenate((state[model.positions], velocity, acceleration)))
+        vector.set_value(self._reference(self._state.Eval(context), self._acceleration.Eval(context)))

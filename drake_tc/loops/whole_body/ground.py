@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
+from pydrake.multibody.plant import ContactModel, CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.ground_spec import Approximation, GroundSpec
@@ -58,6 +58,7 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
             middle: Any = point + np.array([0.0, 0.0, spec.radius])
             pose = contact.frame.pose.transform.multiply(RigidTransform(middle))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
+    plant.set_contact_model(ContactModel.kPoint)  # all shapes are rigid: no time is spent on looking for soft ones
     plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.solver])
     plant.set_stiction_tolerance(spec.stiction_tolerance)
 

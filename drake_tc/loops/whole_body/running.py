@@ -59,7 +59,7 @@ def simulate_tsid(scenario: TsidScenario, progress: Progress | None = None, *, m
     """
     if progress:
         progress("building", 0.0)
-    return run_tsid(build_tsid(scenario, meshcat=meshcat), progress)
+    return run_tsid(build_tsid(scenario, meshcat=meshcat, fused=True), progress)
 
 
 def run_tsid(loop: TsidLoop, progress: Progress | None = None) -> TsidRecording:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem, OutputPort
 
+from drake_tc.array_stage import Arrays, ArrayStage
 from drake_tc.control.sensor_loss_stop import SensorLossStop
 from drake_tc.errors import ParamsError
 from drake_tc.loops.ports import first_imu, picked
@@ -40,7 +41,7 @@ from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.sensor_validation.standing_feet import StandingFeet
 from drake_tc.tsid.controller import reference_port
 from drake_tc.tsid.law import Law
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, Call, FloatArray
 
 MONITOR = MonitorSpec(gyro_jump=0.3, accel_jump=1.5, force_jump=8.0, moment_jump=1.0, wrench_jump_lasts=False)
 """Twice to six times the largest steps in a tick of a robot that stands, turns at 1 Hz or bows, once its soles are
@@ -258,5 +259,24 @@ class Settled(LeafSystem):
         self._none: FloatArray = np.zeros(size)
         self.DeclareVectorOutputPort("settled", size, self._write, {self._signal.ticket(), self.time_ticket()})
 
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        size = self._none.size
+
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            signal, out = arrays.inputs["signal"], arrays.out
+
+            def outputs(time: float) -> None:
+                out[:] = signal if _settled(time) else 0.0
+
+            return outputs, None
+
+        return ArrayStage(size, {"settled": np.arange(size)}, bind, frozenset({"signal"}))
+
     def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._none if context.get_time() < SETTLED + MONITOR.hold else self._signal.Eval(context))
+        vector.set_value(self._signal.Eval(context) if _settled(context.get_time()) else self._none)
+
+
+def _settled(time: float) -> bool:
+    """Whether flags count at this time [s]."""
+    return time >= SETTLED + MONITOR.hold

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, OutputPort
+from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, LinearSystem, MatrixGain
 
 from drake_tc.actuation.model import ActuatorModel
@@ -22,6 +22,7 @@ from drake_tc.control.series_elastic.control import SeriesElasticControl
 from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
+from drake_tc.loops.fused import StageValues
 from drake_tc.loops.ports import picked
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
@@ -30,7 +31,7 @@ from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
 
-Start = Callable[[Context], None]
+Start = Callable[[StageValues], None]
 """Puts a part of the diagram's context where the robot starts."""
 _SPRING = "elasticity"
 
@@ -192,18 +193,16 @@ def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Outp
     wiring.signals["applied_torque"] = drives.actuators.GetOutputPort("transmitted_torque")
     gains = np.array([model.drive.gain for model in drives.models.values()])
 
-    def start(root: Context) -> None:
-        source: Any = torque.get_system()
-        first: Any = torque.Eval(source.GetMyContextFromRoot(root))
-        rest: Any = np.array(gains * first)
+    def start(values: StageValues) -> None:
+        first = values.output(torque)
+        rest = gains * first
         if late is not None:
-            commands: Any = np.tile(rest, ticks)
-            late.GetMyMutableContextFromRoot(root).SetDiscreteState(commands)
+            values.set_state(late, np.tile(rest, ticks))
         actuators = drives.actuators
-        _wind(actuators, actuators.GetMyMutableContextFromRoot(root), first, rest)
+        _wind(actuators, values, first, rest)
         if held is not None:
-            angle: Any = actuators.GetOutputPort("motor_state").Eval(actuators.GetMyContextFromRoot(root))
-            source = held.get_mutable_source_value(held.GetMyMutableContextFromRoot(root))
+            angle = values.output(actuators.GetOutputPort("motor_state"))
+            source = held.get_mutable_source_value(values.context_of(held))
             source.SetFromVector(angle[: law.model.n] + first / spec.position_gain)
 
     return start
@@ -268,12 +267,12 @@ def _desired_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputP
     return port
 
 
-def _wind(actuators: ActuatorPlant, context: Context, torque: FloatArray, voltage: FloatArray) -> None:
+def _wind(actuators: ActuatorPlant, values: StageValues, torque: FloatArray, voltage: FloatArray) -> None:
     """Give the actuators the memory of joints that have carried `torque` (n,) under `voltage` (n,) for one step."""
-    alone = actuators.CreateDefaultContext()
-    state = actuators.GetInputPort("state").Eval(context)
+    alone: Any = actuators.CreateDefaultContext()
+    state = values.input(actuators, "state")
     for name, value in (("command", voltage), ("state", state), ("load_torque", torque)):
         actuators.GetInputPort(name).FixValue(alone, value)
     step: Any = actuators.GetOutputPort("step").Eval(alone)
-    kinds = step.size - context.get_discrete_state(0).size()
-    context.SetDiscreteState(step[kinds:])
+    kinds = step.size - alone.get_discrete_state(0).size()
+    values.set_state(actuators, step[kinds:])

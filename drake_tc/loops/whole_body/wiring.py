@@ -17,6 +17,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.stopping_reference import StoppingReference
+from drake_tc.loops.fused import FusedStages, StageValues
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.whole_body.base_estimation import base_state
 from drake_tc.loops.whole_body.drives import add_drives
@@ -56,14 +57,16 @@ class WholeBodyLoop(WiredLoop):
     sensors: SensorSuite | None
     starts: tuple[Start, ...]
 
-    def start(self, context: Context) -> None:
+    def start(self, context: Context, stages: FusedStages | None = None) -> None:
         """Put estimators and drives where a robot that has stood for long has them.
 
         Args:
             context: Of the whole diagram.
+            stages: What `fuse` returned for the loop's builder; None where it was not called.
         """
+        values = StageValues(context, stages)
         for start in self.starts:
-            start(context)
+            start(values)
 
 
 def add_whole_body_loop(

@@ -31,7 +31,7 @@ is printed."""
 
 
 def whole_loop(scenario: str) -> Simulator:
-    loop = build_tsid(TsidScenario.load(SCENARIOS, scenario))
+    loop = build_tsid(TsidScenario.load(SCENARIOS, scenario), fused=True)
     simulator = Simulator(loop.diagram)
     loop.start(simulator.get_mutable_context())
     return simulator

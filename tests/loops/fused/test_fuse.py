@@ -31,7 +31,7 @@ CASES = {
         "stairs_swing",
         "{faults: {imu: [{kind: dropped, start: 0.05, duration: 0.03}]}}",
     ),
-    "frozen readings, which stay a system": (
+    "frozen readings": (
         "hrp2_leg",
         "stairs_swing",
         "{faults: {encoder: [{kind: frozen, start: 0.05, duration: 0.03}]}}",

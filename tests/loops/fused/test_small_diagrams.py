@@ -104,6 +104,38 @@ def test_noise_of_a_run_that_starts_anew(dt):
     assert_fused_is_apart(build, 300.0 * dt, again=True)
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_sensors_that_remember_earlier_ticks(again):
+    """Latency, frozen and late readings; the delay line begins with the first truth."""
+
+    def build(builder: DiagramBuilder) -> Logs:
+        frozen = SensorFault(kind="frozen", start=0.005, duration=0.01, channels=(0,))
+        late = SensorFault(kind="late", start=0.01, duration=0.01, value=0.004)
+        delayed = sensor(noise=0.1, latency=0.003)
+        faulty = [Sensor(2, SensorSpec(noise=0.1, latency=1e-3 * k), 1e-3, (frozen, late), seed=k) for k in range(2)]
+        chain(builder, source(), delayed, *faulty)
+        return [LogVectorOutput(each.get_output_port(0), builder, 1e-3) for each in (delayed, *faulty)]
+
+    assert_fused_is_apart(build, 0.03, again=again)
+
+
+def test_a_late_sensor_counts_from_the_start_time():
+    found = []
+    for fused in (True, False):
+        builder = DiagramBuilder()
+        chain(builder, source(), sensor(noise=0.1, latency=0.003), sensor(noise=0.2))
+        log = LogVectorOutput(builder.GetSubsystemByName("s2").get_output_port(0), builder, 1e-3)
+        if fused:
+            assert fuse(builder) is not None
+        simulator = Simulator(builder.Build())
+        simulator.get_mutable_context().SetTime(0.5)
+        simulator.Initialize()
+        simulator.AdvanceTo(0.52)
+        found.append(log.FindLog(simulator.get_context()).data().copy())
+    assert np.isfinite(found[0]).all()
+    assert np.array_equal(*found)
+
+
 def test_a_reading_that_is_lost_is_lost_behind_a_matrix_that_only_selects():
     """0 times NaN is NaN."""
 
