@@ -125,13 +125,15 @@ def _require(basis: str, criterion: str, duration: float, rate: float) -> None:
 
 def design_lines(designs: "dict[str, JointDesign]") -> list[str]:
     """What each joint's motion is expected to bring, as lines of text."""
+    from drake_tc.report.numbers import significant
+
     out = []
     for name, design in designs.items():
         out.append(f"{name}: goal {design.goal.text}")
         out += [f"  {sentence}" for sentence in design.sentences]
         for each in design.expected:
             values = ", ".join(
-                f"{label} {value:.3g}"
+                f"{label} {significant(value)}"
                 for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
                 if value == value
             )

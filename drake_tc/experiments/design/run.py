@@ -10,6 +10,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.found_sizes import found_from
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
@@ -274,21 +275,21 @@ def _spread(information: FloatArray) -> FloatArray:
 def _of_everything(
     criterion: AllEffects, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    nothing = np.full(len(criterion.forms), np.nan)
-    ratios = [nothing if c is None else criterion.ratios(c) for c in (before, default, designed)]
-    rows = tuple(
-        Expected(
-            f"smallest {form.effect.key} that is found", form.size.unit, *(_found(form.strength, r[i]) for r in ratios)
-        )
-        for i, form in enumerate(criterion.forms)
-    )
-    count = [int(np.sum(r >= 1.0)) for r in ratios]
+    none = float("nan")
+    given = ((before, None if before is None else before.seconds), (default, None), (designed, None))
+    rows, shown = [], [0, 0, 0]
+    for form in criterion.forms:
+        sizes = [none if c is None else found_from(form, c, criterion.noise(seconds)) for c, seconds in given]
+        word = "largest" if form.size.falling else "smallest"
+        rows.append(Expected(f"{word} {form.effect.key} that is found", form.size.unit, *sizes))
+        for i, size in enumerate(sizes):
+            weak_enough = size >= form.strength if form.size.falling else size <= form.strength
+            shown[i] += bool(np.isfinite(size) and weak_enough)
     text = (
-        f"Of {len(rows)} effects of typical size the designed motion shows {count[2]}, a growing sinusoid of the same "
-        f"length and limits {count[1]}."
+        f"Of {len(rows)} effects of typical size the designed motion shows {shown[2]}, a growing sinusoid of the same "
+        f"length and limits {shown[1]}."
     )
-    return rows, (text,)
-
-
-def _found(size: float, ratio: float) -> float:
-    return size / ratio if ratio > 0.0 else float("inf")
+    never = [form.effect.key for form, row in zip(criterion.forms, rows, strict=True) if np.isinf(row.after)]
+    if not never:
+        return tuple(rows), (text,)
+    return tuple(rows), (text, f"The designed motion shows no size (∞) of {', '.join(never)}.")
