@@ -13,7 +13,7 @@ from drake_tc.types import FloatArray
 
 
 def found_from(form: EffectForm, columns: BalanceColumns, noise: Noise) -> float:
-    """Size that is found in 95 % of such runs: `check.visibility.smallest_sizes` over the shapes that a search would try.
+    """Size that is found in 95 % of such runs: `check.visibility.smallest_sizes` over the shapes that a search tries.
 
     A size in which the balance is linear follows from one remainder; one that is a shape, such as a dead zone or the
     limit of a saturation, from the remainders at every size that a search would try. Infinite if no size is found,
