@@ -1,5 +1,6 @@
 """A robot's motion keeps its limits and the distance between its links, and identifies more than sinusoids do."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -143,4 +144,31 @@ def test_a_scene_that_is_none_is_one_line(arm, tmp_path, text, words):
     scene.write_text(text.format(static="true", height=0.75) if "{" in text else text, encoding="utf-8")
     with pytest.raises(ParamsError, match=words) as found:
         Collisions(arm, 0.02, scene)
+    assert "\n" not in str(found.value)
+
+
+@pytest.fixture
+def mesh_arm(arm, tmp_path):
+    """The same arm with a mesh in place of every box, as the URDFs of most arms have."""
+    text = re.sub(r'<box size="[^"]*"/>', '<mesh filename="link.stl"/>', arm.urdf.read_text(encoding="utf-8"))
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    return load_robot(tmp_path / "arm.yaml")
+
+
+def test_a_robot_whose_shapes_are_meshes_is_told_that_no_distance_was_kept(mesh_arm):
+    design = design_robot(mesh_arm, robot_limits(mesh_arm), QUICK)
+    text = " ".join(design.sentences)
+    assert "No distance between links was kept" in text and "base, upper, fore, hand are meshes" in text
+    assert "Check the motion for collisions" in text
+
+
+def test_a_robot_with_shapes_is_told_nothing(arm):
+    assert Collisions(arm, 0.02).sentences == ()
+
+
+def test_a_scene_beside_a_robot_without_shapes_is_refused(mesh_arm, tmp_path):
+    scene = tmp_path / "table.sdf"
+    scene.write_text(TABLE.format(static="true", height=0.75), encoding="utf-8")
+    with pytest.raises(ParamsError, match="no distance from the scene can be kept") as found:
+        Collisions(mesh_arm, 0.02, scene)
     assert "\n" not in str(found.value)

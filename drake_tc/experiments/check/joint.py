@@ -154,7 +154,8 @@ def _visibility(
     if status != "not_seen":
         same = confused_with(own, made, at, noise)
         status = "not_separable" if same else status
-    separable, below = None, ()
+    separable: float | None = None
+    below: tuple[str, ...] = ()
     if status in ("seen", "weakly") and not size.falling:
         separable, below = separable_from(own, made, (smallest, at), noise)
     whole, rms = float(middle.whole[-1]), float(middle.rms()[-1])

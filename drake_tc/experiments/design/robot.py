@@ -233,7 +233,8 @@ def _described(
         f"{ratio:.2g} times as wide as those after growing sinusoids of all joints within the same limits (median)."
     )
     made = RobotDesign(
-        robot.joints, limits, search.bases, best[1], repeats, rows, (text,), best[0], start_value,
+        robot.joints, limits, search.bases, best[1], repeats, rows, (text, *search.collision.sentences), best[0],
+        start_value,
         search.collision.pairs, options.distance,
     )  # fmt: skip
     motions = made.motion(LEAD_RATE_HZ)[1]
