@@ -66,8 +66,8 @@ class Collisions:
         if not self.active:
             warnings.append("No distance between links was kept: the URDF has no pair of primitive collision shapes.")
         if self.left_out:
-            names, verb = ", ".join(self.left_out), "is a mesh" if len(self.left_out) == 1 else "are meshes"
-            warnings.append(f"The collision shape of {names} {verb}, which the design does not use.")
+            names = ", ".join(self.left_out)
+            warnings.append(f"The collision shapes of these links are meshes, which the design does not use: {names}.")
         check = "Check the motion for collisions before the robot runs it, or give these links primitive shapes."
         return (*warnings, check) if warnings else ()
 

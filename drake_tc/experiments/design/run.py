@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
@@ -152,6 +153,11 @@ def design_joint(
     Raises:
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
+    if limits.velocity <= joint.slowest:
+        raise ParamsError(
+            f"joint {joint.name}: a velocity limit of {limits.velocity:.3g} rad/s is too small: a diagnosis leaves out "
+            f"speeds below {joint.slowest:.3g} rad/s, which the encoder does not resolve"
+        )
     logged, joint = joint, joint_within(joint, limits)
     fill = default_motion(limits, options.duration, FINE)
     if goal.kind == "tell":
