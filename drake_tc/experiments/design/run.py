@@ -18,6 +18,7 @@ from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.noise import measured_as
 from drake_tc.experiments.design.solve import Optimum, optimise
+from drake_tc.experiments.design.tracking import tracking_warning
 from drake_tc.experiments.design.wider import what_limits
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
@@ -183,6 +184,7 @@ def design_joint(
     expected, sentences = _expected(criterion, before, default, designed)
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
         sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
+    sentences = (*sentences, *tracking_warning(joint, limits, motion, basis.step))
     contained = criterion.contained if isinstance(criterion, Discrimination) else ()
     return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
 
