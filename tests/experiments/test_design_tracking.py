@@ -49,7 +49,7 @@ def test_the_response_is_that_of_the_simulated_servo(soft):
 
 def test_the_servo_follows_up_to_the_stated_frequency(soft):
     highest = followed_up_to(soft)
-    assert_allclose(np.abs(followed(soft, wave(round(highest, 1), 1.0), 5e-3)[0]).max(), FOLLOWED, rtol=0.03)
+    assert_allclose(np.abs(followed(soft, wave(round(highest, 1), 1.0), 5e-3)[0]).max(), FOLLOWED, rtol=0.01)
     assert followed_up_to(replace(soft, numbers=replace(soft.numbers, viscous=60.0))) == math.inf
     assert followed_up_to(replace(soft, context=replace(soft.context, drive="current"))) == math.inf
 
@@ -58,7 +58,7 @@ def test_a_motion_at_the_resonance_is_warned_of_and_a_slow_one_is_not(soft):
     (text,) = tracking_warning(soft, LIMITS, wave(3.8, 0.04), 5e-3)
     assert "resonate" in text and f"--bandwidth {followed_up_to(soft):.2g}" in text
     assert tracking_warning(soft, LIMITS, wave(0.4, 0.9), 5e-3) == ()
-    assert tracking_warning(soft, replace(LIMITS, bandwidth_hz=1.0), wave(0.4, 0.9), 5e-3) == ()
+    assert tracking_warning(soft, replace(LIMITS, bandwidth_hz=0.8), wave(0.4, 0.9), 5e-3) == ()
 
 
 def test_a_design_says_so(demo):

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
@@ -154,11 +153,7 @@ def design_joint(
     Raises:
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
-    if limits.velocity <= joint.slowest:
-        raise ParamsError(
-            f"joint {joint.name}: a velocity limit of {limits.velocity:.3g} rad/s is too small: a diagnosis leaves out "
-            f"speeds below {joint.slowest:.3g} rad/s, which the encoder does not resolve"
-        )
+    limits.require_resolved(joint.slowest, joint.name)
     logged, joint = joint, joint_within(joint, limits)
     fill = default_motion(limits, options.duration, FINE)
     if goal.kind == "tell":
@@ -283,21 +278,20 @@ def _spread(information: FloatArray) -> FloatArray:
 def _of_everything(
     criterion: AllEffects, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    none = float("nan")
     given = ((before, None if before is None else before.seconds), (default, None), (designed, None))
     rows, shown = [], [0, 0, 0]
     for form in criterion.forms:
-        sizes = [none if c is None else found_from(form, c, criterion.noise(seconds)) for c, seconds in given]
+        sizes = [np.nan if c is None else found_from(form, c, criterion.noise(seconds)) for c, seconds in given]
         word = "largest" if form.size.falling else "smallest"
         rows.append(Expected(f"{word} {form.effect.key} that is found", form.size.unit, *sizes))
         for i, size in enumerate(sizes):
-            weak_enough = size >= form.strength if form.size.falling else size <= form.strength
-            shown[i] += bool(np.isfinite(size) and weak_enough)
+            shown[i] += bool(
+                np.isfinite(size) and (size >= form.strength if form.size.falling else size <= form.strength)
+            )
     text = (
         f"Of {len(rows)} effects of typical size the designed motion shows {shown[2]}, a growing sinusoid of the same "
         f"length and limits {shown[1]}."
     )
     never = [form.effect.key for form, row in zip(criterion.forms, rows, strict=True) if np.isinf(row.after)]
-    if not never:
-        return tuple(rows), (text,)
-    return tuple(rows), (text, f"The designed motion shows no size (∞) of {', '.join(never)}.")
+    more = (f"The designed motion shows no size (∞) of {', '.join(never)}.",) if never else ()
+    return tuple(rows), (text, *more)

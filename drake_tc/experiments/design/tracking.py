@@ -15,10 +15,8 @@ from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.types import FloatArray
 
-OVER = 1.05
-"""Speed or acceleration of the joint over the limit, from which on the user is warned."""
-FOLLOWED = 1.2
-"""Largest |H| up to which the servo is said to follow."""
+FOLLOWED = 1.05
+"""Largest |H| up to which the servo is said to follow, and largest speed and acceleration over their limits."""
 
 
 def followed_up_to(joint: DesignJoint) -> float:
@@ -56,7 +54,7 @@ def tracking_warning(joint: DesignJoint, limits: JointLimits, motion: FloatArray
         return ()
     made = followed(joint, motion, step)
     speed, acceleration = (float(np.abs(row).max()) for row in made[1:3])
-    if speed <= OVER * limits.velocity and acceleration <= OVER * limits.acceleration:
+    if speed <= FOLLOWED * limits.velocity and acceleration <= FOLLOWED * limits.acceleration:
         return ()
     return (
         f"The position servo's stiffness and the inertia resonate: as its logs are fitted, the joint would reach "
