@@ -80,7 +80,7 @@ def print_check(result: "CheckResult") -> None:
                 WORDS[each.status],
                 _number(each.smallest),
                 each.size.unit,
-                f"not separable from {', '.join(each.not_separable_from)}" if each.not_separable_from else each.reason,
+                each.why,
             )
             for each in joint.effects.effects
         ]

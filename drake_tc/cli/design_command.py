@@ -53,7 +53,7 @@ def design_command(
         Path | None,
         typer.Option(help="URDF, SDF or MJCF of the robot's surroundings, in the coordinates of its world."),
     ] = None,
-    starts: Annotated[int, typer.Option(help="Number of initial guesses.")] = 2,
+    starts: Annotated[int, typer.Option(min=1, help="Number of initial guesses.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
     force: Force = False,
@@ -67,7 +67,7 @@ def design_command(
     """
     from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
 
-    _require(basis, criterion, duration, rate)
+    _require(basis, criterion, duration, rate, distance)
     given: dict[str, Any] = {
         "position": position,
         "velocity": velocity,
@@ -112,26 +112,30 @@ def design_command(
         print(out / FILES[-1])
 
 
-def _require(basis: str, criterion: str, duration: float, rate: float) -> None:
+def _require(basis: str, criterion: str, duration: float, rate: float, distance: float) -> None:
     if basis not in ("fourier", "bspline"):
         raise ParamsError(f"--basis: expected fourier or bspline, got {basis!r}")
     if criterion not in ("D", "E"):
         raise ParamsError(f"--criterion: expected D or E, got {criterion!r}")
     if not 1.0 <= duration <= 600.0:
         raise ParamsError(f"--duration: expected 1 to 600 s, got {duration:g}")
+    if not 0.0 < distance <= 10.0:
+        raise ParamsError(f"--distance: expected a distance above 0 and up to 10 m, got {distance:g}")
     if not 10.0 <= rate <= 10_000.0:
         raise LogError(f"--rate: expected 10 to 10000 Hz, got {rate:g}")
 
 
 def design_lines(designs: "dict[str, JointDesign]") -> list[str]:
     """What each joint's motion is expected to bring, as lines of text."""
+    from drake_tc.report.numbers import significant
+
     out = []
     for name, design in designs.items():
         out.append(f"{name}: goal {design.goal.text}")
         out += [f"  {sentence}" for sentence in design.sentences]
         for each in design.expected:
             values = ", ".join(
-                f"{label} {value:.3g}"
+                f"{label} {significant(value)}"
                 for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
                 if value == value
             )

@@ -100,8 +100,9 @@ def _wind_up(stage: Stage) -> float:
     soft = Elasticity()
     if soft.obstacle(stage.prepared.context):
         return 0.0
-    tried = fit(stage.subsample, [*stage.found.baseline.terms, Term(soft)])
-    return soft.physical(tried.beta[-2:], {}, tried.gain)["compliance"]
+    shape = soft.shape_grid(stage.prepared.context)[0]
+    tried = fit(stage.subsample, [*stage.found.baseline.terms, Term(soft, shape)])
+    return soft.physical(tried.beta[-2:], shape, tried.gain)["compliance"]
 
 
 def _on_soft_rows(

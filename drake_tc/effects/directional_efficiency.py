@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.held_gain import held_gain, scale_column
 from drake_tc.kernels.torque_equations import LOAD_FRICTION
 from drake_tc.types import FloatArray
 
@@ -25,14 +26,15 @@ class DirectionalEfficiency(EquationEffect):
     """mu |tau| sign(qdot) [N m] with mu_d where the joint drives its load (tau qdot > 0), mu_b where it is back-driven.
 
     With mu the mean and delta half of the difference of mu_d and mu_b this is  mu |tau| sign(qdot) + delta tau. The
-    second part scales the load torque, as a wrong drive gain does. The drive gain is free, so the difference shows
+    second part scales the load torque, as a wrong drive gain does. Where the drive gain is free, the difference shows
     only against a torque that is known without the gear: the declared inertia. The balance divided by 1 + delta reads
 
         y*/K' = tau + J qddot - w J qddot + mu' |tau| sign(qdot) + ...,   w = delta/(1 + delta),   mu' = mu/(1 + delta)
 
     so the logs cannot tell this effect from load-dependent friction together with a wrong scale of the load torque.
     Source: Wang and Kim, Directional efficiency in geared transmissions (2015): forward and backward efficiency,
-    eta_f = 1/(1 + mu_d) and eta_b = 1 - mu_b.
+    eta_f = 1/(1 + mu_d) and eta_b = 1 - mu_b. Where the drive gain is declared, the column of w is y/K_0 - J qddot
+    (`held_gain`).
     """
 
     id = "directional_efficiency"
@@ -70,9 +72,13 @@ class DirectionalEfficiency(EquationEffect):
         return -rotor_inertia * float(theta[1])
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """(|tau| sign(qdot), -J qddot) (T, 2)."""
+        """(|tau| sign(qdot), -J qddot) (T, 2); y/K_0 - J qddot in place of the second at a held K_0."""
         friction = self.equation_torque(signals, {"driving_friction": 1.0, "backdriven_friction": 1.0})
-        return np.stack([friction, -signals.rotor_inertia * signals.acceleration], axis=-1)
+        return np.stack([friction, -scale_column(signals, shape)], axis=-1)
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """The gain that fits hold."""
+        return [held_gain(context)]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
         """mu_d = mu + delta and mu_b = mu - delta."""

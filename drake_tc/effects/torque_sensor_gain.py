@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.held_gain import held_gain, scale_column
 from drake_tc.types import FloatArray
 
 GAIN_ERROR_RANGE = Plausible(
@@ -17,8 +18,9 @@ GAIN_ERROR_RANGE = Plausible(
 class TorqueSensorGain(SensorEffect):
     """tau_meas = (1 + g) tau [N m].
 
-    The drive gain is free, so a wrong scale shows only against a torque that is known without the sensor: the declared
-    inertia. (tau + g tau) + (1 + g) J qddot = (1 + g)(...), hence the column J qddot.
+    Where the drive gain is free, a wrong scale shows only against a torque that is known without the sensor: the
+    declared inertia. (tau + g tau) + (1 + g) J qddot = (1 + g)(...), hence the column J qddot. A declared drive gain is
+    held, and the scale shows against it too (`held_gain`).
     """
 
     id = "torque_sensor_gain"
@@ -41,13 +43,17 @@ class TorqueSensorGain(SensorEffect):
             return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
         return super().obstacle(context)
 
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """The gain that fits hold."""
+        return [held_gain(context)]
+
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
         """J g."""
         return rotor_inertia * float(theta[0])
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""
-        return (signals.rotor_inertia * signals.acceleration)[:, None]
+        return scale_column(signals, shape)[:, None]
 
     def torque_scale(self, theta: FloatArray, gain: float) -> float:
         """1 + g: the fit lives on the sensor's scale."""

@@ -29,6 +29,7 @@ REASONS: dict[Withdrawal, str] = {
     "training_run_against": "does not hold in every training run",
     "heldout_run_against": "does not hold in the held-out runs",
     "no_longer_needed": "explains too little without the withdrawn effects",
+    "superfluous": "explains too little beside the other effects",
     "worse_than_declared": "the declared model has the smaller error",
 }
 NEAR = 0.25

@@ -85,6 +85,24 @@ def _link_tag(link: ET.Element, *, visuals: bool, collisions: bool) -> ET.Elemen
     return tag
 
 
+def links_without_solids(robot: Robot) -> list[str]:
+    """Links whose collision is given by meshes alone, which `reduced_urdf` leaves out.
+
+    Args:
+        robot: From `load_robot`.
+
+    Raises:
+        ParamsError: the URDF cannot be read.
+    """
+    tree = read_urdf(robot.urdf, robot.splits)
+    out = []
+    for link in tree.root.findall("link"):
+        shapes = link.findall("collision")
+        if link.get("name") in tree.links and shapes and not any(map(_solid, shapes)):
+            out.append(str(link.get("name")))
+    return out
+
+
 def reduced_urdf(robot: Robot, *, visuals: bool = False, collisions: bool = False) -> str:
     """URDF text in which exactly the driven joints move.
 

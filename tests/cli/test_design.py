@@ -69,6 +69,7 @@ def test_a_pair_that_the_user_names_has_the_sizes_of_the_report(invoke, bench, q
         (["--joint", "elbow"], "no joint 'elbow'"),
         (["--basis", "wavelets"], "fourier or bspline"),
         (["--after", "nowhere.json"], "report.json"),
+        (["--distance", "nan"], "--distance: expected a distance above 0"),
     ],
 )
 def test_what_cannot_be_designed_is_one_line(invoke, bench, quick, arguments, words):

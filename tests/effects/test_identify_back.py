@@ -201,9 +201,16 @@ def test_a_curve_over_the_position_is_found_with_other_knots():
     assert_allclose(now, was, atol=0.05 * np.ptp(was))
 
 
-@pytest.mark.parametrize("key", [key for key in CASES if key != "position_dependent_load"])
-def test_simulate_then_identify_back_within_the_stated_interval(key):
-    case = CASES[key]
+@pytest.mark.parametrize(
+    ("key", "gain_declared"),
+    [
+        *((key, False) for key in CASES if key != "position_dependent_load"),
+        *((key, True) for key in ("torque_sensor_gain", "elasticity", "directional_efficiency")),
+    ],
+)
+def test_simulate_then_identify_back_within_the_stated_interval(key, gain_declared):
+    """The last three scale the load torque, and are found beside a free drive gain and beside a declared one."""
+    case = replace(CASES[key], gain_declared=True) if gain_declared else CASES[key]
     found = identify(key, case)
     wanted = {**case.truth}
     if key == "rotor_inertia":

@@ -19,7 +19,7 @@ from drake_tc.experiments.check.consistency import findings
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, explained_by
 from drake_tc.experiments.check.joint import joint_effects, joint_numbers
 from drake_tc.experiments.check.reasons import Evidence, sentence
-from drake_tc.experiments.check.visibility import Noise, Visibility, confused_with, smallest_sizes
+from drake_tc.experiments.check.visibility import SEPARABLE_WITHIN, Noise, Visibility, confused_with, smallest_sizes
 from drake_tc.experiments.evidence.predicted import compared, predictions
 from drake_tc.experiments.sizes import Size, size_of
 from drake_tc.logs.prepare import load_runs
@@ -143,6 +143,22 @@ def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):
     assert warm.status == "not_seen" and "temperature not recorded" in warm.reason
     bias = next(each for each in found.effects if each.key == "asymmetric_friction.coulomb")
     assert "torque_sensor_bias" in bias.not_separable_from
+
+
+def test_a_size_that_is_found_may_be_too_small_to_be_separated(prepared):
+    """Just below the stated size the effect is confused with those that are named, and at it with none."""
+    found = joint_effects(prepared)
+    numbers, builder = joint_numbers(prepared), ContributionBuilder(prepared, joint_numbers(prepared))
+    usable, _ = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
+    made = {e.key: builder.of(e, size_of(e, numbers, prepared.context)) for e in usable}
+    told = [each for each in found.effects if each.separable is not None]
+    assert told
+    for each in told:
+        assert each.smallest < each.separable <= max(each.size.typical, 4.0 * each.smallest)
+        assert not confused_with(made[each.key], made, each.separable, found.noise)
+        assert confused_with(made[each.key], made, each.separable / SEPARABLE_WITHIN, found.noise)
+        if not each.reason:
+            assert each.why.startswith("below") and each.confused_below[0] in each.why
 
 
 def test_a_wrong_drive_gain_is_not_hidden_by_a_gain_that_is_declared(demo):

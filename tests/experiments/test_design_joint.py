@@ -196,6 +196,12 @@ def test_an_effect_that_the_logs_cannot_show_is_refused(joint):
         criterion_of(parse_goal("tell:thermal_friction,stribeck"), joint, 30.0)
 
 
+def test_a_velocity_limit_below_what_the_encoder_resolves_is_refused(joint):
+    with pytest.raises(ParamsError, match=r"velocity limit of 0\.001 rad/s is too small") as found:
+        design_joint(joint, replace(LIMITS, velocity=1e-3), parse_goal("parameters"), QUICK)
+    assert "\n" not in str(found.value)
+
+
 def test_limits_that_contradict_each_other_are_refused(joint):
     with pytest.raises(ParamsError, match="contradict each other"):
         design_joint(joint, JointLimits((-0.7, 0.9), 2.0, 9.0, torque=10.0), parse_goal("parameters"), QUICK)

@@ -1,5 +1,6 @@
 """A robot's motion keeps its limits and the distance between its links, and identifies more than sinusoids do."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -144,3 +145,52 @@ def test_a_scene_that_is_none_is_one_line(arm, tmp_path, text, words):
     with pytest.raises(ParamsError, match=words) as found:
         Collisions(arm, 0.02, scene)
     assert "\n" not in str(found.value)
+
+
+@pytest.fixture
+def mesh_arm(arm, tmp_path):
+    """The same arm with a mesh in place of every box, as the URDFs of most arms have."""
+    text = re.sub(r'<box size="[^"]*"/>', '<mesh filename="link.stl"/>', arm.urdf.read_text(encoding="utf-8"))
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    return load_robot(tmp_path / "arm.yaml")
+
+
+def test_a_robot_whose_shapes_are_meshes_is_told_that_no_distance_was_kept(mesh_arm):
+    design = design_robot(mesh_arm, robot_limits(mesh_arm), QUICK)
+    text = " ".join(design.sentences)
+    assert (
+        "No distance between links was kept" in text
+        and "meshes, which the design does not use: base, upper, fore, hand." in text
+    )
+    assert "Check the motion for collisions" in text
+
+
+def test_a_robot_with_shapes_is_told_nothing(arm):
+    assert Collisions(arm, 0.02).sentences == ()
+
+
+def test_a_scene_beside_a_robot_without_shapes_is_refused(mesh_arm, tmp_path):
+    scene = tmp_path / "table.sdf"
+    scene.write_text(TABLE.format(static="true", height=0.75), encoding="utf-8")
+    with pytest.raises(ParamsError, match="no distance from the scene can be kept") as found:
+        Collisions(mesh_arm, 0.02, scene)
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+@pytest.mark.parametrize("name", ["velocity", "acceleration", "jerk", "torque", "bandwidth_hz"])
+def test_a_limit_of_a_robot_that_is_not_positive_is_refused(arm, name, value):
+    with pytest.raises(ParamsError, match=f"{name}: expected a positive limit"):
+        robot_limits(arm, **{name: value})
+
+
+def test_a_rotor_whose_inertia_is_fitted_takes_part_unless_a_link_imitates_it(arm):
+    """The inertia of the links about the first axis imitates the rotor of the first joint, and none of the others."""
+    plain = design_robot(arm, robot_limits(arm), QUICK)
+    design = design_robot(arm, robot_limits(arm), replace(QUICK, rotors=arm.joints))
+    rows = {each.name.removesuffix(", half 95 % interval"): each for each in design.expected}
+    rotors = {name for name in rows if name.endswith("rotor_inertia")}
+    assert rotors and "turn/rotor_inertia" not in rotors
+    assert len(design.expected) == len(plain.expected) + len(rotors)
+    assert all(0.0 < rows[name].after < 10.0 for name in rotors)
+    assert f"{len(rotors)} rotor inertias" in design.sentences[0]

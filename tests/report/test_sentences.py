@@ -49,6 +49,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     BelowLeastAmplitude,
     CorrectsCurve,
     DidNotHold,
+    ExplainedByOthers,
     FormOfKnownLoad,
     ImpossibleValues,
     LargerOnHeldOut,
@@ -106,6 +107,7 @@ OBJECTIONS = [
     (UncertainOnHeldOut(None, 0.034, 0.71, 0.9), ["lowers the held-out error by 3.4 %"]),
     (LittleGainAlone(0.004, 0.02), ["by 0.4 %", "less than the 2 %"]),
     (LittleGainAlone(-0.004, 0.02), ["by 0.0 %"]),
+    (ExplainedByOthers(0.004, 0.02), ["Beside the other effects", "by 0.4 %", "less than the 2 %"]),
     (NotFoundAgain(), ["does not find it again"]),
     (LargerThanDeclared("held-out", 0.053), ["the held-out error", "5.3 % larger"]),
 ]

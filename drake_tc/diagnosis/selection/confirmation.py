@@ -8,7 +8,8 @@ An effect of the chosen set is withdrawn when
   5. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With two
      training runs the effect alone is fitted on the other run, beside the model of both,
   6. the held-out runs speak against it,
-  7. another effect was withdrawn, and without that one it no longer lowers the training error,
+  7. another effect was withdrawn, and without that one it no longer lowers the training error; or none was withdrawn,
+     and beside the effects that were chosen after it, the model without it fits as well,
   8. the whole model leaves more than the declared one by the same drive gain, and this effect explains least.
 A run says something about an effect where it has the rows of a regression and the effect acts in it: where its
 contribution has an RMS of a quarter of the noise floor or more. A training run speaks against it when its error is
@@ -22,6 +23,7 @@ larger.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -37,13 +39,14 @@ from drake_tc.diagnosis.selection.runs_against import heldout_against, speaks_ag
 from drake_tc.diagnosis.selection.wander import level_over_wander
 from drake_tc.diagnosis.selection.withdrawal import (
     DidNotHold,
+    ExplainedByOthers,
     LargerThanDeclared,
     LevelWithinWander,
     LittleGainAlone,
     Objection,
     TrainingRunAgainst,
 )
-from drake_tc.diagnosis.thresholds import FEW_RUNS, LEAST_OVER_WANDER
+from drake_tc.diagnosis.thresholds import FEW_RUNS, LEAST_OVER_WANDER, SAME_ERROR
 from drake_tc.effects.base import Context
 from drake_tc.types import FloatArray
 
@@ -89,10 +92,11 @@ def confirm(settle: Settle, chosen: Fit, baseline: Fit, context: Context, floor:
         added = [t for t in chosen.terms if t.effect.key not in known]
         failed = [f for t in added if (f := _objection(columns, held, chosen, t, declared, context, floor)) is not None]
         if withdrawn and not failed:
-            needed = (_no_longer_needed(columns, held, chosen, t, declared, least_gain) for t in added)
-            failed = [f for f in needed if f is not None]
+            failed = _little(columns, held, chosen, declared, added, partial(LittleGainAlone, least=least_gain))
         if added and not failed and (worse := _worse_than(baseline, columns, held, chosen)):
             failed = [_weakest(columns, held, chosen, added, declared, worse)]
+        if not withdrawn and not failed:
+            failed = _little(columns, held, chosen, declared, added, partial(ExplainedByOthers, least=SAME_ERROR))
         if not failed:
             return Confirmed(columns, held, chosen, tuple(withdrawn))
         worst = min(failed, key=lambda f: (f.reason != "implausible", f.heldout_gain or 0.0))
@@ -101,17 +105,23 @@ def confirm(settle: Settle, chosen: Fit, baseline: Fit, context: Context, floor:
         chosen = fit_without(columns, chosen, gone, declared) if len(added) > 1 else baseline
 
 
-def _no_longer_needed(
-    columns: Columns, held: Columns, chosen: Fit, term: Term, declared: Sequence[Term], least_gain: float
-) -> DidNotHold | None:
-    """Withdraws an effect that lowers the training error no more once another one is gone."""
-    rest = fit_without(columns, chosen, term, declared)
-    gain = 1.0 - chosen.cv_rms / max(rest.cv_rms, 1e-300)
-    if gain >= least_gain:
-        return None
-    heldout = 1.0 - rms(predict(held, chosen)) / max(rms(predict(held, rest)), 1e-300)
-    effect, objection = term.effect, LittleGainAlone(gain, least_gain)
-    return DidNotHold(effect.key, effect.id, effect.title, objection, heldout)
+def _little(
+    columns: Columns,
+    held: Columns,
+    chosen: Fit,
+    declared: Sequence[Term],
+    added: Sequence[Term],
+    objection: Callable[[float], LittleGainAlone | ExplainedByOthers],
+) -> list[DidNotHold]:
+    """Effects that lower the training error by less than the objection to them asks for."""
+    out = []
+    for term in added:
+        rest = fit_without(columns, chosen, term, declared)
+        found = objection(1.0 - chosen.cv_rms / max(rest.cv_rms, 1e-300))
+        if found.gain < found.least:
+            heldout = 1.0 - rms(predict(held, chosen)) / max(rms(predict(held, rest)), 1e-300)
+            out.append(DidNotHold(term.effect.key, term.effect.id, term.effect.title, found, heldout))
+    return out
 
 
 def _worse_than(baseline: Fit, columns: Columns, held: Columns, chosen: Fit) -> LargerThanDeclared | None:

@@ -15,6 +15,7 @@ Withdrawal = Literal[
     "training_run_against",
     "heldout_run_against",
     "no_longer_needed",
+    "superfluous",
     "worse_than_declared",
 ]
 """Why an effect that the search chose is not part of the model after."""
@@ -201,6 +202,19 @@ class LittleGainAlone:
 
 
 @dataclass(frozen=True)
+class ExplainedByOthers:
+    """An effect that was chosen before the others: beside them, the model without it fits as well.
+
+    Attributes:
+        gain: Relative drop of the cross-validated error. least: from which on a model fits better.
+    """
+
+    gain: float
+    least: float
+    reason: ClassVar[Withdrawal] = "superfluous"
+
+
+@dataclass(frozen=True)
 class NotFoundAgain:
     """Beside links that were fitted without the effects that did not hold, the search did not choose it again."""
 
@@ -235,6 +249,7 @@ Objection = (
     | LargerOnHeldOut
     | UncertainOnHeldOut
     | LittleGainAlone
+    | ExplainedByOthers
     | NotFoundAgain
     | LargerThanDeclared
 )

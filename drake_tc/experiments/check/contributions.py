@@ -67,6 +67,11 @@ class Contribution:
         return np.asarray(self.remainders[int(np.argmin(np.abs(np.log(self.sizes / size))))])
 
 
+def thinned(shapes: Sequence[dict[str, float]]) -> Sequence[dict[str, float]]:
+    """At most `MOST_SHAPES` of the shapes that a search would try."""
+    return shapes[:: max(1, -(-len(shapes) // MOST_SHAPES))]
+
+
 class ContributionBuilder:
     """Contributions of effects to one joint's rows."""
 
@@ -100,9 +105,7 @@ class ContributionBuilder:
         """The effect at the shapes that a search would try."""
         if acts_through_shape(effect) or effect.key == "current_lag.winding":
             return [self._through_effort(effect, size)]
-        shapes = effect.shape_grid(self._context)
-        every = max(1, -(-len(shapes) // MOST_SHAPES))
-        return [self._by_columns(effect, shape) for shape in shapes[::every]]
+        return [self._by_columns(effect, shape) for shape in thinned(effect.shape_grid(self._context))]
 
     def _by_columns(self, effect: Effect, shape: dict[str, float]) -> Contribution:
         if isinstance(effect, ServoGain):

@@ -13,7 +13,15 @@ from drake_tc.effects.library import looked_for
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, imitators
 from drake_tc.experiments.check.facts import MotionFacts
 from drake_tc.experiments.check.reasons import Evidence, sentence
-from drake_tc.experiments.check.visibility import WEAK, Noise, Status, Visibility, confused_with, smallest_sizes
+from drake_tc.experiments.check.visibility import (
+    WEAK,
+    Noise,
+    Status,
+    Visibility,
+    confused_with,
+    separable_from,
+    smallest_sizes,
+)
 from drake_tc.experiments.sizes import JointNumbers, Size, size_of
 from drake_tc.identification.autocorrelation import correlation_time
 
@@ -146,6 +154,10 @@ def _visibility(
     if status != "not_seen":
         same = confused_with(own, made, at, noise)
         status = "not_separable" if same else status
+    separable: float | None = None
+    below: tuple[str, ...] = ()
+    if status in ("seen", "weakly") and not size.falling:
+        separable, below = separable_from(own, made, (smallest, at), noise)
     whole, rms = float(middle.whole[-1]), float(middle.rms()[-1])
     kept = rms / whole if whole > 0.0 else 0.0
     reason = ""
@@ -154,4 +166,6 @@ def _visibility(
         imitating = imitators(builder.declared, builder.design, middle.change)
         evidence = Evidence(facts, size, kept, imitating, remainder, least)
         reason = sentence(effect.id, evidence)
-    return Visibility(effect.key, effect.id, effect.title, status, size, smallest, easiest, same, kept, reason)
+    return Visibility(
+        effect.key, effect.id, effect.title, status, size, smallest, easiest, same, kept, reason, separable, below
+    )

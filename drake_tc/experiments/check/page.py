@@ -84,9 +84,7 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
 
 
 def _row(found: Visibility) -> tuple[str, ...]:
-    why = found.reason
-    if found.not_separable_from:
-        why = f"At these motions it is not separable from {', '.join(found.not_separable_from)}."
+    why = found.reason or (f"At these motions it is {found.why}." if found.why else "")
     label = found.title if found.key == found.id else f"{found.title} ({found.key})"
     return (
         label,

@@ -54,6 +54,8 @@ def _effect(found: Visibility) -> dict[str, Any]:
             "easiest": found.easiest,
         },
         "not_separable_from": list(found.not_separable_from),
+        "separable": found.separable,
+        "confused_below": list(found.confused_below),
         "kept": found.kept,
         "reason": found.reason or None,
     }

@@ -31,6 +31,8 @@ WEAK = 4.0
 """Smallest size over the typical size, up to which an effect is called weakly seen."""
 CERTAIN = 1.6448536269514722
 """95 % quantile z of the standard normal distribution."""
+SEPARABLE_WITHIN = 1.1
+"""Ratio to which the size is known from which on an effect is separable."""
 SHAPES_SEEN = 0.8
 """Share of the shapes of an effect at which the size that counts as found must suffice."""
 
@@ -76,6 +78,8 @@ class Visibility:
         not_separable_from: Ids of effects that fit as well.
         kept: Share of its contribution (RMS) that the declared model does not imitate; 0 where it cannot be computed.
         reason: Why it is not seen, or only weakly, in one sentence; empty where it is seen.
+        separable: Size below which it is found but fits as well as `confused_below`; None where there is no such size.
+        confused_below: Ids of these effects.
     """
 
     key: str
@@ -88,6 +92,19 @@ class Visibility:
     not_separable_from: tuple[str, ...] = ()
     kept: float = 0.0
     reason: str = ""
+    separable: float | None = None
+    confused_below: tuple[str, ...] = ()
+
+    @property
+    def why(self) -> str:
+        """What the user should know of the verdict, in one sentence without its full stop; empty where nothing is."""
+        if self.not_separable_from:
+            return f"not separable from {', '.join(self.not_separable_from)}"
+        if self.separable is not None:
+            names = ", ".join(self.confused_below)
+            below = f"below {self.separable:.3g} {self.size.unit}".removesuffix(" -")
+            return f"{below} not separable from {names}" if not self.reason else self.reason
+        return self.reason
 
 
 def smallest_sizes(
@@ -160,3 +177,31 @@ def confused_with(
         if same or late:
             found[other.id] = None
     return tuple(found)
+
+
+def separable_from(
+    own: Sequence[Contribution],
+    others: Mapping[str, Sequence[Contribution]],
+    sizes: tuple[float, float],
+    noise: Noise,
+) -> tuple[float | None, tuple[str, ...]]:
+    """(size, ids): below the size an effect that is found fits as well as these effects, by `confused_with`.
+
+    The difference of two effects grows with their size, so that an effect that is confused with none at its typical
+    size may be confused with one at the smallest size that is found.
+
+    Args:
+        own: The effect at its shapes.
+        others: By key, the other effects.
+        noise: Of the rows.
+        sizes: (smallest size that is found, size at which it is confused with none).
+    """
+    low, high = sizes
+    same = confused_with(own, others, low, noise)
+    if not same or not low < high < math.inf:
+        return None, ()
+    while high > SEPARABLE_WITHIN * low:
+        middle = math.sqrt(low * high)
+        found = confused_with(own, others, middle, noise)
+        low, high, same = (middle, high, found) if found else (low, middle, same)
+    return high, same

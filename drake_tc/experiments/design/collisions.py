@@ -14,6 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
+from drake_tc.robot.urdf import links_without_solids
 from drake_tc.types import FloatArray
 
 INFLUENCE = 0.05
@@ -36,12 +37,13 @@ class Collisions:
             scene: URDF, SDF or MJCF of what stands around the robot, in the coordinates of the robot's world.
 
         Raises:
-            ParamsError: A scene that cannot be read, or that has no shape.
+            ParamsError: A scene that cannot be read, or that has no shape; a robot without shapes in a scene.
         """
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         add_robot(plant, robot, collisions=True, rotors=False)
         if scene is not None:
+            _require_shapes(plant, robot, scene)
             _add_scene(plant, scene)
         plant.Finalize()
         self._plant, self._diagram = plant, builder.Build()
@@ -50,11 +52,24 @@ class Collisions:
         self._default: FloatArray = np.asarray(plant.GetPositions(self._context), dtype=np.float64)
         self._order = [int(plant.GetJointByName(name).position_start()) for name in robot.joints]
         self.pairs = _pairs(scene_graph)
+        self.left_out = tuple(links_without_solids(robot))
         self._constraint: Any = None
         if self.pairs:
             self._constraint = MinimumDistanceLowerBoundConstraint(
                 plant, bound, self._context, influence_distance_offset=INFLUENCE
             )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What the distance leaves out, for the user; empty where nothing is."""
+        warnings = []
+        if not self.active:
+            warnings.append("No distance between links was kept: the URDF has no pair of primitive collision shapes.")
+        if self.left_out:
+            names = ", ".join(self.left_out)
+            warnings.append(f"The collision shapes of these links are meshes, which the design does not use: {names}.")
+        check = "Check the motion for collisions before the robot runs it, or give these links primitive shapes."
+        return (*warnings, check) if warnings else ()
 
     @property
     def active(self) -> bool:
@@ -87,6 +102,14 @@ class Collisions:
         q = self._default.copy()
         q[self._order] = position
         return q
+
+
+def _require_shapes(plant: Any, robot: Robot, scene: Path) -> None:
+    if plant.num_collision_geometries() == 0:
+        raise ParamsError(
+            f"--scene {scene}: {robot.urdf} has no collision shape that is a box, sphere, cylinder or capsule, so that "
+            "no distance from the scene can be kept; give its links such shapes"
+        )
 
 
 def _add_scene(plant: Any, scene: Path) -> None:

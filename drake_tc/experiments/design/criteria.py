@@ -6,13 +6,15 @@ noise s [N m] and the rate of independent samples,
     M = (n/(T s^2)) Z' diag(w) Z,   D: max log det M,   E: max lambda_min(M)                    (Fisher information)
 """
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
 from drake_tc.effects.context import EFFORT_UNIT
-from drake_tc.experiments.design.forms import EffectForm, remainder
+from drake_tc.experiments.check.visibility import Noise
+from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.types import FloatArray
 
@@ -106,24 +108,28 @@ class AllEffects(Criterion):
     """As much as possible of every effect beside the declared model: the mean of log(r^2/r_least^2), saturated.
 
     Attributes:
-        joint: The joint. forms: Effects. duration: Of the experiment [s]. least: RMS that is found [N m].
+        joint: The joint. forms: Effects. duration: Of the experiment [s].
     """
 
     joint: DesignJoint
     forms: tuple[EffectForm, ...]
     duration: float
-    least: float
+
+    def noise(self, seconds: float | None = None) -> Noise:
+        """Of a run of so many seconds in motion; None for the experiment."""
+        joint, length = self.joint, self.duration if seconds is None else seconds
+        return Noise(joint.floor or joint.noise, joint.noise, max(joint.independent_per_second * length, 3.0))
 
     def ratios(self, columns: BalanceColumns) -> FloatArray:
-        """(e,) RMS of each effect's remainder over what is found."""
-        root = np.sqrt(columns.weight)[:, None]
-        declared = root * columns.design(self.joint.declared)
+        """(e,) RMS of each effect's remainder, at the middle one of its shapes, over what is found."""
+        declared = Projection(declared_columns(columns), columns.weight)
+        noise, rows = self.noise(), math.sqrt(float(np.mean(columns.weight)))
         out = []
         for form in self.forms:
-            change = root * form.change(columns, form.shapes[len(form.shapes) // 2])
-            left = remainder(declared, change)
-            out.append(float(np.sqrt(np.mean(left**2) / np.mean(columns.weight))))
-        return np.array(out) / self.least
+            left = declared.of(form.change(columns, form.shapes[len(form.shapes) // 2]))
+            needed = rows * noise.least(form.effect.degrees_of_freedom)
+            out.append(float(np.sqrt(np.mean(left**2))) / needed)
+        return np.array(out)
 
     def value(self, columns: BalanceColumns) -> float:
         """Mean over the effects of -log(1 + (r_least/r)^2)."""

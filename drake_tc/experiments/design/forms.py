@@ -46,14 +46,14 @@ class EffectForm:
         """(T, p) contribution [N m] at the strength, one column for each phase."""
         numbers = columns.joint.numbers
         if acts_through_shape(self.effect):
-            return self._at_sizes(columns, np.array([self.strength]))
+            return self.at_sizes(columns, np.array([self.strength]))
         phi = _columns_of(columns, Term(self.effect, shape))
         thetas = np.ones((1, 1))
         if not isinstance(self.effect, ServoGain):
             thetas = np.stack(directions(self.effect, numbers), axis=-1)
         return np.asarray(self.strength * phi @ thetas)
 
-    def _at_sizes(self, columns: BalanceColumns, sizes: FloatArray) -> FloatArray:
+    def at_sizes(self, columns: BalanceColumns, sizes: FloatArray) -> FloatArray:
         """(T, g) contribution [N m] of an effect whose size is its shape, at several sizes."""
         terms = [Term(self.effect, {self.size.name: float(size)}) for size in sizes]
         return np.asarray(columns.changes(terms) / columns.joint.numbers.gain)
@@ -70,7 +70,7 @@ class EffectForm:
             targets: What declared columns leave of the true contribution, weighted.
         """
         if acts_through_shape(self.effect):
-            return _least_on_path(declared.of(self._at_sizes(columns, FACTORS * self.strength)), targets)
+            return _least_on_path(declared.of(self.at_sizes(columns, FACTORS * self.strength)), targets)
         spans = [declared.of(_columns_of(columns, Term(self.effect, shape))) for shape in self.shapes]
         coefficients = self.effect.parameters if isinstance(self.effect, ServoGain) else self.effect.coefficients
         low, high = (np.array([getattr(c, side) for c in coefficients]) for side in ("lower", "upper"))

@@ -20,7 +20,6 @@ from drake_tc.effects.library import effect, looked_for
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.contributions import is_late
-from drake_tc.experiments.check.visibility import Noise
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.forms import EffectForm, form_of
@@ -111,9 +110,7 @@ def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: b
         for e in looked_for(joint.context)
         if e.id not in taken and not e.unavailable(joint.context) and _computable(joint, e.key)
     ]
-    independent = joint.independent_per_second * duration
-    least = Noise(joint.noise, joint.noise, independent).least(2)
-    return AllEffects(joint, tuple(forms), duration, least)
+    return AllEffects(joint, tuple(forms), duration)
 
 
 def _computable(joint: DesignJoint, key: str) -> bool:

@@ -59,6 +59,22 @@ class JointLimits:
                 f"{self.torque:.3g} N*m; raise the torque limit or narrow the position limits"
             )
 
+    def require_resolved(self, slowest: float, joint: str) -> None:
+        """Refuse a velocity limit at which no sample would take part in a diagnosis.
+
+        Args:
+            slowest: Speed that the encoder resolves [rad/s].
+            joint: For the message.
+
+        Raises:
+            ParamsError: The limit is not above this speed.
+        """
+        if self.velocity <= slowest:
+            raise ParamsError(
+                f"joint {joint}: a velocity limit of {self.velocity:.3g} rad/s is too small: a diagnosis leaves out "
+                f"speeds below {slowest:.3g} rad/s, which the encoder does not resolve"
+            )
+
     def with_margin(self, share: float) -> "JointLimits":
         """The same limits a share narrower, so that a motion between samples keeps the true ones."""
         low, high = self.position

@@ -118,9 +118,7 @@ def robot_page(design: RobotDesign) -> str:
     headings = ("quantity", "growing sinusoids", "designed motion")
     table = PageTable(headings, [(e.name, _number(e.default), _number(e.after)) for e in design.expected], headings[1:])
     distance = (
-        f"{design.pairs} pairs of collision shapes keep a distance of {design.distance:g} m."
-        if design.pairs
-        else "The URDF has no pair of primitive collision shapes, so that no distance between links was kept."
+        (f"{design.pairs} pairs of collision shapes keep a distance of {design.distance:g} m.",) if design.pairs else ()
     )
     plots = [
         _plot_of(basis.motion(x), basis.step, limits, name, f"m{number}")
@@ -128,7 +126,7 @@ def robot_page(design: RobotDesign) -> str:
             zip(design.joints, design.bases, design.x, design.limits, strict=True)
         )
     ]
-    section = PageSection("All joints", (*design.sentences, distance), plots=plots, tables=(table,), aside="SI units")
+    section = PageSection("All joints", (*design.sentences, *distance), plots=plots, tables=(table,), aside="SI units")
     return plain_page("The next experiment", "design", (), (section,))
 
 

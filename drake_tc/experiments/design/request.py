@@ -102,8 +102,9 @@ def designed_robot(
     robot = load_robot(rig.robot)
     names = ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
     limits = robot_limits(robot, **{name: request.limits.get(name) for name in names})
+    fitted = tuple(j for j in rig.joints if "rotor_inertia" in rig.declared[j] and not rig.declared[j]["rotor_inertia"])
     with threadpool_limits(1):
-        return design_robot(robot, limits, options, progress)
+        return design_robot(robot, limits, replace(options, rotors=fitted), progress)
 
 
 def _designed_joint(

@@ -1,8 +1,9 @@
 """A motion of a whole robot that identifies its links and its joints' friction.
 
-    tau_i = Y_i(q, qdot, qddot) pi + F_v,i qdot_i + F_c,i sign(qdot_i)
+    tau_i = Y_i(q, qdot, qddot) pi + F_v,i qdot_i + F_c,i sign(qdot_i) + J_i qddot_i
 
-With the columns of the base parameters of pi, in units of their tolerances, the friction columns of each joint and the
+J_i takes part where the rig file declares a rotor inertia of unknown value and no combination of links imitates it.
+With the columns of the base parameters of pi, in units of their tolerances, the joints' own columns and the
 noise s_i [N m] of its torque, M = sum_i Z_i' Z_i n/(T s_i^2); D: max log det M, E: max lambda_min(M).
 
 Source: Swevers, Ganseman, Tukel, De Schutter and Van Brussel (1997) for Fourier series under limits; the friction
@@ -115,6 +116,7 @@ class RobotOptions:
         duration, basis, smallest, starts, iterations, seed: As there.
         distance: Between links, and from the scene, at least [m].
         scene: File of what stands around the robot.
+        rotors: Joints whose rotor inertia is fitted along with the links.
     """
 
     duration: float = 30.0
@@ -125,6 +127,7 @@ class RobotOptions:
     seed: int = 0
     distance: float = 0.01
     scene: Path | None = None
+    rotors: tuple[str, ...] = ()
 
 
 def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]:
@@ -133,6 +136,9 @@ def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]
     Raises:
         ParamsError: Limits that are not possible.
     """
+    for name, value in given.items():
+        if value is not None and not value > 0.0:
+            raise ParamsError(f"{name}: expected a positive limit, got {value:g}")
     known = joint_limits(robot)
     out = []
     for i in range(len(robot.joints)):
@@ -186,7 +192,8 @@ def design_robot(
     bases = tuple(
         scaled(motion_basis(options.basis, period, STEP, each.bandwidth_hz, FREQUENCIES), each) for each in limits
     )
-    goal = robot_goal(links, limits, options.duration, options.smallest, rng)
+    rotors = [i for i, name in enumerate(robot.joints) if name in options.rotors]
+    goal = robot_goal(links, limits, options.duration, options.smallest, rng, rotors)
     search = RobotSearch(robot, bases, tuple(each.with_margin(0.02) for each in limits), goal, collision)
     tried = []
     for number in range(10):
@@ -218,22 +225,20 @@ def _described(
     for q, v, a in (search.default(options.duration), (motion[0], motion[1], motion[2])):
         eigen, vectors = np.linalg.eigh(goal.information(q, v, a))
         spreads.append(np.sqrt(np.sum(vectors**2 / np.maximum(eigen, 1e-12), axis=1)))
-    names = [goal.links.tree.parameters[i] for i in goal.base]
-    units = list(goal.scale)
-    for joint, effort, speed in zip(robot.joints, goal.effort, goal.speed, strict=True):
-        names += [f"{joint}/viscous", f"{joint}/coulomb"]
-        units += [0.05 * effort / speed, 0.05 * effort]
+    names, units = goal.names(robot.joints), goal.units
     rows = tuple(
         Expected(f"{name}, half 95 % interval", "SI", float("nan"), 1.96 * u * float(d), 1.96 * u * float(b))
-        for name, u, d, b in zip(names, units, *spreads, strict=True)
+        for name, u, d, b in zip(names, units.tolist(), *spreads, strict=True)
     )
+    rotors = f" and {len(goal.rotors)} rotor inertias" if goal.rotors else ""
     ratio = float(np.median(spreads[1] / spreads[0]))
     text = (
-        f"The 95 % intervals of {goal.base.size} base parameters and of all friction after the designed motion are "
-        f"{ratio:.2g} times as wide as those after growing sinusoids of all joints within the same limits (median)."
+        f"The 95 % intervals of {goal.base.size} base parameters and of all friction{rotors} after the designed motion "
+        f"are {ratio:.2g} times as wide as those after growing sinusoids of all joints within the same limits (median)."
     )
     made = RobotDesign(
-        robot.joints, limits, search.bases, best[1], repeats, rows, (text,), best[0], start_value,
+        robot.joints, limits, search.bases, best[1], repeats, rows, (text, *search.collision.sentences), best[0],
+        start_value,
         search.collision.pairs, options.distance,
     )  # fmt: skip
     motions = made.motion(LEAD_RATE_HZ)[1]

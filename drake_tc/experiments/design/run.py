@@ -10,12 +10,14 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.found_sizes import found_from
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.noise import measured_as
 from drake_tc.experiments.design.solve import Optimum, optimise
+from drake_tc.experiments.design.tracking import tracking_warning
 from drake_tc.experiments.design.wider import what_limits
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
@@ -151,6 +153,7 @@ def design_joint(
     Raises:
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
+    limits.require_resolved(joint.slowest, joint.name)
     logged, joint = joint, joint_within(joint, limits)
     fill = default_motion(limits, options.duration, FINE)
     if goal.kind == "tell":
@@ -176,6 +179,7 @@ def design_joint(
     expected, sentences = _expected(criterion, before, default, designed)
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
         sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
+    sentences = (*sentences, *tracking_warning(joint, limits, motion, basis.step))
     contained = criterion.contained if isinstance(criterion, Discrimination) else ()
     return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
 
@@ -274,21 +278,20 @@ def _spread(information: FloatArray) -> FloatArray:
 def _of_everything(
     criterion: AllEffects, before: BalanceColumns | None, default: BalanceColumns, designed: BalanceColumns
 ) -> tuple[tuple[Expected, ...], tuple[str, ...]]:
-    nothing = np.full(len(criterion.forms), np.nan)
-    ratios = [nothing if c is None else criterion.ratios(c) for c in (before, default, designed)]
-    rows = tuple(
-        Expected(
-            f"smallest {form.effect.key} that is found", form.size.unit, *(_found(form.strength, r[i]) for r in ratios)
-        )
-        for i, form in enumerate(criterion.forms)
-    )
-    count = [int(np.sum(r >= 1.0)) for r in ratios]
+    given = ((before, None if before is None else before.seconds), (default, None), (designed, None))
+    rows, shown = [], [0, 0, 0]
+    for form in criterion.forms:
+        sizes = [np.nan if c is None else found_from(form, c, criterion.noise(seconds)) for c, seconds in given]
+        word = "largest" if form.size.falling else "smallest"
+        rows.append(Expected(f"{word} {form.effect.key} that is found", form.size.unit, *sizes))
+        for i, size in enumerate(sizes):
+            shown[i] += bool(
+                np.isfinite(size) and (size >= form.strength if form.size.falling else size <= form.strength)
+            )
     text = (
-        f"Of {len(rows)} effects of typical size the designed motion shows {count[2]}, a growing sinusoid of the same "
-        f"length and limits {count[1]}."
+        f"Of {len(rows)} effects of typical size the designed motion shows {shown[2]}, a growing sinusoid of the same "
+        f"length and limits {shown[1]}."
     )
-    return rows, (text,)
-
-
-def _found(size: float, ratio: float) -> float:
-    return size / ratio if ratio > 0.0 else float("inf")
+    never = [form.effect.key for form, row in zip(criterion.forms, rows, strict=True) if np.isinf(row.after)]
+    more = (f"The designed motion shows no size (∞) of {', '.join(never)}.",) if never else ()
+    return tuple(rows), (text, *more)

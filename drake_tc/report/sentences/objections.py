@@ -6,6 +6,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     BelowEncoderStep,
     BelowLeastAmplitude,
     CorrectsCurve,
+    ExplainedByOthers,
     FormOfKnownLoad,
     ImpossibleValues,
     LargerOnHeldOut,
@@ -62,6 +63,11 @@ def why_withdrawn(objection: Objection) -> str:
             return (
                 "Without the withdrawn effects, it lowers the cross-validated training error by "
                 f"{100 * max(gain, 0.0):.1f} %, less than the {100 * least:g} % that are required."
+            )
+        case ExplainedByOthers(gain, least):
+            return (
+                "Beside the other effects, it lowers the cross-validated training error by "
+                f"{100 * max(gain, 0.0):.1f} %, less than the {100 * least:g} % from which on a model counts as better."
             )
         case NotFoundAgain():
             return (

@@ -144,6 +144,14 @@ def test_what_an_effect_explains_is_asked_again_once_another_one_was_withdrawn(l
     assert alone.withdrawn == ()
 
 
+def test_an_effect_that_the_others_explain_is_withdrawn():
+    """A search may add a sensor's gain while it looks for the drag, and keep it beside the drag that explains all."""
+    joint = replace(PLAIN, extra=drag)
+    found = confirmed([joint] * 3, [joint], Term(effect("torque_sensor_gain")), QUADRATIC)
+    assert reasons(found) == {"torque_sensor_gain": "superfluous"}
+    assert [t.effect.id for t in found.fit.terms] == ["viscous", "coulomb", "quadratic_viscous"]
+
+
 @pytest.mark.parametrize("runs", [2, 3])
 def test_an_effect_that_the_held_out_run_lacks_is_withdrawn(runs):
     biased = replace(PLAIN, extra=offset(1.0))
