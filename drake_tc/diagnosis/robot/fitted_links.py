@@ -1,5 +1,7 @@
 """`close-loop` of a robot whose links' inertial parameters are fitted together with its joints' models.
 
+0. Gross errors of the set-up (`diagnosis.set_up`). Where the logs show some, no effects are looked for: a wrong set-up
+   makes effects that are not there.
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
    (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried.
 2. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's model from here on.
@@ -42,6 +44,7 @@ from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_f
 from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, estimated_anew, late_encoder, with_encoder_in_time
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.shared import active
+from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
@@ -123,9 +126,13 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     joints = case.rig.joints
+    set_up = check_set_up(logs, model, case.train, case.held, case.rig)
+    wrong = set_up is not None and bool(set_up.errors)
+    if wrong:
+        case = replace(case, options=replace(case.options, effects=()))
     declared = start = _in_wide_enough_band(case)
-    first, delay = declared.links, _common_delay(declared)
-    encoder = _late_encoder(declared, delay, logs, model)
+    first, delay = declared.links, None if wrong else _common_delay(declared)
+    encoder = None if wrong else _late_encoder(declared, delay, logs, model)
     if encoder is not None:
         for _ in range(MOVES):
             start = _in_time(declared, encoder, logs)
@@ -150,6 +157,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
         links=fitted_links(model, case.causes, links.rows, links.fitted, tolerance),
+        set_up=set_up,
     )
 
 
