@@ -37,8 +37,8 @@ def set_up_sentences(check: SetUpCheck | None) -> tuple[str, ...]:
         lines.append(f"These logs cannot distinguish the last point from another one: {others}")
     changes = "this change" if len(check.errors) == 1 else "these changes"
     lines.append(
-        f"With {changes}, the declared model leaves {after} {of_joint} instead of {before}. No effects were looked for, "
-        "because a wrong set-up imitates them. Correct the files and run the command again."
+        f"With {changes}, the declared model leaves {after} {of_joint} instead of {before}. No effects were looked "
+        "for, because a wrong set-up imitates them. Correct the files and run the command again."
     )
     return tuple(lines)
 
