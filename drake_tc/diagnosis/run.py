@@ -98,7 +98,9 @@ def _close_loop(
         joints = {name: _ranked(joint, robot.robot_gains) for name, joint in robot.joints.items()}
         shared, before, links, set_up = robot.shared, robot.held, robot.links, robot.set_up
         held, train = list(robot.held_after), list(robot.train_after)
-    wrong = set_up is not None and bool(set_up.errors)  # such a model is worth no simulation
+    wrong = set_up is not None and bool(set_up.errors)
+    if wrong:  # such a model is worth no simulation and no experiment
+        joints = {name: replace(joint, next_experiment=None) for name, joint in joints.items()}
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)

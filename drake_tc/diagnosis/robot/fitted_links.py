@@ -129,7 +129,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     set_up = check_set_up(logs, model, case.train, case.held, case.rig)
     wrong = set_up is not None and bool(set_up.errors)
     if wrong:
-        case = replace(case, options=replace(case.options, effects=()))
+        case = replace(case, options=replace(case.options, effects=(), assess_residual=False))
     declared = start = _in_wide_enough_band(case)
     first, delay = declared.links, None if wrong else _common_delay(declared)
     encoder = None if wrong else _late_encoder(declared, delay, logs, model)

@@ -185,9 +185,10 @@ def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path):
         columns = dict(np.load(log))
         turned.append(tmp_path / log.name)
         np.savez(turned[-1], **scaled(fold__position=-1.0, fold__current=-1.0)(columns))
-    result = close_loop(rig_file(folder), turned[:2], turned[2:], DiagnosisOptions(assess_residual=False))
+    result = close_loop(rig_file(folder), turned[:2], turned[2:], DiagnosisOptions())
     assert [effect.id for joint in result.joints.values() for effect in joint.effects] == []
     assert result.shared == ()
+    assert [joint.next_experiment for joint in result.joints.values()] == [None] * len(JOINTS)
     assert result.verdict == "unexplained_structure"
     document = result_json(result)["set_up"]
     assert [error["kind"] for error in document["errors"]] == ["joint_reversed"]
