@@ -17,6 +17,7 @@ so that hundreds of assumptions can be compared.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import nnls
@@ -35,7 +36,11 @@ ROUNDS = 4
 LEAST_NOISE = 1e-3
 """Of a joint's effort: no joint weighs more than this lets it."""
 MOVES = 0.1
-"""Speed from which a joint counts as sliding, as a share of its 90th percentile."""
+"""Speed from which a joint counts as sliding, as a share of its own 90th percentile."""
+STILL = 0.005
+"""Speed up to which no joint counts as sliding, as a share of the fastest joint's 90th percentile."""
+NO_LOAD = 1e-6
+"""Load by the robot's file, as a share of what its tolerance allows, below which it tells nothing."""
 LEAST_ROWS = 50
 """Of a joint whose balance takes part."""
 
@@ -114,6 +119,15 @@ class ArmBalance:
             free=np.isnan(self.gain),
         )
 
+    @cached_property
+    def tells_gain(self) -> BoolArray:
+        """(n,) whether the robot's file gives the joint a load: without one, the logs tell no drive gain."""
+        columns = self.columns(self.as_declared)
+        if self.turns is not None:
+            columns = motor_loads(self.turns, columns)
+        load, spread = (np.abs(columns * pi).max(axis=(0, 2)) for pi in (self.links.nominal, self.tolerance))
+        return np.asarray(load > NO_LOAD * spread)
+
     def columns(self, set_up: SetUp) -> FloatArray:
         """Y (T, n, 10 n) of the joints' motion under one assumption."""
         q = set_up.turned * self.rows.position[:, set_up.source] - set_up.zero
@@ -146,9 +160,9 @@ class ArmBalance:
         if self.turns is not None:
             columns, v, a = motor_loads(self.turns, columns), v @ self.turns.T, a @ self.turns.T
         grams: list[FloatArray | None] = []
+        fast = np.percentile(np.abs(v), 90, axis=0)
         for j in range(y.shape[1]):
-            speed = np.abs(v[:, j])
-            slides = speed > max(MOVES * float(np.percentile(speed, 90)), 1e-9)
+            slides = np.abs(v[:, j]) > max(MOVES * fast[j], STILL * fast.max(), 1e-9)
             one = np.ones(len(v))
             own = np.column_stack([a[:, j], v[:, j], np.sign(v[:, j]), one, -one, y[:, j]])
             every = np.column_stack([columns[:, j], own])[slides]
@@ -186,6 +200,9 @@ def _joint(gram: FloatArray | None, pi: FloatArray, declared: float) -> tuple[fl
     mix[:k, 0], mix[k:, 1:] = pi, np.eye(OWN + 1)
     small = mix.T @ gram @ mix  # of [load, vdot, v, sign v, 1, -1, y]
     left = np.zeros(OWN + 2)
+    parts = float(np.diag(gram)[:k] @ pi**2)
+    if np.isnan(declared) and small[0, 0] <= NO_LOAD**2 * parts:
+        declared = 0.0
     if np.isnan(declared):
         left[: OWN + 1] = _not_negative(small[:-1, :-1], small[:-1, -1])
     else:

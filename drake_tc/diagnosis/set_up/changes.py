@@ -70,14 +70,15 @@ def _efforts(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
         return Tried(Change(kind, joints, set_up), arm.fit(set_up, columns))
 
     n = start.zero.size
-    held = np.flatnonzero(~start.free).tolist()
+    held = np.flatnonzero(~start.free & arm.tells_gain).tolist()
     for j in np.flatnonzero(arm.own_effort).tolist():
         yield fitted("effort_reversed", (j,), replace(start, effort=start.effort * _flip(n, j)))
     for joints in (*((j,) for j in held), *([tuple(held)] if len(held) > 1 else [])):
         free = start.free.copy()
         free[list(joints)] = True
         tried = fitted("drive_gain", joints, replace(start, free=free))
-        if np.nanmax(np.abs(np.log(np.maximum(tried.balance.gain, 1e-300) / arm.gain))) > np.log(OTHER_GAIN):
+        factors = (tried.balance.gain / arm.gain)[list(joints)]
+        if (factors > 0.0).all() and np.abs(np.log(factors)).max() > np.log(OTHER_GAIN):
             yield tried
 
 

@@ -51,13 +51,16 @@ class SetUpSearch:
 
 
 def search_set_up(train: ArmBalance, held: ArmBalance) -> SetUpSearch | None:
-    """The changes that both sides ask for; None where the declared set-up leaves little of every effort.
+    """The changes that both sides ask for; None where the declared set-up leaves little of every effort, or where
+    neither the rig file nor the links of the robot's file say how large a joint's torques are.
 
     Args:
         train: Rows of the training runs.
         held: Those of the held-out runs, which take no part in choosing.
     """
     start = train.as_declared
+    if (start.free & ~train.tells_gain).any():
+        return None
     before = train.fit(start)
     if not np.nanmax(before.share) > MUCH:
         return None

@@ -178,6 +178,17 @@ def test_friction_of_a_joint_is_no_error_of_the_set_up(arm):
     assert "None of them explains it" in set_up_sentences(check)[0]
 
 
+@pytest.mark.parametrize("declared", [RIG["drive_gain"], None])
+def test_links_without_inertia_tell_no_drive_gain(arm, tmp_path, declared):
+    """The fitted gain of such a joint would be as large as rounding makes it."""
+    _, logs, held = arm
+    without = URDF.replace(link_tag("fore", (0.15, 0.01, 0), 1.2, (0.002, 0.012, 0.012)), '<link name="fore"/>')
+    assert without != URDF
+    write_robot(tmp_path, without, JOINTS)
+    check = checked((tmp_path, logs, held), scaled(lift__position=-1.0, lift__current=-1.0), drive_gain=declared)
+    assert check is None or "drive_gain" not in [error.kind for error in check.errors]
+
+
 def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path):
     folder, logs, held = arm
     turned = []
