@@ -10,8 +10,8 @@ minimises
     sum_j N_j log sigma_j^2 + |delta/t|^2/s                          s = `INDEPENDENT`, by reweighted least squares.
 
 The assumption says which way each joint turns, where its zero is, whose columns it has, and where gravity acts. The
-models of the joints' own search (`problem.shared.stacked`) tell more of each joint; this one is fitted in a tenth of a second,
-so that hundreds of assumptions can be compared.
+models of the joints' own search (`problem.shared.stacked`) tell more of each joint; this one is fitted in a tenth of a
+second, so that a hundred assumptions can be compared.
 """
 
 import math
