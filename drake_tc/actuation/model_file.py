@@ -16,6 +16,8 @@ from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 
+TORQUE_AS_EFFORT = "torques_in_unit_of_effort"
+"""Entry of the provenance: joints whose torques are in the unit of the effort, because nothing fixed their scale."""
 HINT = "`drake-tc schema actuator --page` explains every key"
 
 
@@ -32,6 +34,12 @@ class ModelFile:
     models: Mapping[str, ActuatorModel]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     shared: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def torque_as_effort(self) -> tuple[str, ...]:
+        """Joints of the file whose torques are in the unit of the effort and not in N m."""
+        named = self.provenance.get(TORQUE_AS_EFFORT)
+        return tuple(joint for joint in self.models if isinstance(named, list) and joint in named)
 
 
 def load_model_file(path: Path | str) -> ModelFile:

@@ -130,7 +130,7 @@ def close_loop_command(
             write_check(check_rig(rig, log or [], progress), folder)
         options = replace(DiagnosisOptions(), seed=seed)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
-        if closed_loop:
+        if closed_loop and not result.has_wrong_set_up:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
         if try_export is not None:

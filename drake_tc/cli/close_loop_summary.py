@@ -23,6 +23,7 @@ from drake_tc.report.refinement_section import refinement_sentence
 from drake_tc.report.sentences.experiments import experiment_sentence
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
+from drake_tc.report.sentences.set_up import set_up_sentences
 from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
 
 HANGING = 4
@@ -32,6 +33,8 @@ HANGING = 4
 def print_summary(result: CloseLoopResult, out: Path) -> None:
     """Verdict and one table a joint on stdout."""
     console = Console(file=sys.stdout, highlight=False)
+    for line in set_up_sentences(result.set_up):
+        _say(console, f"[bold]set-up[/bold]: {escape(line)}")
     _print_robot(console, result)
     for joint in result.joints.values():
         _print_joint(console, joint)

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -85,7 +85,7 @@ def export_command(
     a plant of Drake or by BAM's equations. Its error is compared with that of the model in Drake and, with --into, with
     that of the file before. For MJCF the version of MuJoCo that the file needs is printed.
     """
-    from drake_tc.actuation.model_file import load_models
+    from drake_tc.actuation.model_file import load_model_file
     from drake_tc.diagnosis.result.export_trial import ExportTrial
     from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS
@@ -95,7 +95,8 @@ def export_command(
     from drake_tc.exchange.targets import TARGETS
     from drake_tc.report.export_section import cells, headings
 
-    models = _chosen(load_models(model), joint, model)
+    read = load_model_file(model)
+    models = _chosen(read.models, joint, model)
     if (log or holdout) and rig is None:
         raise ParamsError(
             "export: expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs"
@@ -118,6 +119,7 @@ def export_command(
         text = _writer(to)(projections, into)
     errors, notes = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else ([], [])
     notes += _file_notes(to, text, projections, into)
+    notes += [_not_in_newton_metres(models[name]) for name in read.torque_as_effort if name in models]
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
@@ -144,7 +146,9 @@ def export_command(
             print(written, file=shown)
 
 
-def _chosen(models: "dict[str, ActuatorModel]", joints: Sequence[str] | None, path: Path) -> "dict[str, ActuatorModel]":
+def _chosen(
+    models: "Mapping[str, ActuatorModel]", joints: Sequence[str] | None, path: Path
+) -> "dict[str, ActuatorModel]":
     for name in joints or []:
         if name not in models:
             raise ParamsError(f"{path}: no joint {name!r}; joints: {', '.join(models)}")
@@ -189,6 +193,16 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
 
     what = load_rig(rig)
     return dict(recorded_speeds(load_runs(logs, what), what, joints))
+
+
+def _not_in_newton_metres(model: "ActuatorModel") -> str:
+    from drake_tc.effects.context import EFFORT_UNIT
+
+    return (
+        f"{model.joint}: the torques of this model are not in N m but in the unit of the effort"
+        f" ({EFFORT_UNIT[model.drive.kind]}), because nothing in the rig file fixed their scale. Inertia and friction"
+        " in the exported file have this scale too. Declare `drive_gain` in the rig file and run close-loop again."
+    )
 
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:

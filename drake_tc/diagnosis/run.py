@@ -18,6 +18,7 @@ from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.result.set_up import SetUpCheck
 from drake_tc.diagnosis.robot.diagnose import diagnose_robot
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.effects.library import registered_effects
@@ -90,23 +91,27 @@ def _close_loop(
     shared: tuple[SharedEffect, ...] = ()
     before: Sequence[Run] | None = None
     links: FittedLinks | None = None
+    set_up: SetUpCheck | None = None
     logs_of_robot = robot_logs(rig, runs)
     if logs_of_robot is not None:
         robot = diagnose_robot(logs_of_robot, train, held, rig, options, progress=progress, executor=executor)
         joints = {name: _ranked(joint, robot.robot_gains) for name, joint in robot.joints.items()}
-        shared, before, links = robot.shared, robot.held, robot.links
+        shared, before, links, set_up = robot.shared, robot.held, robot.links, robot.set_up
         held, train = list(robot.held_after), list(robot.train_after)
+    wrong = set_up is not None and bool(set_up.errors)
+    if wrong:  # such a model is worth no simulation and no experiment
+        joints = {name: replace(joint, next_experiment=None) for name, joint in joints.items()}
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
-        if free_run is not None:
+        if free_run is not None and not wrong:
             result = joints[joint]
             own = [without_errors(runs, joint, result.final) for runs in (train, held)]
             refined = replace(result, refinement=refine_joint(result, rig, own[0], executor, progress))
             progress("free run", 0.0)
             of_before = without_errors(held if before is None else before, joint, result.baseline)
             joints[joint] = with_free_runs(refined, rig, own[1], free_run, executor, of_before)
-    verdict = _overall(joints.values())
+    verdict: Verdict = "unexplained_structure" if wrong else _overall(joints.values())
     return CloseLoopResult(
         joints=joints,
         verdict="effects_found" if shared and verdict == "no_missing_effect" else verdict,
@@ -116,6 +121,7 @@ def _close_loop(
         rig_file=str(rig_path),
         shared=shared,
         links=links,
+        set_up=set_up,
         hints=distinct_notes((run.name, hint) for run in runs for hint in run.hints),
     )
 

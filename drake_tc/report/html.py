@@ -34,6 +34,7 @@ from drake_tc.report.refinement_section import refinement_section
 from drake_tc.report.residual_plots import LEGEND
 from drake_tc.report.sentences.experiments import experiment_sentence
 from drake_tc.report.sentences.notes import note_sentences
+from drake_tc.report.sentences.set_up import set_up_sentences
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
 from drake_tc.report.spectrum import spectrum_plot
@@ -102,6 +103,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         shared=shared_section(result),
         links=links_section(result.links),
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
+        set_up=set_up_sentences(result.set_up),
         closed=closed_loop_section(result),
         export=export_section(result.export),
     )

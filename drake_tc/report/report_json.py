@@ -18,6 +18,7 @@ from drake_tc.report.sentences.experiments import experiment_sentence
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.rejection import why_rejected
+from drake_tc.report.sentences.set_up import set_up_json
 
 
 def _number(x: float | None) -> float | None:
@@ -207,6 +208,7 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
         },
         "shared": [shared_json(cause) for cause in result.shared],
         "links": None if result.links is None else links_json(result.links),
+        "set_up": set_up_json(result.set_up),
         "closed_loop": loop_summary(result.closed_loop),
         "export": export_json(result.export),
         "seconds": result.seconds,

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+from drake_tc.actuation.model_file import load_model_file
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -17,6 +18,7 @@ from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, score
 from drake_tc.diagnosis.result.experiments import SeparateLoads
+from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
@@ -167,6 +169,8 @@ def test_from_files_to_a_free_run_without_any_scale(tmp_path: Path, load: object
     assert entry["load"]["title"].startswith("unknown load") and "inertia" in entry["load"]["parameters"]
     assert any("set to 1 rad per N*m, because nothing in the rig fixes the scale" in note for note in entry["notes"])
     assert joint.load_notes
+    models_of(result, tmp_path)
+    assert load_model_file(tmp_path / "model_after.yaml").torque_as_effort == (JOINT,)
 
 
 def imported(data: Path, name: str, convert: Callable[[Path, Path], object], out: Path, folder: str) -> Path:

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import save_models
+from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
 from drake_tc.config.utf8_names import utf8_name
+from drake_tc.diagnosis.notes import TorqueAsEffort
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
@@ -83,12 +84,14 @@ def _save_refined(result: CloseLoopResult, path: Path) -> None:
 
 
 def _provenance(result: CloseLoopResult) -> dict[str, object]:
-    return {
+    unscaled = [j.joint for j in result.joints.values() if any(isinstance(n, TorqueAsEffort) for n in j.load_notes)]
+    provenance: dict[str, object] = {
         "identified_by": "drake-tc close-loop",
         "rig": utf8_name(result.rig_file),
         "logs": [utf8_name(path) for path in result.train_files],
         "holdout": [utf8_name(path) for path in result.heldout_files],
     }
+    return provenance | {TORQUE_AS_EFFORT: unscaled} if unscaled else provenance
 
 
 def _shared_entry(cause: SharedEffect) -> dict[str, object]:

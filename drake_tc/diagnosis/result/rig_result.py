@@ -10,6 +10,7 @@ from drake_tc.diagnosis.result.closed_loop import ClosedLoop
 from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.set_up import SetUpCheck
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ class CloseLoopResult:
     """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it.
 
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
+    `set_up` is what the logs of a robot whose links are fitted say against its rig file and robot file, where the
+    declared model leaves much of an effort; with `set_up.errors`, no effects were looked for.
     `declared_file` is the file of another simulator whose model was declared, if one was given beside the rig.
     `export` is the trial of the model in another simulator, where one was asked for.
     `hints` call for a change of the rig file or a log: a column that may have been forgotten in the rig file, a wrong
@@ -61,3 +64,9 @@ class CloseLoopResult:
     hints: tuple[str, ...] = ()
     declared_file: str | None = None
     export: ExportTrial | None = None
+    set_up: SetUpCheck | None = None
+
+    @property
+    def has_wrong_set_up(self) -> bool:
+        """Whether the logs contradict the rig file or the robot file."""
+        return self.set_up is not None and bool(self.set_up.errors)

@@ -1,5 +1,7 @@
 """`close-loop` of a robot whose links' inertial parameters are fitted together with its joints' models.
 
+0. Gross errors of the set-up (`diagnosis.set_up`). Where the logs show some, no effects are looked for: a wrong set-up
+   makes effects that are not there.
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
    (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried. Whether position servos hold
    their commands is decided for all joints together.
@@ -14,23 +16,17 @@ The model before is that of step 1.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
-
-from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns, columns_over
-from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
+from drake_tc.diagnosis.problem.shared.causes import columns_over
 from drake_tc.diagnosis.problem.shared.late_encoder_columns import (
     OwnMotion,
     late_encoder_columns,
     with_late_encoders,
 )
-from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
-from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
-from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
+from drake_tc.diagnosis.problem.shared.rows import stack
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import fitted_links
 from drake_tc.diagnosis.result.rig_result import SharedEffect
@@ -42,74 +38,24 @@ from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, com
 from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_first
 from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, estimated_anew, late_encoder, with_encoder_in_time
 from drake_tc.diagnosis.robot.result import RobotResult
-from drake_tc.diagnosis.selection.shared import active
-from drake_tc.errors import IdentificationError
+from drake_tc.diagnosis.robot.start import (
+    Links,
+    Start,
+    as_commanded,
+    at_width,
+    declared_links,
+    fitted_beside,
+    in_wide_enough_band,
+)
+from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
 
-WIDER = (1.6, 2.5, 4.0, 6.3, 10.0)
-"""Widths of the filters that are tried, over that which the encoders' noise asks for."""
-LITTLE_LEFT = 0.25
-"""Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
-AS_WELL = 1.25
-"""Share that may be left, over the smallest one, at filters that are taken."""
 MOVES = 2
 """Of a late encoder's readings: its delay is known better once they have been moved."""
 MOST_ROUNDS = 3
 """Of searching the joints' effects and fitting the links."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Links:
-    """The links' parameters beside some models of the joints.
-
-    Attributes:
-        own: By joint, its model. rows: training rows of all joints. fitted: all together.
-    """
-
-    own: Mapping[str, OwnModel]
-    rows: tuple[JointRows, ...]
-    fitted: StackedFit
-
-    @property
-    def keys(self) -> dict[str, frozenset[str]]:
-        """Effects of the joints' models."""
-        return {joint: frozenset(t.effect.key for t in model.terms) for joint, model in self.own.items()}
-
-    def sides(self, case: RobotCase) -> tuple[list[Run], list[Run], dict[str, LinkPrior]]:
-        """Both sides' runs at this estimate, with what the other joints leave open, and each joint's prior of it."""
-        opened = open_directions(self.rows, self.fitted)
-        train, held = (
-            with_open_directions(runs, case.causes, self.fitted, list(opened.values()))
-            for runs in case.without(self.fitted)
-        )
-        return train, held, {joint: each.prior for joint, each in opened.items()}
-
-    def held_at(self, case: RobotCase) -> RobotCase:
-        """The case with the drive gains of this estimate where none is declared, for joints by themselves.
-
-        A joint by itself could shrink the links, its friction and 1/K by one factor, or take its load away by an effect
-        of the opposite sign, and its residual in torque with them. All joints together are protected (`stacked`).
-        """
-        gains = {r.joint: 1.0 / stiffness_to_hold(r, self.fitted, j) for j, r in enumerate(self.rows)}
-        return replace(case, rig=replace(case.rig, drive_gain=gains | dict(case.rig.drive_gain)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """The declared models at one width of the filters.
-
-    Attributes:
-        case: With this width. prepared: joints with loads by the robot's file. links: all joints together.
-        left: Largest share of a joint's effort that is left, cross-validated; of joints that tell their drive gain.
-    """
-
-    case: RobotCase
-    prepared: Mapping[str, Prepared]
-    links: _Links
-    left: float
 
 
 def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> RobotResult:
@@ -124,9 +70,13 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     joints = case.rig.joints
-    declared = start = _as_commanded(_in_wide_enough_band(case))
-    first, delay = declared.links, _common_delay(declared)
-    encoder = _late_encoder(declared, delay, logs, model)
+    set_up = check_set_up(logs, model, case.train, case.held, case.rig)
+    wrong = set_up is not None and bool(set_up.errors)
+    if wrong:
+        case = replace(case, options=replace(case.options, effects=(), assess_residual=False))
+    declared = start = as_commanded(in_wide_enough_band(case))
+    first, delay = declared.links, None if wrong else _common_delay(declared)
+    encoder = None if wrong else _late_encoder(declared, delay, logs, model)
     if encoder is not None:
         for _ in range(MOVES):
             start = _in_time(declared, encoder, logs)
@@ -134,7 +84,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         delay = _common_delay(start)
     case = start.case
     late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)
-    links = _searched(late, raw, start.links if delay is None else _declared(raw, case.causes))
+    links = _searched(late, raw, start.links if delay is None else declared_links(raw, case.causes))
     made, links = _confirmed(late, raw, links)
     prepared = declared.case.prepared(*declared.case.without(first.fitted))
     results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
@@ -151,10 +101,11 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, links.fitted.sigma), strict=True))),
         links=fitted_links(model, case.causes, links.rows, links.fitted, tolerance),
+        set_up=set_up,
     )
 
 
-def _common_delay(start: _Start) -> SharedDelay | None:
+def _common_delay(start: Start) -> SharedDelay | None:
     """The delay that all joints share, or None."""
     held = {joint: p.held for joint, p in start.prepared.items()}
     terms = {joint: p.terms for joint, p in start.prepared.items()}
@@ -162,7 +113,7 @@ def _common_delay(start: _Start) -> SharedDelay | None:
     return common_delay(DelayProblem(start.prepared, start.links.rows, rows, start.links.fitted))
 
 
-def _late_encoder(start: _Start, delay: SharedDelay | None, logs: RobotLogs, model: LinkModel) -> SharedEffect | None:
+def _late_encoder(start: Start, delay: SharedDelay | None, logs: RobotLogs, model: LinkModel) -> SharedEffect | None:
     """The encoder that comes late, or None.
 
     Gears that couple joints have their encoders at the motors, and a servo's effort holds the position: there a late
@@ -173,7 +124,7 @@ def _late_encoder(start: _Start, delay: SharedDelay | None, logs: RobotLogs, mod
     return late_encoder(_encoders(start, logs, model), None if delay is None else delay.error)
 
 
-def _encoders(start: _Start, logs: RobotLogs, model: LinkModel) -> EncoderProblem:
+def _encoders(start: Start, logs: RobotLogs, model: LinkModel) -> EncoderProblem:
     """What late encoders do to the declared models of all joints."""
     case, fitted, rows = start.case, start.links.fitted, start.links.rows
     pi = model.nominal.copy()
@@ -191,17 +142,17 @@ def _encoders(start: _Start, logs: RobotLogs, model: LinkModel) -> EncoderProble
     return EncoderProblem(start.prepared, train, held, fitted, places)
 
 
-def _in_time(start: _Start, encoder: SharedEffect, logs: RobotLogs) -> _Start:
+def _in_time(start: Start, encoder: SharedEffect, logs: RobotLogs) -> Start:
     """The declared models on runs in which this encoder's readings are moved."""
     case, delay = start.case, encoder.parameters["delay"].value
     train, held = (
         with_robot_loads(logs, with_encoder_in_time(runs, encoder.where, delay), case.rig.joints)
         for runs in (case.train, case.held)
     )
-    return _at_width(replace(case, train=train, held=held, causes=columns_over(logs, [*train, *held], case.rig)))
+    return at_width(replace(case, train=train, held=held, causes=columns_over(logs, [*train, *held], case.rig)))
 
 
-def _with_term(start: _Start, term: Term) -> tuple[RobotCase, dict[str, Prepared]]:
+def _with_term(start: Start, term: Term) -> tuple[RobotCase, dict[str, Prepared]]:
     """The case and its joints with a term more in each declared model."""
     options = replace(start.case.options, common=(*start.case.options.common, term))
     raw = {
@@ -211,69 +162,20 @@ def _with_term(start: _Start, term: Term) -> tuple[RobotCase, dict[str, Prepared
     return replace(start.case, options=options), raw
 
 
-def _declared(raw: Mapping[str, Prepared], causes: CauseColumns) -> _Links:
-    """All joints together with their declared models."""
-    return _fitted(raw, {joint: OwnModel(p.terms, p.train.design(p.terms)) for joint, p in raw.items()}, causes)
-
-
-def _in_wide_enough_band(case: RobotCase) -> _Start:
-    """The declared models at the narrowest filters at which they explain the efforts about as well as they can.
-
-    Play and encoder errors change the motion in a way that the efforts do not show. Least squares answers such errors
-    in its columns by shrinking the parameters. Where the declared model leaves much of an effort, wider filters are
-    tried: slower motion is told more truly.
-    """
-    tried = [_at_width(case)]
-    default = max(p.train.samples.light.width_s for p in tried[0].prepared.values())
-    for factor in WIDER:
-        if tried[-1].left < LITTLE_LEFT:
-            break
-        try:
-            tried.append(_at_width(replace(case, options=replace(case.options, width_s=factor * default))))
-        except IdentificationError:
-            break  # too little motion is left between reversals
-    enough = max(LITTLE_LEFT, AS_WELL * min(each.left for each in tried))
-    return next(each for each in tried if each.left <= enough)
-
-
-def _as_commanded(start: _Start) -> _Start:
-    """The declared models with commands held or not, as all joints together say beside the links of the first fit.
-
-    Until the links are fitted, commands are taken to hold: viscous friction takes up half a period that is too much or
-    too little, but it is not negative.
-    """
-    train, _, priors = start.links.sides(start.case)
-    options = start.links.held_at(start.case).with_hold(train, priors).options
-    case = replace(start.case, options=options)
-    return _at_width(case) if options.command_held is False else replace(start, case=case)
-
-
-def _at_width(case: RobotCase) -> _Start:
-    """The declared models at the width of the filters that the case's options have."""
-    prepared = case.prepared(case.train, case.held)
-    links = _declared(prepared, case.causes)
-    efforts = np.array([float(np.std(p.train.effort(()))) for p in prepared.values()])
-    left = links.fitted.cv_rms / efforts
-    # An effort that is nearly all friction tells hardly anything of the drive gain: 1/K comes out near 0, and what is
-    # left of the effort is as large as the effort in any filter.
-    told = np.array([shared_variance(r, links.fitted, j) >= TOLD for j, r in enumerate(links.rows)])
-    return _Start(case, prepared, links, float(np.max(left[told] if told.any() else left)))
-
-
-def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> _Links:
+def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: Links) -> Links:
     """The links beside the effects that each joint lacks."""
     # Where no joint lacks anything, the links are those of the declared models, and another round finds the same.
     seen = [links.keys]
     for _ in range(MOST_ROUNDS):
         own = links.held_at(case).search(*links.sides(case))
-        links = _fitted(raw, own, case.causes)
+        links = fitted_beside(raw, own, case.causes)
         if links.keys in seen:
             break
         seen.append(links.keys)
     return links
 
 
-def _confirmed(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> tuple[dict[str, JointResult], _Links]:
+def _confirmed(case: RobotCase, raw: Mapping[str, Prepared], links: Links) -> tuple[dict[str, JointResult], Links]:
     """Each joint's diagnosis, and the links beside what was confirmed.
 
     The whole diagnosis may withdraw effects that the fast search found, or find more. The links then belong to other
@@ -288,15 +190,7 @@ def _confirmed(case: RobotCase, raw: Mapping[str, Prepared], links: _Links) -> t
         made = {joint: with_first(made[joint], result) if made else result for joint, result in found.items()}
         beside = links.keys
         own = {joint: OwnModel.of(Columns(result.train.samples), result.final) for joint, result in made.items()}
-        links = _fitted(raw, own, case.causes)
+        links = fitted_beside(raw, own, case.causes)
         if links.keys == beside:
             break
     return made, links
-
-
-def _fitted(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], causes: CauseColumns) -> _Links:
-    """All joints together with these models."""
-    columns = {joint: prepared.train for joint, prepared in raw.items()}
-    terms = {joint: model.terms for joint, model in own.items()}
-    rows = stack(columns, terms, causes, {joint: model.design for joint, model in own.items()})
-    return _Links(own, rows, fit_stacked(rows, *active(causes.causes, ()), pooled=True))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.result.set_up import SetUpCheck
 from drake_tc.logs.record import Run
 
 
@@ -21,6 +22,7 @@ class RobotResult:
         robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
             `SharedEffect.heldout_gain`.
         links: The links' parameters where they were fitted.
+        set_up: Of such a robot, where the declared model leaves much of an effort.
     """
 
     joints: Mapping[str, JointResult]
@@ -30,3 +32,4 @@ class RobotResult:
     train_after: Sequence[Run] = field(default=())
     robot_gains: Mapping[tuple[str, str], float] = field(default_factory=dict)
     links: FittedLinks | None = None
+    set_up: SetUpCheck | None = None

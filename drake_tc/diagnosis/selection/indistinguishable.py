@@ -27,10 +27,11 @@ def indistinguishable(
     Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
     fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
     parameters is listed only if it fits better in 98 % of the block resamples: otherwise it contains the chosen one or
-    imitates it. A delay and a lag are also listed when the better one explains less than half a noise floor more, which
-    would not count as an effect, over all rows and in each run: a run that was made to tell them apart shall not be
-    diluted by those that cannot. A wave that was not seen to repeat is not chosen, but is listed beside the curve over
-    the position that stands for it.
+    imitates it. A delay and a lag are also listed when the better one explains less than half a noise floor more,
+    which would not count as an effect, over all rows and in each run: a run that was made to tell them apart shall not
+    be diluted by those that cannot. Where the better one itself leaves what would count as an effect, neither is the
+    whole cause, and they are also listed if the other one leaves less than twice as much. A wave that was not seen to
+    repeat is not chosen, but is listed beside the curve over the position that stands for it.
 
     Args:
         columns: Training rows.

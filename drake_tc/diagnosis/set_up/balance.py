@@ -1,0 +1,253 @@
+"""The torque balances of all joints of an arm under an assumption on its set-up.
+
+    y_j = K_j Y_j(q, v, vdot; g) (pi_0 + delta) + a_j vdot_j + f_j v_j + c_j sign(v_j) + b_j + e_j
+
+with e_j ~ (0, sigma_j^2). Y is the regressor of the links' parameters (`robot.rigid_regressor`), pi_0 those of the
+robot's file and delta ~ N(0, t^2) by the rig's tolerance. a_j, f_j and c_j are not negative: inertia is positive and
+friction dissipates. b_j may have any sign. The drive gain K_j is the declared one, or the best one of K_j >= 0. The fit
+minimises
+
+    sum_j N_j log sigma_j^2 + |delta/t|^2/s                          s = `INDEPENDENT`, by reweighted least squares.
+
+The assumption says which way each joint turns, where its zero is, whose columns it has, and where gravity acts. The
+models of the joints' own search (`problem.shared.stacked`) tell more of each joint; this one is fitted in a tenth of a
+second, so that a hundred assumptions can be compared.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import nnls
+
+from drake_tc.diagnosis.set_up.rows import SetUpRows
+from drake_tc.estimation.coupled_gears import motor_loads
+from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.types import BoolArray, FloatArray, IntArray
+
+OWN = 5
+"""Columns of a joint's own: acceleration, velocity and its sign, 1 and -1."""
+INDEPENDENT = 0.1
+"""Share of the rows that say something of their own."""
+ROUNDS = 4
+"""Of reweighting the joints, and of fitting the drive gains that are not declared."""
+LEAST_NOISE = 1e-3
+"""Of a joint's effort: no joint weighs more than this lets it."""
+MOVES = 0.1
+"""Speed from which a joint counts as sliding, as a share of its own 90th percentile."""
+STILL = 0.005
+"""Speed up to which no joint counts as sliding, as a share of the fastest joint's 90th percentile."""
+NO_LOAD = 1e-6
+"""Load by the robot's file, as a share of what its tolerance allows, below which it tells nothing."""
+LEAST_ROWS = 50
+"""Of a joint whose balance takes part."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetUp:
+    """One assumption. All arrays are in the order of the robot's joints.
+
+    Attributes:
+        source: (n,) joint whose columns each joint has.
+        turned: (n,) sign of the recorded positions. effort: (n,) sign of the recorded efforts.
+        zero: (n,) reading of the joint at the zero of the robot's file [rad or m], after the sign.
+        gravity: (3,) of the base [m/s^2].
+        free: (n,) whether the drive gain is fitted.
+    """
+
+    source: IntArray
+    turned: FloatArray
+    effort: FloatArray
+    zero: FloatArray
+    gravity: FloatArray
+    free: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """A fit.
+
+    Attributes:
+        share: (n,) RMS of what is left over that of the effort; NaN of joints that hardly move.
+        gain: (n,) K [effort/(N m)], declared or fitted.
+        departure: |delta/t|^2, how far the links are from those of the robot's file.
+    """
+
+    share: FloatArray
+    gain: FloatArray
+    departure: float
+
+    @property
+    def error(self) -> float:
+        """Mean logarithm of the joints' shares."""
+        return float(np.nanmean(np.log(self.share)))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmBalance:
+    """An arm and its rows, ready for any assumption.
+
+    Attributes:
+        links: Of the robot's file.
+        rows: Of some runs.
+        tolerance: (10 n,) t.
+        gain: (n,) declared K; NaN where none is.
+        own_effort: (n,) whether the effort is a column of its own; not so for a servo, whose effort is the difference
+            of command and position.
+        turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`).
+    """
+
+    links: LinkModel
+    rows: SetUpRows
+    tolerance: FloatArray
+    gain: FloatArray
+    own_effort: BoolArray
+    turns: FloatArray | None = None
+
+    @property
+    def as_declared(self) -> SetUp:
+        """What robot and rig file say."""
+        n = self.gain.size
+        return SetUp(
+            source=np.arange(n),
+            turned=np.ones(n),
+            effort=np.ones(n),
+            zero=np.zeros(n),
+            gravity=self.links.tree.gravity,
+            free=np.isnan(self.gain),
+        )
+
+    @cached_property
+    def tells_gain(self) -> BoolArray:
+        """(n,) whether the robot's file gives the joint a load: without one, the logs tell no drive gain."""
+        columns = self.columns(self.as_declared)
+        if self.turns is not None:
+            columns = motor_loads(self.turns, columns)
+        load, spread = (np.abs(columns * pi).max(axis=(0, 2)) for pi in (self.links.nominal, self.tolerance))
+        return np.asarray(load > NO_LOAD * spread)
+
+    def columns(self, set_up: SetUp) -> FloatArray:
+        """Y (T, n, 10 n) of the joints' motion under one assumption."""
+        q = set_up.turned * self.rows.position[:, set_up.source] - set_up.zero
+        v, a = (set_up.turned * x[:, set_up.source] for x in (self.rows.velocity, self.rows.acceleration))
+        return self._regressor(q, v, a, set_up.gravity)
+
+    def columns_by_gravity(self, set_up: SetUp) -> FloatArray:
+        """(4, T, n, 10 n): what `columns` are without gravity, and by how much 1 m/s^2 of it along each axis adds."""
+        weightless = self.columns(replace(set_up, gravity=np.zeros(3)))
+        q = set_up.turned * self.rows.position[:, set_up.source] - set_up.zero
+        return np.stack([weightless, *(self._regressor(q, 0.0 * q, 0.0 * q, axis) for axis in np.eye(3))])
+
+    def _regressor(self, q: FloatArray, v: FloatArray, a: FloatArray, gravity: FloatArray) -> FloatArray:
+        links = replace(self.links, tree=replace(self.links.tree, gravity=gravity))
+        return links.columns(q, v, a)
+
+    def fit(self, set_up: SetUp, columns: FloatArray | None = None) -> Balance:
+        """All joints under one assumption; `columns` are those of the motion where they are known."""
+        grams = self._grams(set_up, self.columns(set_up) if columns is None else columns)
+        declared = np.where(set_up.free, np.nan, self.gain)
+        return _fit(grams, self.links.nominal, self.tolerance, declared, 1.0 / (INDEPENDENT * len(self.rows.effort)))
+
+    def _grams(self, set_up: SetUp, columns: FloatArray) -> list[FloatArray | None]:
+        """By joint, the mean of [Y_j, vdot, v, sign v, 1, -1, y]' [...] over the rows in which it slides.
+
+        None of joints that hardly slide.
+        """
+        v, a = (set_up.turned * x[:, set_up.source] for x in (self.rows.velocity, self.rows.acceleration))
+        y = set_up.effort * self.rows.effort[:, set_up.source]
+        if self.turns is not None:
+            columns, v, a = motor_loads(self.turns, columns), v @ self.turns.T, a @ self.turns.T
+        grams: list[FloatArray | None] = []
+        fast = np.percentile(np.abs(v), 90, axis=0)
+        for j in range(y.shape[1]):
+            slides = np.abs(v[:, j]) > max(MOVES * fast[j], STILL * fast.max(), 1e-9)
+            one = np.ones(len(v))
+            own = np.column_stack([a[:, j], v[:, j], np.sign(v[:, j]), one, -one, y[:, j]])
+            every = np.column_stack([columns[:, j], own])[slides]
+            known = len(every) >= LEAST_ROWS and np.any(every[:, -1])
+            grams.append(every.T @ every / len(every) if known else None)
+        return grams
+
+
+def _fit(
+    grams: Sequence[FloatArray | None],
+    nominal: FloatArray,
+    tolerance: FloatArray,
+    declared: FloatArray,
+    prior: float,
+) -> Balance:
+    n = len(grams)
+    size = np.array([np.nan if g is None else np.sqrt(g[-1, -1]) for g in grams])
+    delta, gain, sigma = np.zeros(nominal.size), np.empty(n), size.copy()
+    for number in range(ROUNDS):
+        for j, gram in enumerate(grams):
+            gain[j], sigma[j] = _joint(gram, nominal + delta, declared[j])
+        sigma = np.maximum(sigma, LEAST_NOISE * size)
+        if number < ROUNDS - 1:
+            known = [(g, gain[j], sigma[j]) for j, g in enumerate(grams) if g is not None]
+            delta = _links(known, nominal, tolerance, prior)
+    return Balance(sigma / size, gain, float(np.sum((delta / tolerance) ** 2)))
+
+
+def _joint(gram: FloatArray | None, pi: FloatArray, declared: float) -> tuple[float, float]:
+    """One joint's drive gain and RMS of what is left, for given links."""
+    if gram is None:
+        return float("nan"), float("nan")
+    k = pi.size
+    mix = np.zeros((gram.shape[0], OWN + 2))
+    mix[:k, 0], mix[k:, 1:] = pi, np.eye(OWN + 1)
+    small = mix.T @ gram @ mix  # of [load, vdot, v, sign v, 1, -1, y]
+    left = np.zeros(OWN + 2)
+    parts = float(np.diag(gram)[:k] @ pi**2)
+    if np.isnan(declared) and small[0, 0] <= NO_LOAD**2 * parts:
+        declared = 0.0
+    if np.isnan(declared):
+        left[: OWN + 1] = _not_negative(small[:-1, :-1], small[:-1, -1])
+    else:
+        left[0] = declared
+        towards = small[1:-1, -1] - declared * small[1:-1, 0]
+        left[1 : OWN + 1] = _not_negative(small[1:-1, 1:-1], towards)
+    left[-1] = -1.0
+    return float(left[0]), math.sqrt(max(float(left @ small @ left), 0.0))
+
+
+def _not_negative(gram: FloatArray, towards: FloatArray) -> FloatArray:
+    """Least squares x >= 0 of normal equations."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    root = np.sqrt(np.maximum(values, 1e-12))
+    solution, _ = nnls(root[:, None] * vectors.T, (vectors.T @ (scale * towards)) / root)
+    return np.asarray(scale * solution)
+
+
+def _links(
+    joints: Sequence[tuple[FloatArray, float, float]], nominal: FloatArray, tolerance: FloatArray, prior: float
+) -> FloatArray:
+    """Delta (10 n,) beside the joints' own coefficients, which stay free but of the sign that they may have.
+
+    Args:
+        joints: Gram matrix, drive gain and noise of each.
+        nominal: pi_0.
+        tolerance: t.
+        prior: 1/s per row.
+    """
+    p = nominal.size
+    total = p + OWN * len(joints)
+    left, right = np.zeros((total, total)), np.zeros(total)
+    left[:p, :p] = prior * np.eye(p)
+    for number, (gram, gain, sigma) in enumerate(joints):
+        place = np.concatenate([np.arange(p), p + OWN * number + np.arange(OWN)])
+        scale = np.concatenate([gain * tolerance, np.ones(OWN)]) / sigma
+        target = gram[:-1, -1] - gain * gram[:-1, :p] @ nominal
+        left[np.ix_(place, place)] += scale[:, None] * gram[:-1, :-1] * scale
+        right[place] += scale * target / sigma
+    free = np.ones(total, dtype=np.bool_)
+    while True:
+        x = np.zeros(total)
+        x[free] = np.linalg.lstsq(left[np.ix_(free, free)], right[free], rcond=1e-12)[0]
+        wrong = (x < 0.0) & free & (np.arange(total) >= p)
+        if not wrong.any():
+            return np.asarray(tolerance * x[:p])
+        free &= ~wrong

@@ -1,0 +1,95 @@
+"""An arm's set-up held against its logs."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drake_tc.diagnosis.result.set_up import SetUpCheck, SetUpError
+from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
+from drake_tc.diagnosis.set_up.changes import Change
+from drake_tc.diagnosis.set_up.rows import set_up_rows
+from drake_tc.diagnosis.set_up.search import search_set_up
+from drake_tc.effects.context import EFFORT_UNIT
+from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.types import FloatArray
+
+
+def check_set_up(
+    logs: RobotLogs, links: LinkModel, train: Sequence[Run], held: Sequence[Run], rig: Rig
+) -> SetUpCheck | None:
+    """What the runs say against the set-up; None where the declared model leaves little of every joint's effort.
+
+    Args:
+        logs: The robot.
+        links: Of its file.
+        train: Runs to fit.
+        held: Held-out runs, which confirm what was found.
+        rig: With a `RobotLoad` whose links are fitted.
+    """
+    names = logs.robot.joints
+    load = next(iter(rig.load.values()))
+    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) else 1.0)
+    gain = np.array([rig.drive_gain.get(joint, np.nan) for joint in names])
+    own = np.array([rig.drive.get(joint) != "position_servo" for joint in names])
+    rows = [set_up_rows(logs, runs, rig) for runs in (train, held)]
+    found = search_set_up(*(ArmBalance(links, each, tolerance, gain, own, logs.turns) for each in rows))
+    if found is None:
+        return None
+
+    def error(change: Change, balance: Balance, set_up: SetUp) -> SetUpError:
+        return _error(change, set_up, names, rig, dict(zip(names, zip(balance.gain, gain, strict=True), strict=True)))
+
+    return SetUpCheck(
+        errors=tuple(error(change, found.after, found.set_up) for change in found.changes),
+        alternatives=tuple(error(t.change, t.balance, t.change.set_up) for t in found.alternatives),
+        before=_by_joint(found.before.share, names),
+        after=_by_joint(found.after.share, names),
+    )
+
+
+def _by_joint(values: FloatArray, names: Sequence[str]) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
+
+
+def _error(
+    change: Change, set_up: SetUp, names: Sequence[str], rig: Rig, gains: Mapping[str, tuple[float, float]]
+) -> SetUpError:
+    """What a change says of the files; `set_up` is the assumption with all changes, `gains` are fitted and declared."""
+    joints = tuple(names[j] for j in change.joints)
+    direction = set_up.gravity / np.linalg.norm(set_up.gravity)
+    zero = sum(float(set_up.turned[j] * set_up.zero[j]) for j in change.joints) if change.kind == "zero" else 0.0
+    return SetUpError(
+        kind=change.kind,
+        joints=joints,
+        units=_units(change, joints, rig),
+        gains={j: (float(gains[j][0]), float(gains[j][1])) for j in joints} if change.kind == "drive_gain" else {},
+        zero=zero,
+        gravity=(float(direction[0]), float(direction[1]), float(direction[2])),
+    )
+
+
+def _units(change: Change, joints: Sequence[str], rig: Rig) -> dict[str, str | float]:
+    """Entries of `units` with the other sign."""
+    turned = change.kind in ("joint_reversed", "position_reversed")
+    driven = change.kind in ("joint_reversed", "effort_reversed")
+    found: dict[str, str | float] = {}
+    for joint in joints:
+        command = rig.command_column(joint)
+        servo = rig.drive[joint] == "position_servo"
+        if turned:
+            found[f"{joint}/position"] = _opposite(rig, f"{joint}/position", "rad")
+        if driven:
+            found[command] = _opposite(rig, command, "rad" if servo else EFFORT_UNIT[rig.drive[joint]])
+    return found
+
+
+def _opposite(rig: Rig, column: str, si: str) -> str | float:
+    """The column's unit with the other sign."""
+    unit = rig.units.get(column, rig.units.get(column.rpartition("/")[2], si))
+    if isinstance(unit, str):
+        return unit.strip()[1:].strip() if unit.strip().startswith("-") else f"-{unit.strip()}"
+    return -unit

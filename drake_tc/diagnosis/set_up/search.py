@@ -1,0 +1,100 @@
+"""Which things in an arm's set-up are wrong: changes one after the other, each the one that explains most.
+
+Small effects are no evidence against a set-up, and a set-up that is wrong makes effects that are not there. It is
+therefore looked at first, and only where the declared model leaves much of an effort (`MUCH`). A set of changes is
+found if, on the training runs and on the held-out runs,
+
+- some joint's error falls to at most half (`HALVED`),
+- the mean logarithm of all joints' errors falls by at least that of `TOGETHER`, and
+- no joint's error grows by more than `GROWS`, unless it is small after it (`SMALL`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
+from drake_tc.diagnosis.set_up.changes import Change, Tried, tried_changes
+
+MUCH = 0.1
+"""Share of an effort's RMS, left by the declared model, from which the set-up is looked at."""
+HALVED = 0.5
+TOGETHER = 0.85
+GROWS = 1.25
+SMALL = 0.03
+"""Share of an effort's RMS that is no evidence against a set-up."""
+MOST_CHANGES = 4
+MOST_ALTERNATIVES = 3
+WORTH = 0.9
+"""Factor of the mean error that one change more must reach."""
+AS_WELL = 1.1
+"""Factor of the mean error within which a simpler change is preferred, and another one is told as an alternative."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetUpSearch:
+    """What the search found.
+
+    Attributes:
+        changes: In the order in which they were found; empty where none was.
+        set_up: The assumption with all of them.
+        alternatives: Other changes that explain as much as the last one.
+        before, after: Fits to the training runs.
+    """
+
+    changes: tuple[Change, ...]
+    set_up: SetUp
+    alternatives: tuple[Tried, ...]
+    before: Balance
+    after: Balance
+
+
+def search_set_up(train: ArmBalance, held: ArmBalance) -> SetUpSearch | None:
+    """The changes that both sides ask for; None where the declared set-up leaves little of every effort, or where
+    neither the rig file nor the links of the robot's file say how large a joint's torques are.
+
+    Args:
+        train: Rows of the training runs.
+        held: Those of the held-out runs, which take no part in choosing.
+    """
+    start = train.as_declared
+    if (start.free & ~train.tells_gain).any():
+        return None
+    before = train.fit(start)
+    if not np.nanmax(before.share) > MUCH:
+        return None
+    none = SetUpSearch((), start, (), before, before)
+    steps: list[tuple[Tried, tuple[Tried, ...]]] = []
+    at, error = start, before.error
+    while len(steps) < MOST_CHANGES:
+        best, others = _best(tried_changes(train, at))
+        if best.balance.error > error + np.log(WORTH):
+            break
+        steps.append((best, others))
+        at, error = best.change.set_up, best.balance.error
+        if np.nanmax(best.balance.share) < SMALL:
+            break
+    if not steps:
+        return none
+    after, alternatives = steps[-1][0].balance, steps[-1][1]
+    changes = tuple(step.change for step, _ in steps)
+    if not (is_found(before, after) and is_found(held.fit(start), held.fit(at))):
+        return none
+    return SetUpSearch(changes, at, alternatives, before, after)
+
+
+def _best(tried: Sequence[Tried]) -> tuple[Tried, tuple[Tried, ...]]:
+    """The first of those that explain about as much as the best one, and the others that do not contain it."""
+    least = min(t.balance.error for t in tried)
+    alike = [t for t in tried if t.balance.error <= least + np.log(AS_WELL)]
+    first = alike[0].change
+    others = (t for t in alike[1:] if t.change.kind != first.kind or not set(first.joints) <= set(t.change.joints))
+    return alike[0], tuple(others)[:MOST_ALTERNATIVES]
+
+
+def is_found(before: Balance, after: Balance) -> bool:
+    """Whether the errors of these fits say that the set-up of the second one is right and that of the first wrong."""
+    ratio = after.share / before.share
+    grows = (ratio > GROWS) & (after.share > SMALL)
+    return bool(np.nanmin(ratio) <= HALVED and after.error <= before.error + np.log(TOGETHER) and not grows.any())
