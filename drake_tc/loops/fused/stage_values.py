@@ -26,14 +26,22 @@ class StageValues:
         self._fused = fused
 
     def output(self, port: OutputPort) -> FloatArray:
-        """Value of an output port."""
+        """Value of an output port.
+
+        Raises:
+            ParamsError: The port is one of a fused stage, and nothing reads it.
+        """
         system: Any = port.get_system()
         if self._fused is None or not self._fused.replaces(system):
             return np.array(port.Eval(system.GetMyContextFromRoot(self._root)))
         return self._fused.output(self._own(self._fused), port)
 
     def input(self, system: System, name: str) -> FloatArray:
-        """Value of an input port."""
+        """Value of a vector input port.
+
+        Raises:
+            ParamsError: The port is one of a fused stage, and is not connected, or the stage does not use it.
+        """
         if self._fused is None or not self._fused.replaces(system):
             return np.array(system.GetInputPort(name).Eval(system.GetMyContextFromRoot(self._root)))
         return self._fused.input(self._own(self._fused), system, name)

@@ -11,7 +11,8 @@ from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, V
 from drake_tc.array_stage import Arrays, Held
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import gathering, sequences
-from drake_tc.loops.fused.plan import Node, Plan
+from drake_tc.loops.fused.nodes import Node
+from drake_tc.loops.fused.plan import Plan
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray, IntArray
 
@@ -42,7 +43,7 @@ class FusedStages(PortMethods, LeafSystem):
         self._nodes = _by_period(plan.nodes)
         ends = np.cumsum([0, *(node.stage.start.size for node in self._nodes)]).tolist()
         self._states = {node: slice(a, b) for node, a, b in zip(self._nodes, ends, ends[1:], strict=False)}
-        start: Any = np.concatenate([node.stage.start for node in self._nodes])
+        start: Any = np.concatenate([np.zeros(0), *(node.stage.start for node in self._nodes)])
         memory = self.DeclareDiscreteState(start)
         self._memory = int(memory)
         self._inputs: list[Any] = [self._declare_input(number) for number in range(len(plan.given))]
@@ -116,34 +117,28 @@ class FusedStages(PortMethods, LeafSystem):
     def _begin(self, context: Any, values: Any) -> None:
         """The states with which a simulation starts."""
         scratch, time = self._evaluated(context), context.get_time()
-        self._read_late(context, scratch)
         scratch.after[:] = scratch.before
         for call in scratch.begins:
             call(time)
         values.get_mutable_value(self._memory)[:] = scratch.after
 
-    def _read_late(self, context: Context, scratch: "Scratch") -> None:
-        """Read the inputs on which no output depends."""
-        given = scratch.given
-        for number, evaluate in self._late_ports:
-            given[number][:] = evaluate(context)
-
     def _advanced(self, context: Context, period: float | None) -> "Scratch":
         """The arrays of a Context, with the next states of the stages of one period."""
         scratch, part = self._evaluated(context), self._parts[period]
         after, time = scratch.after, context.get_time()
-        self._read_late(context, scratch)
         after[part] = scratch.before[part]
         for call in scratch.updates[period]:
             call(time)
         return scratch
 
     def _evaluated(self, context: Context) -> "Scratch":
-        """The arrays of a Context, with the signals of all levels up to date."""
+        """The arrays of a Context, with all signals up to date, also those on which no output depends."""
         self._levels[-1].Eval(context)
         scratch: Scratch = self._scratch.Eval(context)
         if scratch.computed < len(self._levels):
             self._compute(context, scratch, range(scratch.computed, len(self._levels)))
+        for number, evaluate in self._late_ports:
+            scratch.given[number][:] = evaluate(context)
         return scratch
 
     def replaces(self, system: System) -> bool:
@@ -154,14 +149,19 @@ class FusedStages(PortMethods, LeafSystem):
         """Value of an output port of a replaced system, in a Context of this system.
 
         Raises:
-            ParamsError: The port is not computed, as nothing reads it.
+            ParamsError: The port is not computed, as nothing reads it, or it is abstract.
         """
         elements = self._plan.elements(port)
         return np.array(self._evaluated(context).signals[elements])
 
     def input(self, context: Context, stage: System, name: str) -> FloatArray:
-        """Value of a vector input port on which a replaced stage's outputs depend, in a Context of this system."""
-        return np.array(self._evaluated(context).signals[self._node(stage).inputs[name]])
+        """Value of an input port of a replaced stage, in a Context of this system.
+
+        Raises:
+            ParamsError: The port is not connected or not used, or it is abstract.
+        """
+        elements = self._plan.input_elements(stage, name)
+        return np.array(self._evaluated(context).signals[elements])
 
     def next_state(self, context: Context, stage: System) -> FloatArray:
         """(S,) x[n+1] of a replaced stage, in a Context of this system."""
