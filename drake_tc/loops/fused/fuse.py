@@ -9,7 +9,8 @@ from drake_tc.array_stage import ArrayStage, offered_stage
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused.nodes import Connections
 from drake_tc.loops.fused.plan import AlgebraicLoopError, Plan
-from drake_tc.loops.fused.system import FusedStages, Scratch
+from drake_tc.loops.fused.scratch import Scratch
+from drake_tc.loops.fused.system import FusedStages
 from drake_tc.loops.ports import picked
 
 NAME = "stages"
@@ -59,7 +60,7 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
     if plan is None:
         return None
     system = FusedStages(plan)
-    Scratch(system)  # refuses an input port that is not connected while the builder is still unchanged
+    Scratch(system.bind)  # refuses an input port that is not connected while the builder is still unchanged
     exports = builder.num_input_ports() + builder.num_output_ports()
     for each in plan.fused:
         builder.RemoveSystem(each)

@@ -168,3 +168,14 @@ def test_a_removed_stage_refuses_contexts_of_other_systems(bare, name, ask):
     for context in (systems[name].GetMyMutableContextFromRoot(root), stages.GetMyMutableContextFromRoot(root)):
         with pytest.raises(RuntimeError, match="Context"):
             ask(systems[name], context)
+
+
+def test_a_fused_loop_is_started_with_what_fuse_returned(bare):
+    loop, stages, diagram = bare
+    with pytest.raises(ParamsError, match="has no Context in this diagram; if `fuse` has removed it"):
+        loop.start(diagram.CreateDefaultContext())
+    values = StageValues(diagram.CreateDefaultContext(), stages)
+    with pytest.raises(ParamsError, match="has no Context in this diagram"):
+        values.context_of(loop.systems["tsid"])
+    with pytest.raises(ParamsError, match=r"expected \d+ numbers, got \(1,\)"):
+        values.set_state(loop.systems["base_estimator"], np.zeros(1))
