@@ -180,7 +180,8 @@ class FusedStages(PortMethods, LeafSystem):
         Raises:
             ParamsError: The stage has no state, or one of another size.
         """
-        node, values = self._node(stage), np.array(context.get_discrete_state(self._memory).value())
+        node = self._node(stage)
+        values: Any = np.array(context.get_discrete_state(self._memory).value())
         if np.shape(state) != node.stage.start.shape:
             raise ParamsError(f"{stage.get_name()}: expected {node.stage.start.size} numbers, got {np.shape(state)}")
         values[self._states[node]] = state
