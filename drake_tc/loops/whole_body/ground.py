@@ -31,8 +31,8 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
     """Floor z = 0, supports and spheres; before `Finalize`, with a SceneGraph. Nothing else of the robot touches.
 
     The lowest points of the spheres are z = 0 in the contact's frame: the sole's corners, moved out by the margin, or a
-    grid between them where the soles are soft. All contacts of the plant are computed as point contacts, not by pressure
-    fields.
+    grid between them where the soles are soft. All contacts of the plant become point contacts, also those of shapes
+    that others have given a pressure field.
 
     Args:
         plant: Holds the robot.
