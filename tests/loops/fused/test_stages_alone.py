@@ -102,5 +102,19 @@ def test_it_computes_what_its_system_computes(name):
             context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
 
 
+@pytest.mark.parametrize("name", STAGES)
+def test_it_reads_what_its_ports_depend_on_and_is_updated_at_the_same_times(name):
+    system = STAGES[name]
+    stage: Any = offered_stage(system)
+    event = system.GetUniquePeriodicDiscreteUpdateAttribute()
+    assert (event and (event.period_sec(), event.offset_sec())) == (stage.period and (stage.period, 0.0))
+    inputs = [system.get_input_port(index).get_name() for index in range(system.num_input_ports())]
+    assert stage.inputs <= set(inputs)
+    for index in range(system.num_output_ports()):
+        part = stage.part_with(system.get_output_port(index).get_name())
+        if part is not None:
+            assert {port for i, port in enumerate(inputs) if system.HasDirectFeedthrough(i, index)} <= part.reads
+
+
 def test_all_kinds_are_there():
     assert {"tsid", "actuators", "base_estimator", "standing_feet", "joint_sensors", "path"} <= set(STAGES)
