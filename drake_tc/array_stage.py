@@ -2,7 +2,7 @@
 
 A stage with a method `on_arrays() -> ArrayStage` can run together with other stages in a single Drake system
 (`drake_tc.loops.fused`). The stage's own Drake callbacks call the same functions, so that both forms compute the same
-numbers.
+numbers. A subclass that changes or adds methods needs an `on_arrays` of its own (`offered_stage`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -95,6 +95,32 @@ class ArrayStage:
         """This stage, or its early one, whichever has the output port; None where no part has it."""
         parts = (self,) if self.early is None else (self, self.early)
         return next((part for part in parts if port in part.ports), None)
+
+
+def offered_stage(system: Any) -> ArrayStage | None:
+    """The calculations of a system on arrays; None where it does not offer them.
+
+    An inherited `on_arrays` does not know the methods that a subclass defines, so it is not used where there are any.
+    A subclass may implement abstract methods, which `on_arrays` calls, and then may have a constructor.
+    """
+    classes = type(system).__mro__
+    owner = next((place for place, each in enumerate(classes) if "on_arrays" in vars(each)), None)
+    if owner is None or any(_differs(each, classes[place + 1 :]) for place, each in enumerate(classes[:owner])):
+        return None
+    stage: ArrayStage | None = system.on_arrays()
+    return stage
+
+
+def _differs(own: type, bases: Sequence[type]) -> bool:
+    """Whether a class defines methods or properties other than implementations of abstract ones."""
+    names = {name for name, value in vars(own).items() if hasattr(value, "__get__") and not name.startswith("__")}
+    implemented = {name for name in names if _is_abstract(name, bases)}
+    return bool(names - implemented) or ("__init__" in vars(own) and not implemented)
+
+
+def _is_abstract(name: str, bases: Sequence[type]) -> bool:
+    found = next((vars(each)[name] for each in bases if name in vars(each)), None)
+    return bool(getattr(found, "__isabstractmethod__", False))
 
 
 def places(parts: Mapping[str, slice]) -> dict[str, IntArray]:

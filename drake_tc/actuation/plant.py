@@ -129,16 +129,19 @@ class ActuatorPlant(PortMethods, LeafSystem):
             context: This system's context.
             velocity: (n,) [rad/s].
         """
+        self.ValidateContext(context)
         start: Any = self._step_of_joints.initial(np.asarray(velocity, float).tolist())
         context.SetDiscreteState(self._memory, start)
 
     def coordinates(self, context: Context) -> FloatArray:
         """The programs' memories without their bookkeeping, joint by joint (`drake_tc.analysis`)."""
+        self.ValidateContext(context)
         memory: FloatArray = np.array(context.get_discrete_state(self._memory).value())
         return np.asarray(memory[self._own])
 
     def set_coordinates(self, context: Context, x: FloatArray) -> None:
         """Make the memories x; started flags, held commands and the time of the last update stay."""
+        self.ValidateContext(context)
         memory: Any = np.array(context.get_discrete_state(self._memory).value())
         memory[self._own] = x
         context.SetDiscreteState(self._memory, memory)

@@ -95,6 +95,7 @@ class CommandGuard(PortMethods, LeafSystem):
         Raises:
             ParamsError: another mode, in which the guard is about to change its law.
         """
+        self.ValidateContext(context)
         memory = context.get_discrete_state(self._memory).value()
         mode = GuardMode(int(memory[3 * self._size]))
         if mode != GuardMode.NORMAL:
@@ -106,6 +107,7 @@ class CommandGuard(PortMethods, LeafSystem):
 
     def set_coordinates(self, context: Context, x: FloatArray) -> None:
         """Make y[n-1] (n,) x."""
+        self.ValidateContext(context)
         memory: Any = np.array(context.get_discrete_state(self._memory).value())
         memory[: self._size] = x
         context.SetDiscreteState(self._memory, memory)

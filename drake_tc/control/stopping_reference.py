@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, offered_stage, places
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
@@ -79,15 +79,17 @@ class StoppingReference(PortMethods, LeafSystem):
 
     def _source_on_arrays(self) -> Callable[[float], FloatArray]:
         """The source's reference over time, without a call of Drake's where the source offers that."""
-        on_arrays = getattr(self._source, "on_arrays", None)
-        if on_arrays is None:
+        stage, name = offered_stage(self._source), self._output.get_name()
+        if stage is None or name not in stage.ports:
             return self._source_in(self._source.CreateDefaultContext())
-        found, nothing = np.zeros(self._output.size()), np.zeros(0)
-        calls, _ = on_arrays().bind(Arrays({}, found, nothing, nothing))
+        out, where = np.zeros(stage.width), stage.ports[name]
+        found, _ = stage.bind(Arrays({}, out, stage.start, stage.start.copy()))
+        calls = (found,) if callable(found) else tuple(found or ())
 
         def at(instant: float) -> FloatArray:
-            calls(instant)
-            return found
+            for call in calls:
+                call(instant)
+            return out[where]
 
         return at
 

@@ -198,12 +198,14 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
 
     def coordinates(self, context: Context) -> FloatArray:
         """(N n,) the window, oldest sample first: the state without its bookkeeping (`drake_tc.analysis`)."""
+        self.ValidateContext(context)
         memory = context.get_discrete_state(self._memory).value()
         ring = np.reshape(memory[: self._window * self._size], (self._window, self._size))
         return np.roll(ring, -int(memory[-1]), axis=0).ravel()
 
     def set_coordinates(self, context: Context, x: FloatArray) -> None:
         """Make the window (N n,) x, oldest first, and the estimate what belongs to it."""
+        self.ValidateContext(context)
         memory: Any = np.array(context.get_discrete_state(self._memory).value())
         ring = np.roll(np.asarray(x).reshape(self._window, self._size), int(memory[-1]), axis=0)
         memory[: ring.size] = ring.ravel()

@@ -1,5 +1,6 @@
 """`SensorOnArrays`: a sensor's calculations as functions on arrays."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from math import ceil
 from typing import Any
@@ -127,13 +128,13 @@ class SensorOnArrays:
         given = arrays.inputs[self._input.get_name()]
         return (lambda: self._truth_of(given.value)) if isinstance(given, Held) else (lambda: self._truth_of(given))
 
+    @abstractmethod
     def _truth_of(self, value: Any) -> FloatArray:
         """(n,) u from the value of the input port."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _rows(self, block: int) -> FloatArray:
         """(BLOCK, ...) state rows of a block's ticks."""
-        raise NotImplementedError
 
 
 class _Rows:

@@ -63,6 +63,8 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
     A spec and faults that never change anything have neither state nor event.
     """
 
+    on_arrays = SensorOnArrays.on_arrays  # belongs to the callbacks below, see `drake_tc.array_stage.offered_stage`
+
     def _declare(self, truth: InputPort, sensor: Corruption) -> None:
         """Declare state, output and events; once, at the end of the subclass's constructor.
 
@@ -130,6 +132,7 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
         Raises:
             ParamsError: noise, quantisation, lost samples or faults, of which no derivative can be taken.
         """
+        self.ValidateContext(context)
         if self._corruption.changes or self._channels[1].any():
             raise ParamsError(
                 f"sensor {self.get_name()!r}: expected neither noise, quantisation, drop-outs nor faults, to linearise;"
@@ -142,6 +145,7 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
 
     def set_coordinates(self, context: Context, x: FloatArray) -> None:
         """Make the delay line (L n,) x, oldest first."""
+        self.ValidateContext(context)
         if self._delay:
             line = np.roll(np.asarray(x).reshape(self._delay, self._size), self._oldest(context), axis=0)
             state: Any = context

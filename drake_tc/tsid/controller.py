@@ -123,7 +123,11 @@ class RobustTsid(PortMethods, LeafSystem):
 
         Args:
             context: Of this system.
+
+        Raises:
+            RuntimeError: `context` is not this system's, for example because `fuse` has removed the system.
         """
+        self.ValidateContext(context)
         solution: _Solution = self._solution.Eval(context)
         return solution.error
 

@@ -117,6 +117,7 @@ class BaseEstimator(PortMethods, LeafSystem):
 
     def base_state(self, context: Any) -> BaseState:
         """All that is remembered."""
+        self.ValidateContext(context)
         return unpacked(np.array(context.get_discrete_state(self._state).value()), self._n, self._k)
 
     def on_arrays(self) -> ArrayStage:

@@ -5,10 +5,12 @@ from typing import Any
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from drake_tc.array_stage import ArrayStage
+from drake_tc.array_stage import ArrayStage, offered_stage
 from drake_tc.errors import ParamsError
-from drake_tc.loops.fused.plan import Connections, Plan
-from drake_tc.loops.fused.system import FusedStages, Scratch
+from drake_tc.loops.fused.nodes import Connections
+from drake_tc.loops.fused.plan import AlgebraicLoopError, Plan
+from drake_tc.loops.fused.scratch import Scratch
+from drake_tc.loops.fused.system import FusedStages
 from drake_tc.loops.ports import picked
 
 NAME = "stages"
@@ -22,7 +24,14 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
     for all stages saves most of that. The stages, and Drake's own blocks between them, are removed from the builder, so
     this is the last call before `builder.Build()`. The new system has the gains, parameters and initial states with
     which the stages were built; gains and parameters cannot be changed in its Context. Other systems stay, and so does
-    a stage if one of its connected output ports is not available on arrays (`ArrayStage.ports`).
+    a stage
+
+    * if one of its connected output ports is not available on arrays (`ArrayStage.ports`),
+    * if its class inherits `on_arrays` and defines methods of its own (`drake_tc.array_stage.offered_stage`),
+    * if the diagram would get an algebraic loop, because outputs of the stage depend on more inputs on arrays
+      (`ArrayStage.reads`) than they do as Drake's ports.
+
+    A stage that was removed has no Context any more: its methods that take one raise a RuntimeError.
 
     Args:
         builder: Contains the loop, made for example by `add_torque_loop`, and its logs.
@@ -47,12 +56,11 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
         (system, int(index)): (source, int(port))
         for (system, index), (source, port) in builder.connection_map().items()
     }
-    stages = _stages(builder, connections)
-    if len(stages) < 2:
+    plan = _plan(_stages(builder), connections)
+    if plan is None:
         return None
-    plan = Plan(stages, connections)
     system = FusedStages(plan)
-    Scratch(system)  # refuses an input port that is not connected while the builder is still unchanged
+    Scratch(system.bind)  # refuses an input port that is not connected while the builder is still unchanged
     exports = builder.num_input_ports() + builder.num_output_ports()
     for each in plan.fused:
         builder.RemoveSystem(each)
@@ -71,14 +79,40 @@ def fused_stages(diagram: Diagram) -> FusedStages | None:
     return found if isinstance(found, FusedStages) else None
 
 
-def _stages(builder: Any, connections: Connections) -> dict[System, ArrayStage]:
-    """The systems that can be fused, each with its calculations on arrays."""
-    offered = ((system, getattr(system, "on_arrays", None)) for system in builder.GetSystems())
-    found: dict[System, ArrayStage] = {}
-    for system, on_arrays in offered:
-        stage = on_arrays() if on_arrays is not None else None
-        if stage is not None:
-            found[system] = stage
+def _plan(offered: Mapping[System, ArrayStage], connections: Connections) -> Plan | None:
+    """The plan of the stages that can be fused; None if there are fewer than two."""
+    stages = _sufficient(offered, connections)
+    if len(stages) < 2:
+        return None
+    try:
+        return Plan(stages, connections)
+    except AlgebraicLoopError:
+        exact = {system: stage for system, stage in stages.items() if _is_exact(system, stage)}
+        if len(exact) == len(stages):
+            raise
+        return _plan(exact, connections)
+
+
+def _stages(builder: Any) -> dict[System, ArrayStage]:
+    """The systems that offer their calculations on arrays."""
+    offered = {system: offered_stage(system) for system in builder.GetSystems()}
+    return {system: stage for system, stage in offered.items() if stage is not None}
+
+
+def _is_exact(system: System, stage: ArrayStage) -> bool:
+    """Whether every output depends on all the inputs that are read for it on arrays."""
+    inputs = [system.get_input_port(index).get_name() for index in range(system.num_input_ports())]
+    for index in range(system.num_output_ports()):
+        part = stage.part_with(system.get_output_port(index).get_name())
+        read = () if part is None else (entering for entering, name in enumerate(inputs) if name in part.reads)
+        if not all(system.HasDirectFeedthrough(entering, index) for entering in read):
+            return False
+    return True
+
+
+def _sufficient(offered: Mapping[System, ArrayStage], connections: Connections) -> dict[System, ArrayStage]:
+    """The stages whose output ports exist on arrays as far as they are in use."""
+    found = dict(offered)
     while refused := [system for system in found if not _suffices(system, found, connections)]:
         for system in refused:
             del found[system]

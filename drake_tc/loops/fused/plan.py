@@ -1,7 +1,6 @@
 """`Plan`: which stages run in which order, on which elements of one array of signals."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,51 +9,12 @@ from pydrake.systems.framework import OutputPort, PortDataType, System
 from drake_tc.array_stage import ArrayStage
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused.glue import GLUE, computed, picked_elements
+from drake_tc.loops.fused.nodes import Connections, Given, Node, Source, name_of
 from drake_tc.types import IntArray
 
-Source = tuple[System, int]
-"""An output port: its system and index."""
-Connections = Mapping[tuple[System, int], Source]
-"""Input port (system, index) to its source."""
 
-
-@dataclass(eq=False)
-class Node:
-    """A stage, or the early outputs of one, in the plan.
-
-    Attributes:
-        system: Its system.
-        stage: Its calculations.
-        first: Index of its first output among the signals.
-        inputs: Input port to the elements that it reads, or to the number of an abstract input of the plan.
-        level: When its outputs are computed, see `Plan`.
-    """
-
-    system: System
-    stage: ArrayStage
-    first: int
-    inputs: dict[str, IntArray | int] = field(default_factory=dict)
-    level: int = 0
-
-    @property
-    def name(self) -> str:
-        """Of its system."""
-        return str(self.system.get_name())
-
-
-@dataclass(eq=False)
-class Given:
-    """An output port outside that stages read.
-
-    Attributes:
-        port: The port.
-        elements: Where its value is kept among the signals; None where it is abstract.
-        level: The first level at which it can be read.
-    """
-
-    port: OutputPort
-    elements: IntArray | None
-    level: int = 0
+class AlgebraicLoopError(ParamsError):
+    """A stage depends on its own output within a tick."""
 
 
 class Plan:
@@ -81,7 +41,7 @@ class Plan:
             connections: Connections of the diagram before the stages are removed.
 
         Raises:
-            ParamsError: A stage depends on its own output within a tick (algebraic loop).
+            AlgebraicLoopError: A stage depends on its own output within a tick.
         """
         self._connections, self._stages = connections, dict(stages)
         self._glue = _glue_between(stages, connections)
@@ -92,6 +52,7 @@ class Plan:
         self._node_of: dict[ArrayStage, Node] = {}
         self._given_of: dict[Source, int] = {}
         self._open: set[ArrayStage] = set()
+        self._closed = False
         readers = {
             source: None
             for (system, _), source in connections.items()
@@ -103,6 +64,7 @@ class Plan:
         self.exported: dict[Source, IntArray] = {}
         for source in readers:
             self.exported[source] = np.asarray(self._elements(source))  # no stage has an abstract output
+        self._closed = True
         self._set_levels()
 
     def _signals(self, count: int) -> IntArray:
@@ -125,6 +87,7 @@ class Plan:
     def _read(self, source: Source) -> IntArray | int:
         number = self._given_of.get(source)
         if number is None:
+            self._require_open(source)
             port = source[0].get_output_port(source[1])
             vector = port.get_data_type() == PortDataType.kVectorValued
             number = self._given_of[source] = len(self.given)
@@ -138,16 +101,23 @@ class Plan:
         if system not in self._stages:
             self._stages[system] = computed(system)
         part = self._stages[system].part_with(system.get_output_port(index).get_name())
+        if part is None or part not in self._node_of:
+            self._require_open(source)
         if part is None:
-            raise KeyError(f"{system.get_name()}: an output port that is not available on arrays")
+            raise KeyError(f"{name_of(source)} is not available on arrays")
         return self._place(system, part)
+
+    def _require_open(self, source: Source) -> None:
+        """Refuse to add a port to a plan that is complete."""
+        if self._closed:
+            raise ParamsError(f"fuse: {name_of(source)} is not computed, as nothing reads it")
 
     def _place(self, system: System, stage: ArrayStage) -> Node:
         """The node of a stage, or of its early outputs, behind those whose outputs its own depend on."""
         if stage in self._node_of:
             return self._node_of[stage]
         if stage in self._open:
-            raise ParamsError(f"fuse: {system.get_name()!r} depends on its own output within a tick")
+            raise AlgebraicLoopError(f"fuse: {system.get_name()!r} depends on its own output within a tick")
         self._open.add(stage)
         inputs = {name: source for name, source in self._sources(system).items() if name in stage.inputs}
         before = {name: self._elements(source) for name, source in inputs.items() if name in stage.reads}
@@ -167,13 +137,26 @@ class Plan:
         """Where the value of an output port of a fused system stands.
 
         Raises:
-            ParamsError: No stage and no output of the plan reads the port, so that it is not computed.
+            ParamsError: Nothing reads the port, so that it is not computed.
         """
         system: Any = port.get_system()
-        count = len(self.nodes)
-        found = self._elements((system, int(port.get_index())))
-        if isinstance(found, int) or len(self.nodes) != count:
-            raise ParamsError(f"fuse: {system.get_name()}.{port.get_name()} is not computed, as nothing reads it")
+        return self._vector_at((system, int(port.get_index())))
+
+    def input_elements(self, system: System, name: str) -> IntArray:
+        """Where the value of an input port of a fused system stands.
+
+        Raises:
+            ParamsError: The port is not connected, not used, or abstract.
+        """
+        source = self._sources(system).get(name)
+        if source is None:
+            raise ParamsError(f"fuse: input port {name!r} of {system.get_name()!r} is not connected")
+        return self._vector_at(source)
+
+    def _vector_at(self, source: Source) -> IntArray:
+        found = self._elements(source)
+        if isinstance(found, int):
+            raise ParamsError(f"fuse: {name_of(source)} is abstract; expected a vector port")
         return found
 
     def _sources(self, system: System) -> dict[str, Source]:
@@ -197,8 +180,10 @@ class Plan:
                 level = 1 + max(behind, default=-1)
                 if level > len(self.given):  # each level needs another input from outside
                     port: Any = given.port
-                    name = f"{port.get_system().get_name()}.{port.get_name()}"
-                    raise ParamsError(f"fuse: {name} depends on itself within a tick, through stages that read it")
+                    name = name_of((port.get_system(), port.get_index()))
+                    raise AlgebraicLoopError(
+                        f"fuse: {name} depends on itself within a tick, through stages that read it"
+                    )
                 if level > given.level:
                     given.level, changed = level, True
                 if given.elements is not None:

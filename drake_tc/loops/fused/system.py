@@ -8,12 +8,14 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, ValueProducer
 
-from drake_tc.array_stage import Arrays, Held
+from drake_tc.array_stage import Arrays
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import gathering, sequences
-from drake_tc.loops.fused.plan import Node, Plan
+from drake_tc.loops.fused.nodes import Node
+from drake_tc.loops.fused.plan import Plan
+from drake_tc.loops.fused.scratch import Inputs, Scratch, place_of, read_only
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import Call, FloatArray, IntArray
+from drake_tc.types import FloatArray, IntArray
 
 
 class FusedStages(PortMethods, LeafSystem):
@@ -42,13 +44,13 @@ class FusedStages(PortMethods, LeafSystem):
         self._nodes = _by_period(plan.nodes)
         ends = np.cumsum([0, *(node.stage.start.size for node in self._nodes)]).tolist()
         self._states = {node: slice(a, b) for node, a, b in zip(self._nodes, ends, ends[1:], strict=False)}
-        start: Any = np.concatenate([node.stage.start for node in self._nodes])
+        start: Any = np.concatenate([np.zeros(0), *(node.stage.start for node in self._nodes)])
         memory = self.DeclareDiscreteState(start)
         self._memory = int(memory)
         self._inputs: list[Any] = [self._declare_input(number) for number in range(len(plan.given))]
         self._scratch: Any = self.DeclareCacheEntry(
             "scratch",
-            ValueProducer(allocate=lambda: Value(Scratch(self)), calc=lambda context, value: None),
+            ValueProducer(allocate=lambda: Value(Scratch(self.bind)), calc=lambda context, value: None),
             {self.nothing_ticket()},
         )
         tickets = {self.discrete_state_ticket(memory), self.time_ticket()}
@@ -116,34 +118,28 @@ class FusedStages(PortMethods, LeafSystem):
     def _begin(self, context: Any, values: Any) -> None:
         """The states with which a simulation starts."""
         scratch, time = self._evaluated(context), context.get_time()
-        self._read_late(context, scratch)
         scratch.after[:] = scratch.before
         for call in scratch.begins:
             call(time)
         values.get_mutable_value(self._memory)[:] = scratch.after
 
-    def _read_late(self, context: Context, scratch: "Scratch") -> None:
-        """Read the inputs on which no output depends."""
-        given = scratch.given
-        for number, evaluate in self._late_ports:
-            given[number][:] = evaluate(context)
-
-    def _advanced(self, context: Context, period: float | None) -> "Scratch":
+    def _advanced(self, context: Context, period: float | None) -> Scratch:
         """The arrays of a Context, with the next states of the stages of one period."""
         scratch, part = self._evaluated(context), self._parts[period]
         after, time = scratch.after, context.get_time()
-        self._read_late(context, scratch)
         after[part] = scratch.before[part]
         for call in scratch.updates[period]:
             call(time)
         return scratch
 
-    def _evaluated(self, context: Context) -> "Scratch":
-        """The arrays of a Context, with the signals of all levels up to date."""
+    def _evaluated(self, context: Context) -> Scratch:
+        """The arrays of a Context, with all signals up to date, also those on which no output depends."""
         self._levels[-1].Eval(context)
         scratch: Scratch = self._scratch.Eval(context)
         if scratch.computed < len(self._levels):
             self._compute(context, scratch, range(scratch.computed, len(self._levels)))
+        for number, evaluate in self._late_ports:
+            scratch.given[number][:] = evaluate(context)
         return scratch
 
     def replaces(self, system: System) -> bool:
@@ -154,25 +150,41 @@ class FusedStages(PortMethods, LeafSystem):
         """Value of an output port of a replaced system, in a Context of this system.
 
         Raises:
-            ParamsError: The port is not computed, as nothing reads it.
+            ParamsError: The port is not computed, as nothing reads it, or it is abstract.
         """
         elements = self._plan.elements(port)
         return np.array(self._evaluated(context).signals[elements])
 
     def input(self, context: Context, stage: System, name: str) -> FloatArray:
-        """Value of a vector input port on which a replaced stage's outputs depend, in a Context of this system."""
-        return np.array(self._evaluated(context).signals[self._node(stage).inputs[name]])
+        """Value of an input port of a replaced stage, in a Context of this system.
+
+        Raises:
+            ParamsError: The port is not connected or not used, or it is abstract.
+        """
+        elements = self._plan.input_elements(stage, name)
+        return np.array(self._evaluated(context).signals[elements])
 
     def next_state(self, context: Context, stage: System) -> FloatArray:
-        """(S,) x[n+1] of a replaced stage, in a Context of this system."""
+        """(S,) x[n+1] of a replaced stage, in a Context of this system.
+
+        Raises:
+            ParamsError: The stage has no state.
+        """
         node = self._node(stage)
         part = self._states[node]
         return np.array(self._advanced(context, node.stage.period).after[part])
 
     def set_state(self, context: Context, stage: System, state: FloatArray) -> None:
-        """Set the state (S,) of a replaced stage, in a Context of this system."""
+        """Set the state (S,) of a replaced stage, in a Context of this system.
+
+        Raises:
+            ParamsError: The stage has no state, or one of another size.
+        """
+        node = self._node(stage)
         values: Any = np.array(context.get_discrete_state(self._memory).value())
-        values[self._states[self._node(stage)]] = state
+        if np.shape(state) != node.stage.start.shape:
+            raise ParamsError(f"{stage.get_name()}: expected {node.stage.start.size} numbers, got {np.shape(state)}")
+        values[self._states[node]] = state
         context.SetDiscreteState(self._memory, values)
 
     def _node(self, stage: System) -> Node:
@@ -182,11 +194,11 @@ class FusedStages(PortMethods, LeafSystem):
             ParamsError: There is none.
         """
         node = self._plan.node_of(stage)
-        if node is None:
-            raise ParamsError(f"fuse: {stage.get_name()!r} is not a stage of {self.get_name()!r}")
+        if node is None or node.stage.period is None:
+            raise ParamsError(f"fuse: {stage.get_name()!r} is not a stage with state in {self.get_name()!r}")
         return node
 
-    def _compute(self, context: Any, scratch: "Scratch", levels: Iterable[int]) -> None:
+    def _compute(self, context: Any, scratch: Scratch, levels: Iterable[int]) -> None:
         """Compute the signals of some levels; those of all lower levels are up to date."""
         given, time = scratch.given, context.get_time()
         for level in levels:
@@ -198,21 +210,21 @@ class FusedStages(PortMethods, LeafSystem):
                 call(time)
             scratch.computed = max(scratch.computed, level + 1)
 
-    def bind(self, scratch: "Scratch") -> None:
+    def bind(self, scratch: Scratch) -> None:
         """Bind all stages to the arrays of a Context."""
         plan = self._plan
         scratch.signals, size = np.zeros(plan.size), sum(node.stage.start.size for node in self._nodes)
         scratch.before, scratch.after = np.zeros(size), np.zeros(size)
-        scratch.given = [_place_of(scratch.signals, given.elements) for given in plan.given]
+        scratch.given = [place_of(scratch.signals, given.elements) for given in plan.given]
         scratch.outputs = [[] for _ in self._levels]
         scratch.updates, scratch.begins = {node.stage.period: [] for node in plan.nodes}, []
         for node in plan.nodes:
-            inputs = _Inputs(node.name)
+            inputs = Inputs(node.name)
             for name, where in node.inputs.items():
                 inputs[name] = self._bound(scratch, node, name, where)
             out = scratch.signals[node.first : node.first + node.stage.width]
             state = self._states[plan.node_of(node.system) or node]
-            before, after = _read_only(scratch.before[state]), scratch.after[state]
+            before, after = read_only(scratch.before[state]), scratch.after[state]
             arrays = Arrays(inputs, out, before, after)
             outputs, update = node.stage.bind(arrays)
             if outputs is not None:
@@ -224,13 +236,13 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.outputs = [sequences(calls) for calls in scratch.outputs]
         scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 
-    def _bound(self, scratch: "Scratch", node: Node, name: str, where: IntArray | int) -> Any:
+    def _bound(self, scratch: Scratch, node: Node, name: str, where: IntArray | int) -> Any:
         """A view of the signals if an input's elements are adjacent; else an array, filled before the stage runs."""
         if isinstance(where, int):
             return scratch.given[where]
         first = int(where[0]) if where.size else 0
         if np.array_equal(where, np.arange(first, first + where.size)):
-            return _read_only(scratch.signals[first : first + where.size])
+            return read_only(scratch.signals[first : first + where.size])
         copy = np.zeros(where.size)
         gather = gathering(scratch.signals, where, copy)
         if name in node.stage.reads:
@@ -238,60 +250,7 @@ class FusedStages(PortMethods, LeafSystem):
         else:
             scratch.updates[node.stage.period].append(gather)
             scratch.begins.append(gather)
-        return _read_only(copy.view())
-
-
-class _Inputs(dict[str, Any]):
-    """Name of each connected input port to its value."""
-
-    def __init__(self, stage: str) -> None:
-        super().__init__()
-        self._stage = stage
-
-    def __missing__(self, name: str) -> Any:
-        raise ParamsError(f"fuse: input port {name!r} of {self._stage!r} is not connected; connect it before fusing")
-
-
-class Scratch:
-    """The arrays of one Context, and the stages' functions on them.
-
-    If the output port of a level is up to date, so are the signals of this level, as its calculation writes both. In a
-    cloned Context the ports may be up to date while the arrays are new and empty; `computed` tells so.
-
-    Attributes:
-        signals: (N,) all signals; the elements in the plan are indices of it.
-        before, after: (S,) states of this tick and of the next one.
-        given: For each input port, by its number, where its value is written.
-        outputs: For each level, the functions that compute its signals.
-        updates: For each period, the functions that compute the next states.
-        begins: The functions that compute the states at the start of a simulation.
-        computed: Number of levels whose signals have been computed at least once in these arrays.
-    """
-
-    signals: FloatArray
-    before: FloatArray
-    after: FloatArray
-    given: list[Any]
-    outputs: list[list[Call]]
-    updates: dict[float | None, list[Call]]
-    begins: list[Call]
-
-    def __init__(self, system: FusedStages) -> None:
-        self._system, self.computed = system, 0
-        system.bind(self)
-
-    def __deepcopy__(self, memo: object) -> "Scratch":
-        return Scratch(self._system)
-
-
-def _place_of(signals: FloatArray, elements: IntArray | None) -> Any:
-    """Where a value from outside is written, by `place[:] = value`."""
-    return Held() if elements is None else signals[elements[0] : elements[0] + elements.size]
-
-
-def _read_only(view: FloatArray) -> FloatArray:
-    view.flags.writeable = False
-    return view
+        return read_only(copy.view())
 
 
 def _by_period(nodes: list[Node]) -> list[Node]:

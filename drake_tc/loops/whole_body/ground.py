@@ -31,7 +31,8 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
     """Floor z = 0, supports and spheres; before `Finalize`, with a SceneGraph. Nothing else of the robot touches.
 
     The lowest points of the spheres are z = 0 in the contact's frame: the sole's corners, moved out by the margin, or a
-    grid between them where the soles are soft.
+    grid between them where the soles are soft. All contacts of the plant become point contacts, also those of shapes
+    that others have given a pressure field.
 
     Args:
         plant: Holds the robot.
@@ -58,7 +59,7 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
             middle: Any = point + np.array([0.0, 0.0, spec.radius])
             pose = contact.frame.pose.transform.multiply(RigidTransform(middle))
             plant.RegisterCollisionGeometry(body, pose, Sphere(spec.radius), f"{contact.name}_{number}", material)
-    plant.set_contact_model(ContactModel.kPoint)  # all shapes are rigid: no time is spent on looking for soft ones
+    plant.set_contact_model(ContactModel.kPoint)  # without a search for pressure fields, which no shape has
     plant.set_discrete_contact_approximation(_APPROXIMATIONS[spec.solver])
     plant.set_stiction_tolerance(spec.stiction_tolerance)
 

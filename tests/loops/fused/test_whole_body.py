@@ -102,6 +102,29 @@ def assert_fused_is_apart(scenario: TsidScenario, duration: float) -> None:
     assert_same(fused, apart)
 
 
+def test_a_start_between_ticks_and_contexts_in_turn():
+    """Initialized twice at 12.3 ms; from 43 ms on, without readings of the IMU, a clone runs beside the original."""
+    dropped = "{faults: {imu: [{kind: dropped, start: 0.03}]}}"
+    found = []
+    for fused in (True, False):
+        loop = build_tsid(TsidScenario.load(COMAN, "turn_half_hz", dropped), fused=fused)
+        simulator = Simulator(loop.diagram)
+        context = simulator.get_mutable_context()
+        context.SetTime(0.0123)
+        loop.start(context)
+        simulator.Initialize()
+        simulator.Initialize()
+        simulator.AdvanceTo(0.043)
+        clone = Simulator(loop.diagram, context.Clone())
+        for end in (0.044, 0.047, 0.052):
+            simulator.AdvanceTo(end)
+            clone.AdvanceTo(end + 0.002)
+        found.append([loop.log.recorded(each.get_context()) for each in (simulator, clone)])
+    for (fused_time, fused_signals), (time, signals) in zip(*found, strict=True):
+        assert time.size > 30
+        assert_same({"time": fused_time, **fused_signals}, {"time": time, **signals})
+
+
 def test_one_stage_alone_stays_a_system():
     loop = build_tsid(TsidScenario.load(HUMANOID, "balance"), fused=True)
     assert fused_stages(loop.diagram) is None
