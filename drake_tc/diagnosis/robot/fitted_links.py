@@ -1,10 +1,9 @@
 """`close-loop` of a robot whose links' inertial parameters are fitted together with its joints' models.
 
-0. Gross errors of the set-up (`diagnosis.set_up`). Where the logs show some, no effects are looked for: a wrong set-up
-   makes effects that are not there.
 1. All joints together, with the declared models: the links' parameters at the tolerance that the rig file declares
    (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried. Whether position servos hold
-   their commands is decided for all joints together.
+   their commands is decided for all joints together. Where much is left, gross errors of the set-up are tried
+   (`diagnosis.set_up`). With such an error no effects are looked for: a wrong set-up makes effects that are not there.
 2. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's model from here on.
    An encoder that comes late (`late_encoder`); where there is one, its readings are moved from here on.
 3. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
@@ -70,11 +69,13 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     joints = case.rig.joints
-    set_up = check_set_up(logs, model, case.train, case.held, case.rig)
+    declared = as_commanded(in_wide_enough_band(case))
+    set_up = check_set_up(logs, model, case.train, case.held, case.rig, declared.shares)
     wrong = set_up is not None and bool(set_up.errors)
     if wrong:
-        case = replace(case, options=replace(case.options, effects=(), assess_residual=False))
-    declared = start = as_commanded(in_wide_enough_band(case))
+        options = replace(declared.case.options, effects=(), assess_residual=False)
+        declared = replace(declared, case=replace(declared.case, options=options))
+    start = declared
     first, delay = declared.links, None if wrong else _common_delay(declared)
     encoder = None if wrong else _late_encoder(declared, delay, logs, model)
     if encoder is not None:

@@ -67,12 +67,14 @@ class Start:
 
     Attributes:
         case: With this width. prepared: joints with loads by the robot's file. links: all joints together.
-        left: Largest share of a joint's effort that is left, cross-validated; of joints that tell their drive gain.
+        shares: By joint, share of the effort that is left, cross-validated.
+        left: Largest of these, of joints that tell their drive gain.
     """
 
     case: RobotCase
     prepared: Mapping[str, Prepared]
     links: Links
+    shares: Mapping[str, float]
     left: float
 
 
@@ -117,7 +119,8 @@ def at_width(case: RobotCase) -> Start:
     # An effort that is nearly all friction tells hardly anything of the drive gain: 1/K comes out near 0, and what is
     # left of the effort is as large as the effort in any filter.
     told = np.array([shared_variance(r, links.fitted, j) >= TOLD for j, r in enumerate(links.rows)])
-    return Start(case, prepared, links, float(np.max(left[told] if told.any() else left)))
+    shares = dict(zip(prepared, left.tolist(), strict=True))
+    return Start(case, prepared, links, shares, float(np.max(left[told] if told.any() else left)))
 
 
 def declared_links(raw: Mapping[str, Prepared], causes: CauseColumns) -> Links:

@@ -19,7 +19,12 @@ from drake_tc.types import FloatArray
 
 
 def check_set_up(
-    logs: RobotLogs, links: LinkModel, train: Sequence[Run], held: Sequence[Run], rig: Rig
+    logs: RobotLogs,
+    links: LinkModel,
+    train: Sequence[Run],
+    held: Sequence[Run],
+    rig: Rig,
+    left: Mapping[str, float],
 ) -> SetUpCheck | None:
     """What the runs say against the set-up; None where the declared model leaves little of every joint's effort.
 
@@ -29,6 +34,7 @@ def check_set_up(
         train: Runs to fit.
         held: Held-out runs, which confirm what was found.
         rig: With a `RobotLoad` whose links are fitted.
+        left: By joint, share of the effort that the declared model of the diagnosis leaves.
     """
     names = logs.robot.joints
     load = next(iter(rig.load.values()))
@@ -36,7 +42,8 @@ def check_set_up(
     gain = np.array([rig.drive_gain.get(joint, np.nan) for joint in names])
     own = np.array([rig.drive.get(joint) != "position_servo" for joint in names])
     rows = [set_up_rows(logs, runs, rig) for runs in (train, held)]
-    found = search_set_up(*(ArmBalance(links, each, tolerance, gain, own, logs.turns) for each in rows))
+    training, heldout = (ArmBalance(links, each, tolerance, gain, own, logs.turns) for each in rows)
+    found = search_set_up(training, heldout, np.array([left[joint] for joint in names]))
     if found is None:
         return None
 

@@ -1,7 +1,8 @@
 """Which things in an arm's set-up are wrong: changes one after the other, each the one that explains most.
 
 Small effects are no evidence against a set-up, and a set-up that is wrong makes effects that are not there. It is
-therefore looked at first, and only where the declared model leaves much of an effort (`MUCH`). A set of changes is
+therefore looked at first, and only where the declared model leaves much of an effort (`MUCH`), that of the diagnosis as
+well as the fast one of `balance`. A set of changes is
 found if, on the training runs and on the held-out runs,
 
 - some joint's error falls to at most half (`HALVED`),
@@ -10,12 +11,13 @@ found if, on the training runs and on the held-out runs,
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
 from drake_tc.diagnosis.set_up.changes import Change, Tried, tried_changes
+from drake_tc.types import FloatArray
 
 MUCH = 0.1
 """Share of an effort's RMS, left by the declared model, from which the set-up is looked at."""
@@ -50,23 +52,26 @@ class SetUpSearch:
     after: Balance
 
 
-def search_set_up(train: ArmBalance, held: ArmBalance) -> SetUpSearch | None:
+def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetUpSearch | None:
     """The changes that both sides ask for; None where the declared set-up leaves little of every effort, or where
     neither the rig file nor the links of the robot's file say how large a joint's torques are.
 
     Args:
         train: Rows of the training runs.
         held: Those of the held-out runs, which take no part in choosing.
+        left: (n,) share of each effort that the declared model of the diagnosis leaves. It has all rows, so that it
+            also fits links that are far from those of the robot's file.
     """
     start = train.as_declared
     if (start.free & ~train.tells_gain).any():
         return None
-    before = train.fit(start)
+    fitted = train.fit(start)
+    before = replace(fitted, share=np.where(np.isnan(fitted.share), np.nan, np.fmin(fitted.share, left)))
     if not np.nanmax(before.share) > MUCH:
         return None
     none = SetUpSearch((), start, (), before, before)
     steps: list[tuple[Tried, tuple[Tried, ...]]] = []
-    at, error = start, before.error
+    at, error = start, fitted.error
     while len(steps) < MOST_CHANGES:
         best, others = _best(tried_changes(train, at))
         if best.balance.error > error + np.log(WORTH):

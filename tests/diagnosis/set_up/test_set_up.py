@@ -68,13 +68,13 @@ def elbow_arm(tmp_path_factory):
     return folder, logs[:2], logs[2]
 
 
-def checked(arm, change=lambda columns: columns, **rig_keys):
-    """What the runs say of the set-up once their columns are changed."""
+def checked(arm, change=lambda columns: columns, left=1.0, **rig_keys):
+    """What the runs say of the set-up once their columns are changed; `left` by the model of the diagnosis."""
     folder, logs, held = arm
     rig = load_rig(rig_file(folder, **rig_keys))
     runs = [replace(run, columns=change(dict(run.columns))) for run in load_runs([*logs, held], rig)]
     robot = robot_logs(rig, runs)
-    return check_set_up(robot, robot.links, runs[:2], runs[2:], rig)
+    return check_set_up(robot, robot.links, runs[:2], runs[2:], rig, dict.fromkeys(rig.joints, left))
 
 
 def scaled(**factors):
@@ -89,6 +89,13 @@ def kinds(check):
 
 def test_a_right_set_up_is_not_looked_at(arm):
     assert checked(arm) is None
+
+
+def test_a_set_up_is_not_questioned_where_the_diagnosis_fits_the_declared_one(arm):
+    """It has all rows, and links further from the robot's file than the fast fit."""
+    change = scaled(fold__position=-1.0, fold__current=-1.0)
+    assert checked(arm, change, left=0.09) is None
+    assert checked(arm, change, left=0.11).errors
 
 
 @pytest.mark.parametrize("declared", [RIG["drive_gain"], None])
