@@ -38,7 +38,9 @@ class Interval:
     """One interval of a report.
 
     Attributes:
-        kind, name: Of the parameter. low, high: Its ends, NaN for a missing one [SI]. holds: Whether it holds the truth.
+        kind, name: Of the parameter.
+        low, high: Ends of the 95 % interval, NaN for a missing one [SI].
+        holds: Whether it holds the truth.
     """
 
     kind: Kind
@@ -49,7 +51,7 @@ class Interval:
 
     @property
     def width(self) -> float:
-        """high - low."""
+        """Difference of the two ends [SI]."""
         return self.high - self.low
 
 

@@ -1,7 +1,8 @@
 """Simulated logs of an arm that follows a designed motion, and of the same arm with growing sinusoids in its place.
 
-Links, friction, rotors and sensors are those of `drake-tc bench arms`, without any effect. Each motion is recorded twice
-with different noise, and a Fourier series is held out. Both motions have the same length and the same noise.
+Links, friction, rotors and sensors are those of `drake-tc bench arms`, without any effect. The torques are Drake's
+inverse dynamics of the given motion with friction and rotor inertias. Each motion is recorded twice with different
+noise, and a Fourier series is held out. Both motions have the same length and the same noise.
 """
 
 from collections.abc import Callable, Mapping
@@ -60,12 +61,12 @@ def arm_runs(arm: Arm, seed: int, folder: Path, progress: Progress) -> ArmRuns:
     """
     case = sound_case(arm, seed)
     folders = {name: folder / name for name in MOTIONS}
-    robot = [write_files(case, each) for each in folders.values()][0]
+    robots = {name: write_files(case, each) for name, each in folders.items()}
     started = process_time()
     request = DesignRequest(folders[MOTIONS[0]] / "rig.yaml", (), None, "parameters", None, (), {})
     design = designed_robot(request, RobotOptions(SECONDS, seed=seed), progress)
     seconds = process_time() - started
-    simulated = simulated_arm(case, robot, np.random.default_rng(case.seed))
+    simulated = simulated_arm(case, robots[MOTIONS[0]], np.random.default_rng(case.seed))
     held = record_run(simulated, TRAINING_RUNS, np.random.default_rng([case.seed, TRAINING_RUNS]), SECONDS)
     time, motions = compared_motions(design)
     for name, motion in motions.items():
@@ -84,8 +85,8 @@ def true_values(arm: SimulatedArm) -> dict[str, Any]:
 def compared_motions(design: RobotDesign) -> tuple[FloatArray, dict[str, Motion]]:
     """(time (T,), motion to (q, qdot, qddot), each (T, n)) at the step of the simulation.
 
-    The designed motion begins at rest and is cut off at the length of the sinusoids, so that its lead-in and not its
-    number of samples is the difference.
+    Both have the length of the sinusoids. The designed motion begins at rest with its lead-in, and its end is cut off:
+    otherwise it would have more samples than the sinusoids.
 
     Args:
         design: From `design_robot`.
