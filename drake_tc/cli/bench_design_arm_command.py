@@ -18,7 +18,7 @@ from drake_tc.report.figure_row import rows_json
 def bench_design_arm(
     arm: Annotated[
         str | None,
-        typer.Option(help="Arm of example-robot-data; an unknown name prints the available arms. Default: six joints."),
+        typer.Option(help="Name of an arm. An unknown name prints the available arms. Default: an arm of six joints."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder that keeps the logs.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the arm, the design, the motions and the noise.")] = 1,
@@ -30,7 +30,8 @@ def bench_design_arm(
     simulated arm differ from its URDF and are fitted. Needs `pip install "drake-tc[robots]"`.
     """
     from drake_tc.benchmarks.blind_arm.arms import REFERENCE, arm_named
-    from drake_tc.experiments.evidence.arm_intervals import KINDS, MOTIONS, arm_comparison, comparison_rows
+    from drake_tc.experiments.evidence.arm_intervals import KINDS, arm_comparison, comparison_rows
+    from drake_tc.experiments.evidence.arm_runs import MOTIONS
 
     chosen = arm_named(arm or REFERENCE)
     with (

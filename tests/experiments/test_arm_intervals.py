@@ -13,16 +13,16 @@ from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import Expected
 from drake_tc.experiments.evidence import arm_intervals
 from drake_tc.experiments.evidence.arm_intervals import (
-    MOTIONS,
     arm_comparison,
     compared,
     comparison_rows,
     intervals_of,
 )
 from drake_tc.experiments.evidence.arm_runs import (
+    MOTIONS,
     ArmRuns,
     compared_motions,
-    predicted_ratios,
+    predicted_widths,
     resampled,
     true_values,
 )
@@ -33,6 +33,7 @@ TRUTH = {
     "friction": {"joint": {"viscous": 1.0, "coulomb": 3.0}},
     "rotor": {"joint": 0.3},
 }
+WIDTHS = {"joint/rotor_inertia": (0.6, 2.0), "link/m": (0.2, 1.0), "link/mx": (0.4, 1.0)}
 
 
 def report(width, names=("link/m", "link/mx"), effects=()):
@@ -87,7 +88,7 @@ def test_both_motions_have_the_same_length_and_the_sinusoids_their_own_derivativ
     assert_allclose(motions["sinusoids"][2], -np.sin(phase), atol=1e-7)
     assert_allclose(motions["designed"][0][:, 1], 1.0 + time)
     assert_allclose(motions["designed"][2][:, 0], time)
-    assert predicted_ratios(made) == {"link/m": 0.25}
+    assert predicted_widths(made) == {"link/m": (2.0, 8.0)}
 
 
 def test_a_quintic_is_resampled_exactly():
@@ -132,17 +133,18 @@ def test_an_unknown_arm_is_refused_with_the_arms_there_are():
 
 
 def test_ratios_are_of_parameters_that_both_fits_have_and_rotors_of_those_that_the_design_counts():
-    made = comparison(report(0.1), report(0.4, names=("link/mx",)), {"joint/viscous": 0.2})
+    made = comparison(report(0.1), report(0.4, names=("link/mx",)), {"joint/viscous": (0.2, 1.0)})
     assert made.ratios("base parameters") == pytest.approx({"link/mx": 0.25})
     assert made.ratios("friction") == pytest.approx({"joint/viscous": 0.25, "joint/coulomb": 0.25})
     assert made.ratios("rotor inertias") == {}
-    counted = comparison(report(0.1), report(0.4), {"joint/rotor_inertia": 0.3, "link/m": 0.2, "link/mx": 0.4})
+    counted = comparison(report(0.1), report(0.4), WIDTHS)
     assert counted.ratios("rotor inertias") == pytest.approx({"joint/rotor_inertia": 0.25})
     rows = rows_of(counted)
     assert rows["base parameters: designed over sinusoids"].value == pytest.approx(0.25)
     assert rows["base parameters: designed over sinusoids"].met
     assert rows["base parameters: the same, predicted"].value == pytest.approx(0.3)
-    assert rows["rotor inertias: the same, predicted"].value == 0.3
+    assert rows["rotor inertias: the same, predicted"].value == pytest.approx(0.3)
+    assert rows["rotor inertias: width in the design over width in the report"].value == pytest.approx(6.0)
     assert "friction: the same, predicted" not in rows
     assert rows["design, processor time"].value == 12.0
 

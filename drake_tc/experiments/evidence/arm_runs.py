@@ -37,13 +37,14 @@ class ArmRuns:
     Attributes:
         folders: Motion to the folder of its logs, robot file and rig file.
         truth: Friction, rotor inertias and link parameters of the simulated arm.
-        predicted: Parameter to its interval after the designed motion over that after growing sinusoids, as designed.
+        predicted: Parameter to the widths of its 95 % interval that the design predicts, after the designed motion and
+            after growing sinusoids [SI].
         seconds: Processor time of the design [s].
     """
 
     folders: Mapping[str, Path]
     truth: Mapping[str, Any]
-    predicted: Mapping[str, float]
+    predicted: Mapping[str, tuple[float, float]]
     seconds: float
 
 
@@ -74,7 +75,7 @@ def arm_runs(arm: Arm, seed: int, folder: Path, progress: Progress) -> ArmRuns:
             rng = np.random.default_rng([case.seed, number])
             write_log(record_motion(simulated, number, rng, time, motion), folders[name] / f"run_{number + 1}.npz")
         write_log(held, folders[name] / "run_held.npz")
-    return ArmRuns(folders, true_values(simulated), predicted_ratios(design), seconds)
+    return ArmRuns(folders, true_values(simulated), predicted_widths(design), seconds)
 
 
 def true_values(arm: SimulatedArm) -> dict[str, Any]:
@@ -113,6 +114,9 @@ def resampled(motion: FloatArray, step: float, time: FloatArray) -> Motion:
     return q, v, a
 
 
-def predicted_ratios(design: RobotDesign) -> dict[str, float]:
-    """Parameter to the width of its interval after the designed motion over that after the sinusoids."""
-    return {each.name.partition(",")[0]: each.after / each.default for each in design.expected}
+def predicted_widths(design: RobotDesign) -> dict[str, tuple[float, float]]:
+    """Parameter to the widths of its 95 % interval, after the designed motion and after the sinusoids [SI].
+
+    The design assumes a noise, so only the ratio of the two is a prediction.
+    """
+    return {each.name.partition(",")[0]: (2.0 * each.after, 2.0 * each.default) for each in design.expected}
