@@ -9,6 +9,7 @@ import typer
 from drake_tc.analysis.executors import processes
 from drake_tc.cli.bench_arms_command import bench_arms
 from drake_tc.cli.bench_close_loop_command import bench_close_loop
+from drake_tc.cli.bench_design_arm_command import bench_design_arm
 from drake_tc.cli.bench_diagnosis_command import bench_diagnosis
 from drake_tc.cli.bench_experiments_command import bench_check, bench_experiments
 from drake_tc.cli.bench_floor_command import bench_floor
@@ -26,6 +27,7 @@ bench_app = typer.Typer(
 bench_app.command("diagnosis", short_help="Diagnosis of simulated joints.")(bench_diagnosis)
 bench_app.command("check", short_help="What a check predicts.")(bench_check)
 bench_app.command("experiments", short_help="Designed experiments.")(bench_experiments)
+bench_app.command("design-arm", short_help="Designed motion of an arm.")(bench_design_arm)
 bench_app.command("close-loop", short_help="Time and memory of close-loop.")(bench_close_loop)
 bench_app.command("robot", short_help="Diagnosis of a simulated leg.")(bench_robot)
 bench_app.command("arms", short_help="Diagnosis of simulated arms.")(bench_arms)

@@ -8,6 +8,8 @@ import yaml
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
+from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.errors import ParamsError
 from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -88,6 +90,20 @@ ARMS = (
         speed=(1.3, 1.3, 1.5, 2.0, 2.0, 2.0),
     ),
 )
+REFERENCE = "ur5"
+"""Name of the arm that a benchmark of one arm takes by default."""
+
+
+def arm_named(name: str) -> Arm:
+    """One of `ARMS`.
+
+    Raises:
+        ParamsError: Another name.
+    """
+    arms = {arm.name: arm for arm in ARMS}
+    if name not in arms:
+        raise ParamsError(f"no arm {name!r}{did_you_mean(name, arms)}; arms: {', '.join(arms)}")
+    return arms[name]
 
 
 @dataclass(frozen=True)

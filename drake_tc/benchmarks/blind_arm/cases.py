@@ -26,10 +26,10 @@ import yaml
 
 from drake_tc.benchmarks.blind_arm.arms import ARMS, Arm, LinkError, apply_errors, link_parameters, moving_links
 from drake_tc.benchmarks.blind_arm.physics import JointTruth
-from drake_tc.benchmarks.blind_arm.recorder import Noise, record_run
+from drake_tc.benchmarks.blind_arm.recorder import Noise, SimulatedArm, record_run
 from drake_tc.loops.recording import write_log
 from drake_tc.robot.plant import make_plant
-from drake_tc.robot.robot import load_robot
+from drake_tc.robot.robot import Robot, load_robot
 
 JOINT_EFFECTS = (
     "load_dependent_friction",
@@ -123,6 +123,19 @@ def arm_case(number: int, seed: int) -> ArmCase:
     return ArmCase(name, arm, drive, joints, {}, kind, where, late, int(rng.integers(2**31)))
 
 
+def sound_case(arm: Arm, seed: int) -> ArmCase:
+    """An arm with currents, declared drive gains and nothing wrong but the inertias of its URDF.
+
+    Args:
+        arm: Which.
+        seed: Of all draws.
+    """
+    rng = np.random.default_rng([seed, len(ROUND), 7])
+    joints = {j: _joint(e, "current", rng) for j, e in zip(arm.joints, arm.effort, strict=True)}
+    late = dict.fromkeys(arm.joints, 0.0)
+    return ArmCase(f"{arm.name}_sound", arm, "current", joints, {}, "", "", late, int(rng.integers(2**31)))
+
+
 def _joint(rated: float, drive: str, rng: np.random.Generator) -> JointTruth:
     """Friction, rotor and drive in proportion to the joint's rated torque."""
     coulomb = rated * rng.uniform(0.03, 0.06)
@@ -194,19 +207,34 @@ def record_case(case: ArmCase, folder: Path) -> dict[str, Any]:
     Returns:
         The truth: id, where, the values that a report's parameters should have, friction, and the links' parameters.
     """
+    rng = np.random.default_rng(case.seed)
+    arm = simulated_arm(case, write_files(case, folder), rng)
+    for number, name in enumerate(RUNS):
+        write_log(record_run(arm, number, rng, SECONDS), folder / f"{name}.npz")
+    return truth_of(arm)
+
+
+def write_files(case: ArmCase, folder: Path) -> Robot:
+    """Write `arm.yaml` and `rig.yaml` into a folder, which is made, and read the robot."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "arm.yaml").write_text(case.arm.robot_file(), encoding="utf-8")
     (folder / "rig.yaml").write_text(rig_file(case), encoding="utf-8")
-    robot, rng = load_robot(folder / "arm.yaml"), np.random.default_rng(case.seed)
+    return load_robot(folder / "arm.yaml")
+
+
+def simulated_arm(case: ArmCase, robot: Robot, rng: np.random.Generator) -> SimulatedArm:
+    """The arm of a case; the generator draws the errors of its links and the noise of its sensors."""
     plant: Any = make_plant(robot, 0.0)
     context: Any = plant.CreateDefaultContext()
-    links = moving_links(plant, robot)
-    apply_errors(plant, context, _link_errors({link: _size(plant, context, link) for link in links}, rng))
-    noise = Noise.draw(case.arm.joints, case.joints, rng)
-    for number, name in enumerate(RUNS):
-        columns = record_run(case, robot, plant, context, noise, number, rng, SECONDS)
-        write_log(columns, folder / f"{name}.npz")
-    return _truth(case) | {"links": link_parameters(plant, context, links)}
+    sizes = {link: _size(plant, context, link) for link in moving_links(plant, robot)}
+    apply_errors(plant, context, _link_errors(sizes, rng))
+    return SimulatedArm(case, robot, plant, context, Noise.draw(case.arm.joints, case.joints, rng))
+
+
+def truth_of(arm: SimulatedArm) -> dict[str, Any]:
+    """What `record_case` returns."""
+    links = moving_links(arm.plant, arm.robot)
+    return _truth(arm.case) | {"links": link_parameters(arm.plant, arm.context, links)}
 
 
 def _size(plant: Any, context: Any, link: str) -> float:

@@ -77,41 +77,64 @@ def fourier(
     return middle + scale * q, scale * v, scale * a
 
 
-def record_run(
-    case: "ArmCase",
-    robot: Robot,
-    plant: Any,
-    context: Any,
-    noise: Noise,
-    number: int,
-    rng: np.random.Generator,
-    seconds: float,
-) -> dict[str, FloatArray]:
-    """Columns of the log of one run.
+@dataclass(frozen=True, eq=False)
+class SimulatedArm:
+    """An arm whose runs can be recorded.
+
+    Attributes:
+        case: What is simulated. robot: Its file.
+        plant: Of the robot. context: Of the plant, with the true inertias.
+        noise: Of the sensors.
+    """
+
+    case: "ArmCase"
+    robot: Robot
+    plant: Any
+    context: Any
+    noise: Noise
+
+
+def record_run(arm: SimulatedArm, number: int, rng: np.random.Generator, seconds: float) -> dict[str, FloatArray]:
+    """Columns of the log of one run, whose motion is a Fourier series.
 
     Args:
-        case: What is simulated.
-        robot: Its file.
-        plant: Of the robot.
-        context: With the true inertias.
-        noise: Of the sensors.
+        arm: What is simulated.
         number: Of the run.
         rng: Draws motion and noise.
         seconds: Length [s].
     """
     time = np.arange(round(seconds / STEP) + 1, dtype=np.float64) * STEP
-    limits = joint_limits(robot)
+    limits = joint_limits(arm.robot)
     motions = [
         fourier(time, max(low, -TURN), min(high, TURN), speed, rng)
-        for low, high, speed in zip(limits.lower, limits.upper, case.arm.speed, strict=True)
+        for low, high, speed in zip(limits.lower, limits.upper, arm.case.arm.speed, strict=True)
     ]
     q, v, a = (np.stack([m[i] for m in motions], axis=1) for i in range(3))
-    load = _inverse_dynamics(plant, context, robot, (q, v, a))
+    return record_motion(arm, number, rng, time, (q, v, a))
+
+
+def record_motion(
+    arm: SimulatedArm,
+    number: int,
+    rng: np.random.Generator,
+    time: FloatArray,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+) -> dict[str, FloatArray]:
+    """Columns of the log of a run with a given motion.
+
+    Args:
+        arm: What is simulated.
+        number: Of the run.
+        rng: Draws temperature and noise.
+        time: (T,) at a step of `STEP` [s].
+        motion: q, qdot, qddot of all joints, each (T, n) [rad, rad/s, rad/s^2].
+    """
+    case, noise, (q, v, a) = arm.case, arm.noise, motion
+    load = _inverse_dynamics(arm.plant, arm.context, arm.robot, (q, v, a))
     columns: dict[str, FloatArray] = {"time": time[::EVERY]}
     for i, joint in enumerate(case.arm.joints):
         warm = 24.0 + 6.0 * ((number + i) % 3) + rng.uniform(6.0, 12.0) * -np.expm1(-time / 12.0)
-        motion = JointMotion(time, q[:, i], v[:, i], a[:, i], load[:, i], warm)
-        y = effort(case.joints[joint], motion)
+        y = effort(case.joints[joint], JointMotion(time, q[:, i], v[:, i], a[:, i], load[:, i], warm))
         seen = lead(q[:, i], time, -case.late[joint])[::EVERY]
         seen = seen + noise.encoder[joint] * rng.standard_normal(seen.size)
         step = noise.encoder_step[joint]

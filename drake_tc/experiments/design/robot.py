@@ -51,6 +51,7 @@ class RobotDesign:
         repeats: Periods. expected, sentences: What it is expected to bring.
         value, start_value: Of the criterion, designed and of the best random motion.
         pairs: Pairs of shapes that could touch. distance: Least distance that was asked for [m].
+        sinusoids: (3, T, n) q, qdot, qddot of the growing sinusoids that it is compared with, at a step of `STEP`.
     """
 
     joints: tuple[str, ...]
@@ -64,6 +65,7 @@ class RobotDesign:
     start_value: float
     pairs: int
     distance: float
+    sinusoids: FloatArray
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
         """(time (T,), joint to motion (4, T)): all joints lead in together and begin and end at rest."""
@@ -221,8 +223,8 @@ def _described(
     """Intervals of all parameters with the designed motion and with a growing sinusoid of each joint."""
     goal = search.goal
     spreads = []
-    motion = search.motions(best[1])
-    for q, v, a in (search.default(options.duration), (motion[0], motion[1], motion[2])):
+    sinusoids = np.stack(search.default(options.duration))
+    for q, v, a in (sinusoids, search.motions(best[1])[:3]):
         eigen, vectors = np.linalg.eigh(goal.information(q, v, a))
         spreads.append(np.sqrt(np.sum(vectors**2 / np.maximum(eigen, 1e-12), axis=1)))
     names, units = goal.names(robot.joints), goal.units
@@ -239,7 +241,7 @@ def _described(
     made = RobotDesign(
         robot.joints, limits, search.bases, best[1], repeats, rows, (text, *search.collision.sentences), best[0],
         start_value,
-        search.collision.pairs, options.distance,
+        search.collision.pairs, options.distance, sinusoids,
     )  # fmt: skip
     motions = made.motion(LEAD_RATE_HZ)[1]
     if search.collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):
