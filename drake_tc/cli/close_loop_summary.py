@@ -24,7 +24,7 @@ from drake_tc.report.sentences.experiments import experiment_sentence
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.set_up import set_up_sentences
-from drake_tc.report.words import REASONS, VERDICTS, capital, ranked_effects, unexplained, warnings
+from drake_tc.report.words import REASONS, capital, ranked_effects, unexplained, verdict_words, warnings
 
 HANGING = 4
 """Columns by which the lines of a broken text are indented beyond its first."""
@@ -84,9 +84,9 @@ def _print_robot(console: Console, result: CloseLoopResult) -> None:
 
 
 def _print_joint(console: Console, joint: JointResult) -> None:
-    console.print(f"[bold]{joint.joint}[/bold]: {VERDICTS[joint.verdict]}")
+    console.print(f"[bold]{joint.joint}[/bold]: {verdict_words(joint)}")
     console.print(_errors_table(joint))
-    if joint.verdict.startswith("unexplained"):
+    if joint.verdict.startswith("unexplained") and not joint.set_up_wrong:
         _say(console, f"  {escape(capital(unexplained(joint)))}")
     if joint.load is not None:
         title, load = joint.load

@@ -100,7 +100,10 @@ def _close_loop(
         held, train = list(robot.held_after), list(robot.train_after)
     wrong = set_up is not None and bool(set_up.errors)
     if wrong:  # such a model is worth no simulation and no experiment
-        joints = {name: replace(joint, next_experiment=None) for name, joint in joints.items()}
+        joints = {
+            name: replace(joint, next_experiment=None, verdict="unexplained_structure", set_up_wrong=True)
+            for name, joint in joints.items()
+        }
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
@@ -111,7 +114,7 @@ def _close_loop(
             progress("free run", 0.0)
             of_before = without_errors(held if before is None else before, joint, result.baseline)
             joints[joint] = with_free_runs(refined, rig, own[1], free_run, executor, of_before)
-    verdict: Verdict = "unexplained_structure" if wrong else _overall(joints.values())
+    verdict = _overall(joints.values())
     return CloseLoopResult(
         joints=joints,
         verdict="effects_found" if shared and verdict == "no_missing_effect" else verdict,

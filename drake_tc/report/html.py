@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from drake_tc import __version__
 from drake_tc.config.utf8_names import utf8_text
@@ -48,6 +48,7 @@ from drake_tc.report.tables import (
 from drake_tc.report.time_plots import TimePlot, effort_plot, position_plot
 from drake_tc.report.words import (
     VERDICTS,
+    WRONG_SET_UP,
     band_sentence,
     capital,
     dependence_words,
@@ -56,8 +57,12 @@ from drake_tc.report.words import (
     structure_words,
     title_of,
     unexplained,
+    verdict_words,
     warnings,
 )
+
+CODE = re.compile(r"`([^`]+)`")
+"""What a sentence quotes as code."""
 
 
 def write_report(result: CloseLoopResult, path: Path, executor: Executor | None = None) -> None:
@@ -90,8 +95,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         scripts=[Markup(plot_script()), Markup(_file("time_plots.js"))] if plots else [],
         plot_data=Markup(_plain_data(plots)),
         version=__version__,
-        verdict=result.verdict,
-        verdicts=VERDICTS,
+        verdict=WRONG_SET_UP if result.set_up is not None and result.set_up.errors else VERDICTS[result.verdict],
         joints=joints,
         train=[_short(p) for p in result.train_files],
         heldout=[_short(p) for p in result.heldout_files],
@@ -103,7 +107,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         shared=shared_section(result),
         links=links_section(result.links),
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
-        set_up=set_up_sentences(result.set_up),
+        set_up=[Markup(CODE.sub(r"<code>\1</code>", str(escape(line)))) for line in set_up_sentences(result.set_up)],
         closed=closed_loop_section(result),
         export=export_section(result.export),
     )
@@ -135,6 +139,11 @@ def _short(path: str) -> str:
     return re.split(r"[\\/]", path)[-1]
 
 
+def _floors(joint: JointResult) -> float:
+    """Held-out error in noise floors; what is left is not assessed where the set-up is wrong."""
+    return joint.after.heldout / joint.noise_floor if joint.set_up_wrong else joint.unexplained.floors
+
+
 def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Executor | None) -> dict[str, Any]:
     """What the template shows of one joint."""
     held = residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held, executor)
@@ -149,6 +158,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "name": joint.joint,
         "unit": joint.unit,
         "verdict": joint.verdict,
+        "verdict_words": verdict_words(joint),
         "headline": headline(joint),
         "warnings": warnings(joint),
         "effects": [
@@ -162,7 +172,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
             for e in joint.effects
         ],
         "fold": fold(joint.before.heldout, joint.after.heldout),
-        "after_by_floor": fold(joint.after.heldout, joint.noise_floor),
+        "set_up_wrong": joint.set_up_wrong,
         "errors": error_table(joint),
         "run_errors": run_error_rows(joint),
         "signatures": signature_plots(joint, prefix, budget.held),
@@ -188,7 +198,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
             "confined_to": left.confined_to,
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
             "explainable": scale.quantity(left.explainable_rms),
-            "floors": significant(left.floors, 2),
+            "floors": significant(_floors(joint), 2),
             "share": percent(left.share_of_signal),
             "band": band_sentence(joint),
             "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,

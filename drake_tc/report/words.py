@@ -21,6 +21,7 @@ VERDICTS: dict[Verdict, str] = {
     "unexplained_structure": "Unexplained structure in the residual",
     "unexplained_residual": "Residual larger than the sensor noise",
 }
+WRONG_SET_UP = "Wrong set-up"
 REASONS: dict[Withdrawal, str] = {
     "implausible": "physically implausible",
     "below_resolution": "below what the sensor resolves",
@@ -68,6 +69,11 @@ def signal_range(name: str, low: float, high: float) -> str:
     return f"{scale.text(low)} to {scale.quantity(high)}"
 
 
+def verdict_words(joint: JointResult) -> str:
+    """The verdict on one joint."""
+    return WRONG_SET_UP if joint.set_up_wrong else VERDICTS[joint.verdict]
+
+
 def headline(joint: JointResult) -> str:
     """One or two sentences: what was missing, what it did to the held-out error, what that leaves."""
     before, after, floor = joint.before.heldout, joint.after.heldout, joint.noise_floor
@@ -78,6 +84,11 @@ def headline(joint: JointResult) -> str:
         f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)}), "
         f"{above}"
     )
+    if joint.set_up_wrong:
+        return (
+            "No effects were looked for, because the set-up of the robot is wrong. The held-out error is "
+            f"{scale.quantity(after)}, {above}."
+        )
     if joint.verdict == "no_missing_effect" and floor <= 0.0:
         error = scale.quantity(after)
         return f"The declared model explains the data: its held-out error is {error}. {capital(NO_FLOOR)}."

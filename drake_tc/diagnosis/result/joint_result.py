@@ -138,8 +138,9 @@ class JointResult:
 
     `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
     what an unknown load, and the drive's declared scale and damping, mean for this result; they are among the `notes`
-    too. `free_run` holds, by held-out run, time, recorded position and the free runs "before", "after" and, where the
-    refinement was accepted, "refined".
+    too. `set_up_wrong`: no effects were looked for, because errors of the robot's set-up were found. `free_run` holds,
+    by held-out run, time, recorded position and the free runs "before", "after" and, where the refinement was accepted,
+    "refined".
     """
 
     joint: str
@@ -169,6 +170,7 @@ class JointResult:
     notes: tuple[Note, ...] = ()
     load_notes: tuple[Note, ...] = ()
     refinement: Refinement | None = None
+    set_up_wrong: bool = False
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:

@@ -8,6 +8,7 @@ from fitted_arm import JOINTS, RIG, URDF, record, rig_file, torques
 from numpy.testing import assert_allclose
 from robot_files import joint_tag, link_tag, urdf, write_robot
 
+from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
@@ -196,7 +197,7 @@ def test_links_without_inertia_tell_no_drive_gain(arm, tmp_path, declared):
     assert check is None or "drive_gain" not in [error.kind for error in check.errors]
 
 
-def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path):
+def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path, capsys):
     folder, logs, held = arm
     turned = []
     for log in (*logs, held):
@@ -211,4 +212,12 @@ def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path):
     document = result_json(result)["set_up"]
     assert [error["kind"] for error in document["errors"]] == ["joint_reversed"]
     assert document["left"]["fold"]["after"] < 0.2 * document["left"]["fold"]["before"]
-    assert "change the rig file to" in render(result)
+    page = render(result)
+    assert "change the rig file to <code>units: {fold/position: -rad, fold/current: -A}</code>" in page
+    assert page.count("No effects were looked for, because the set-up of the robot is wrong.") == len(JOINTS)
+    assert page.count("Wrong set-up") == 1 + 2 * len(JOINTS)
+    assert "No missing effect found" not in page
+    assert "What is left" not in page
+    print_summary(result, tmp_path)
+    printed = capsys.readouterr().out
+    assert [line for line in printed.splitlines() if line.startswith("fold:")] == ["fold: Wrong set-up"]
