@@ -116,7 +116,7 @@ def prepare_joint(
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
         gap: As in `build_samples`.
         position_late: As in `build_samples` [s].
-        command_held: Whether a position servo holds its command, where that is decided; None lets this joint decide.
+        command_held: Whether position servos hold their commands, where that is decided; None lets this joint decide.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
@@ -132,10 +132,10 @@ def prepare_joint(
         gap=gap,
         position_late=position_late,
     )
-    if command_held is None:
-        command_held = command_is_held(partial(build, train_runs), rig, joint, link_prior, loads)
     servo = rig.drive[joint] == "position_servo"
-    held_for = HELD if command_held and servo else 0.0
+    if command_held is None or not servo:
+        command_held = command_is_held(partial(build, train_runs), rig, joint, link_prior, loads)
+    held_for = HELD if command_held else 0.0
     build = partial(build, effort_age=held_for + sampled_late)
     train, held = _samples(build, train_runs, held_runs)
     context = context_of(train, rig, joint)
