@@ -18,7 +18,7 @@ from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.result.set_up import SetUpCheck
+from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
 from drake_tc.diagnosis.robot.diagnose import diagnose_robot
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.effects.library import registered_effects
@@ -98,7 +98,7 @@ def _close_loop(
         joints = {name: _ranked(joint, robot.robot_gains) for name, joint in robot.joints.items()}
         shared, before, links, set_up = robot.shared, robot.held, robot.links, robot.set_up
         held, train = list(robot.held_after), list(robot.train_after)
-    wrong = set_up is not None and bool(set_up.errors)
+    wrong = is_wrong(set_up)
     if wrong:  # such a model is worth no simulation and no experiment
         joints = {
             name: replace(joint, next_experiment=None, verdict="unexplained_structure", set_up_wrong=True)

@@ -18,7 +18,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit, noise_floor
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.rotor_inertia import leaves_noise_of_its_inertia, replaces_inertia
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, Parameter, Signature, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
@@ -139,6 +139,34 @@ def test_what_the_noise_of_the_acceleration_moves_is_known():
     true = np.array([1.0 / NOISY.gain, NOISY.viscous, NOISY.coulomb, NOISY.inertia])
     assert (true - beta > 0.15 * true).all()
     assert true - beta == pytest.approx(moved, rel=0.4)
+
+
+class Still(TorqueEffect):
+    """An effect that never acts in these rows."""
+
+    id = "still"
+    title = "still"
+    kind = "load"
+    coefficients = (Parameter("still", "N*m"),)
+    signature = Signature("time", "", "nothing")
+    linear = True
+
+    def columns(self, signals, shape):
+        return np.zeros((len(signals), 1))
+
+
+def test_a_column_of_zeros_moves_nothing():
+    columns = noisy(0)
+    moved = attenuation(columns, fit(columns, [*terms(*DECLARED), Term(Still())]))
+    assert moved[:-1] == pytest.approx(attenuation(columns, fit(columns, terms(*DECLARED))))
+    assert moved[-1] == 0.0
+
+
+def test_nothing_is_moved_where_every_coefficient_rests_on_a_bound():
+    columns = noisy(0).changed(declared_gain=NOISY.gain)
+    fitted = fit(columns, terms(*DECLARED))
+    resting = replace(fitted, beta=fitted.beta * np.array([1.0, 0.0, 0.0, 0.0]))
+    assert not attenuation(columns, resting).any()
 
 
 def test_nothing_is_moved_where_the_inertia_is_declared_with_its_value():

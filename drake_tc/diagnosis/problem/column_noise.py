@@ -16,6 +16,8 @@ from drake_tc.effects.rotor_inertia import RotorInertia
 from drake_tc.effects.viscous import Viscous
 from drake_tc.types import FloatArray
 
+ACCELERATION, VELOCITY, POSITION = 0, 1, 2
+"""Rows of `NoiseFloor.encoder_gram`."""
 LEAST_SIGNAL = 1e-9
 """Least eigenvalue of X' X/N - S, scaled to unit columns of X, at or below which S may be all that is in a column."""
 
@@ -32,23 +34,26 @@ def attenuation(columns: Columns, fitted: Fit) -> FloatArray | None:
     where = {type(t.effect): i for i, t in enumerate(fitted.terms)}
     if RotorInertia not in where:
         return None
-    start = 1 + np.cumsum([0, *(len(t.effect.coefficients) for t in fitted.terms)])
-    low, high = bounds_of(fitted.terms, columns.declared_gain)
-    free = ~(prior_coefficients(fitted.terms) | (low == high) | (fitted.beta <= low) | (fitted.beta >= high))
-    order = [start[where[RotorInertia]], start[where[Viscous]] if Viscous in where else -1]
-    if columns.samples.floor.servo:
-        order.append(0)
-    at = np.array([place for place in order if place >= 0 and free[place]], dtype=int)
-    among = np.array([i for i, place in enumerate(order) if place >= 0 and free[place]], dtype=int)
-    noise = np.zeros((fitted.beta.size, fitted.beta.size))
-    noise[np.ix_(at, at)] = columns.samples.floor.encoder_gram[np.ix_(among, among)]
+    start = (1 + np.cumsum([0, *(len(t.effect.coefficients) for t in fitted.terms)])).tolist()
     design = columns.design(fitted.terms)
     gram = design.T @ design / columns.target.size
+    low, high = bounds_of(fitted.terms, columns.declared_gain)
+    held = prior_coefficients(fitted.terms) | (fitted.beta <= low) | (fitted.beta >= high)
+    free = ~held & (np.diag(gram) > 0.0)
+    noisy = {start[where[RotorInertia]]: ACCELERATION}  # coefficient to its row of the encoder's gram
+    if Viscous in where:
+        noisy[start[where[Viscous]]] = VELOCITY
+    if columns.samples.floor.servo:
+        noisy[0] = POSITION
+    at, row = np.array([(place, row) for place, row in noisy.items() if free[place]], dtype=int).reshape(-1, 2).T
+    out, noise = np.zeros(fitted.beta.size), np.zeros_like(gram)
+    if not at.size:
+        return out
+    noise[np.ix_(at, at)] = columns.samples.floor.encoder_gram[np.ix_(row, row)]
     inner = np.ix_(free, free)
-    scale = np.sqrt(np.outer(np.diag(gram), np.diag(gram)))[inner]
+    length = np.sqrt(np.diag(gram)[free])
     true = gram[inner] - noise[inner]
-    out = np.zeros(fitted.beta.size)
-    if np.linalg.eigvalsh(true / scale)[0] <= LEAST_SIGNAL:
+    if np.linalg.eigvalsh(true / np.outer(length, length))[0] <= LEAST_SIGNAL:
         out[free] = fitted.beta[free]
     else:
         out[free] = np.linalg.solve(true, noise[inner] @ fitted.beta[free])

@@ -10,7 +10,7 @@ from drake_tc.diagnosis.result.closed_loop import ClosedLoop
 from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
-from drake_tc.diagnosis.result.set_up import SetUpCheck
+from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
 
 
 @dataclass(frozen=True)
@@ -69,4 +69,4 @@ class CloseLoopResult:
     @property
     def has_wrong_set_up(self) -> bool:
         """Whether the logs contradict the rig file or the robot file."""
-        return self.set_up is not None and bool(self.set_up.errors)
+        return is_wrong(self.set_up)

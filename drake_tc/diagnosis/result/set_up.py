@@ -55,3 +55,8 @@ class SetUpCheck:
     alternatives: tuple[SetUpError, ...]
     before: Mapping[str, float]
     after: Mapping[str, float]
+
+
+def is_wrong(check: SetUpCheck | None) -> bool:
+    """Whether errors of the set-up were found."""
+    return check is not None and bool(check.errors)

@@ -29,6 +29,7 @@ from drake_tc.diagnosis.problem.shared.rows import stack
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import fitted_links
 from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.result.set_up import is_wrong
 from drake_tc.diagnosis.result.shared_effects import original_baseline
 from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
@@ -71,7 +72,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     joints = case.rig.joints
     declared = as_commanded(in_wide_enough_band(case))
     set_up = check_set_up(logs, model, case.train, case.held, case.rig, declared.shares)
-    wrong = set_up is not None and bool(set_up.errors)
+    wrong = is_wrong(set_up)
     if wrong:
         options = replace(declared.case.options, effects=(), assess_residual=False)
         declared = replace(declared, case=replace(declared.case, options=options))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain
 
 from drake_tc.actuation.model_file import load_models
@@ -15,12 +15,14 @@ from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.loop import Loop, build_loop
+from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.spec import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.robot import load_robot
 from drake_tc.types import FloatArray
+
+from .recorded_runs import advanced, assert_same, recorded
 
 LEG = Path(__file__).resolve().parents[3] / "models" / "hrp2_like" / "hrp2_like_leg.yaml"
 DURATION = 0.13
@@ -49,30 +51,11 @@ CASES = {
 }
 
 
-def advanced(loop: Loop, duration: float = DURATION) -> Simulator:
-    simulator = Simulator(loop.diagram)
-    loop.start(simulator.get_mutable_context())
-    simulator.Initialize()
-    simulator.AdvanceTo(duration)
-    return simulator
-
-
-def recorded(loop: Loop, context: Context) -> dict[str, FloatArray]:
-    time, signals = loop.log.recorded(context)
-    return {"time": time, **signals}
-
-
-def assert_same(fused: dict[str, FloatArray], apart: dict[str, FloatArray]) -> None:
-    assert fused.keys() == apart.keys()
-    for name, values in apart.items():
-        assert np.array_equal(fused[name], values, equal_nan=True), name
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_it_computes_the_same_numbers(case):
     name, scenario, text = CASES[case]
     loops = [build_loop(diagram_entry(name).scenario(scenario, text=text), fused=fused) for fused in (True, False)]
-    fused, apart = (recorded(loop, advanced(loop).get_context()) for loop in loops)
+    fused, apart = (recorded(loop.log, advanced(loop, DURATION).get_context()) for loop in loops)
     assert loops[0].diagram.HasSubsystemNamed("stages")
     assert not loops[0].diagram.HasSubsystemNamed("guard")
     assert np.ptp(apart["actuation"], axis=0).min() > 0.0
@@ -87,7 +70,7 @@ def test_a_cloned_context_goes_on_as_its_original():
     second = Simulator(loop.diagram, context)
     second.Initialize()
     second.AdvanceTo(DURATION)
-    logs = [recorded(loop, simulator.get_context()) for simulator in (first, second)]
+    logs = [recorded(loop.log, simulator.get_context()) for simulator in (first, second)]
     shared = np.searchsorted(logs[1]["time"], 0.06), np.searchsorted(logs[0]["time"], 0.06)
     assert_same(
         {name: values[shared[0] :] for name, values in logs[1].items()},
@@ -97,13 +80,13 @@ def test_a_cloned_context_goes_on_as_its_original():
 
 def test_contexts_in_turn_do_not_disturb_each_other():
     loop = build_loop(diagram_entry("hrp2_leg").scenario("stairs_swing"), fused=True)
-    alone = recorded(loop, advanced(loop).get_context())
+    alone = recorded(loop.log, advanced(loop, DURATION).get_context())
     simulators = [advanced(loop, 0.001), advanced(loop, 0.02)]
     for tick in range(2, round(DURATION * 1e3) + 1):
         simulators[0].AdvanceTo(1e-3 * tick)
         simulators[1].AdvanceTo(max(0.02, 1e-3 * tick))
     for simulator in simulators:
-        assert_same(recorded(loop, simulator.get_context()), alone)
+        assert_same(recorded(loop.log, simulator.get_context()), alone)
 
 
 def wired(**own: Any) -> tuple[DiagramBuilder, Any]:
@@ -122,7 +105,7 @@ def run_logged(builder: DiagramBuilder, log: Any) -> dict[str, FloatArray]:
     simulator = Simulator(diagram)
     simulator.Initialize()
     simulator.AdvanceTo(DURATION)
-    return {"time": log.recorded(simulator.get_context())[0], **log.recorded(simulator.get_context())[1]}
+    return recorded(log, simulator.get_context())
 
 
 def test_a_system_of_the_users_own_stays_between_the_stages():

@@ -13,12 +13,14 @@ import drake_tc.diagrams
 from drake_tc.loops.fused import FusedStages, StageValues, fuse, fused_stages
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.whole_body.ground import add_ground
-from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
+from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, TorqueErrorSpec, TsidScenario
 from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import WholeBodyLoop, add_whole_body_loop
 from drake_tc.tsid.configuration import load_law
 from drake_tc.types import FloatArray
+
+from .recorded_runs import advanced, assert_same, recorded
 
 DIAGRAMS = Path(next(iter(drake_tc.diagrams.__path__)))
 COMAN, HUMANOID = DIAGRAMS / "coman.scenario.yaml", DIAGRAMS / "humanoid_tsid.scenario.yaml"
@@ -66,21 +68,6 @@ CASES = {
 }
 
 
-def recorded(loop: TsidLoop, duration: float) -> dict[str, FloatArray]:
-    simulator = Simulator(loop.diagram)
-    loop.start(simulator.get_mutable_context())
-    simulator.Initialize()
-    simulator.AdvanceTo(duration)
-    time, signals = loop.log.recorded(simulator.get_context())
-    return {"time": time, **signals}
-
-
-def assert_same(fused: dict[str, FloatArray], apart: dict[str, FloatArray]) -> None:
-    assert fused.keys() == apart.keys()
-    for name, values in apart.items():
-        assert np.array_equal(fused[name], values, equal_nan=True), name
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_it_computes_the_same_numbers(case):
     path, name, text, duration = CASES[case]
@@ -97,7 +84,7 @@ def assert_fused_is_apart(scenario: TsidScenario, duration: float) -> None:
     assert fused_stages(loops[0].diagram) is not None
     assert fused_stages(loops[1].diagram) is None
     assert not loops[0].diagram.HasSubsystemNamed("tsid")
-    fused, apart = (recorded(loop, duration) for loop in loops)
+    fused, apart = (recorded(loop.log, advanced(loop, duration).get_context()) for loop in loops)
     assert np.ptp(apart["torque"], axis=0).min() > 0.0
     assert_same(fused, apart)
 
@@ -119,10 +106,10 @@ def test_a_start_between_ticks_and_contexts_in_turn():
         for end in (0.044, 0.047, 0.052):
             simulator.AdvanceTo(end)
             clone.AdvanceTo(end + 0.002)
-        found.append([loop.log.recorded(each.get_context()) for each in (simulator, clone)])
-    for (fused_time, fused_signals), (time, signals) in zip(*found, strict=True):
-        assert time.size > 30
-        assert_same({"time": fused_time, **fused_signals}, {"time": time, **signals})
+        found.append([recorded(loop.log, each.get_context()) for each in (simulator, clone)])
+    for fused, apart in zip(*found, strict=True):
+        assert apart["time"].size > 30
+        assert_same(fused, apart)
 
 
 def test_one_stage_alone_stays_a_system():
@@ -147,8 +134,7 @@ def run(builder: DiagramBuilder, loop: WholeBodyLoop, stages: FusedStages | None
     loop.start(simulator.get_mutable_context(), stages)
     simulator.Initialize()
     simulator.AdvanceTo(0.05)
-    time, signals = log.recorded(simulator.get_context())
-    return {"time": time, **signals}
+    return recorded(log, simulator.get_context())
 
 
 def test_a_system_of_the_users_own_stays_between_the_stages():
