@@ -14,6 +14,7 @@ from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.effort_left import effort_left
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, score
@@ -114,7 +115,7 @@ def test_taking_the_effort_away_explains_nothing() -> None:
     wide = Term(effect("deadzone"), {"deadzone": width})
     assert score(p.train, [*p.terms, wide]).cv_rms > score(p.train, p.terms).cv_rms
     known = Columns(build_samples(runs_of(SWING)[0], rig_of(SWING), JOINT), declared_gain=None)
-    assert not known.effort_is_target and known.effort_left([wide]) == 1.0
+    assert not known.effort_is_target and effort_left(known, [wide]) == 1.0
 
 
 @pytest.mark.parametrize("seed", range(5))

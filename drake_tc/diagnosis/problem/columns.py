@@ -146,17 +146,6 @@ class Columns:
         fitted = self.samples.load_unknown or self.samples.link_prior is not None
         return fitted and self.declared_gain is not None
 
-    def effort_left(self, terms: Sequence[Term]) -> float:
-        """Standard deviation of the effort after the drive effects among the terms over that before; 1 where the
-        effort is not the target.
-
-        Without a known torque a dead zone or a limit could explain the effort by taking it away. An error is
-        therefore told as a share of the effort that is left.
-        """
-        if not self.effort_is_target or not self._drives(terms):
-            return 1.0
-        return float(np.std(self.effort(terms))) / max(float(np.std(self.effort(()))), 1e-300)
-
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, low-passed to the rows."""
         key = self._effort_key(terms)
@@ -164,19 +153,20 @@ class Columns:
             self._remember(key, self.samples.reduce(self.acting_effort(terms)))
         return self._cache[key]
 
-    def acting_effort(self, terms: Sequence[Term]) -> FloatArray:
-        """y* (T,) after every drive effect among the terms, in the library's order."""
-        values = self.samples.signals.effort
-        for term in self._drives(terms):
+    def acting_effort(self, terms: Sequence[Term], offset: float = 0.0) -> FloatArray:
+        """y* (T,) after every drive effect among the terms, in the library's order, of the effort plus an offset."""
+        values = self.samples.signals.effort + offset
+        for term in self.drives(terms):
             values = self.samples.by_segment(term.effect, term.shape, values)
         return values
 
     @staticmethod
-    def _drives(terms: Sequence[Term]) -> list[Term]:
+    def drives(terms: Sequence[Term]) -> list[Term]:
+        """Those that change the effort with a shape or a filter."""
         return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
 
     def _effort_key(self, terms: Sequence[Term]) -> tuple[object, ...]:
-        return ("effort", *(k for t in self._drives(terms) for k in t.cache_key))
+        return ("effort", *(k for t in self.drives(terms) for k in t.cache_key))
 
     def of(self, term: Term) -> FloatArray:
         """Phi (N, k) of one term."""
@@ -290,7 +280,7 @@ class Columns:
         """
         if self.effort_is_target:
             return 1.0
-        drives = [(t.effect, t.shape) for t in self._drives(terms) if isinstance(t.effect, DriveEffect)]
+        drives = [(t.effect, t.shape) for t in self.drives(terms) if isinstance(t.effect, DriveEffect)]
         filters = [(effect, shape) for effect, shape in drives if effect.filters]
         return self.samples.passed_noise(filters) if filters else 1.0
 

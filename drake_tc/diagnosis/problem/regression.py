@@ -10,6 +10,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import FOLDS, BalanceCoefficients, Columns, Term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.effort_left import effort_left
 from drake_tc.diagnosis.problem.normal_equations import Normal
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
@@ -112,7 +113,7 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     gram = prior.added(normal.grams.sum(0), normal.moments.sum(0))[0]
     told = ~(prior_coefficients(terms) & (low == high))
     told[0] = not columns.effort_is_target
-    left = columns.effort_left(terms)
+    left = effort_left(columns, terms)
     sound = drives and left > LEAST_EFFORT and not collinear(gram[np.ix_(told, told)])
     if not sound:
         return Score(tuple(terms), beta, by_fold, np.inf, gain, np.inf)

@@ -2,8 +2,10 @@
 
 Only signals whose own noise does not enter the residual may explain it. The residual holds the noise of the torque
 channel and of the lightly filtered motion; a function of those two would find their noise in it and call it structure.
-The features are therefore the command, the motion after a kernel three times as wide, and the load torque that the
-model expects from these two.
+The features are therefore the motion after a kernel three times as wide, the command, and the load torque. With a
+torque sensor, the load torque is the one that the model expects from the command and the motion. Otherwise the motion
+alone tells the load, and the recorded effort minus load and friction is the residual itself, noise included: the load
+torque is then that of the motion, and an effort (not a servo's goal) is no feature.
 """
 
 from collections.abc import Sequence
@@ -32,25 +34,27 @@ WIDER = 3.0
 FEATURES = ("velocity", "acceleration", "position", "expected_torque", "command", "direction", "travel", "temperature")
 
 
-def features(samples: Samples, known: BalanceCoefficients, *, servo: bool) -> FloatArray:
+def features(samples: Samples, known: BalanceCoefficients, *, servo: bool, load_measured: bool) -> FloatArray:
     """(N, 8) of the `FEATURES` on the rows; an unrecorded signal is constant.
 
     Args:
         samples: Of one split.
         known: 1/K, F_v and F_c of the final model.
         servo: Whether the effort is q_d - q.
+        load_measured: Whether a torque sensor tells the load, not the motion.
     """
     s = samples.signals
     wide = CommonKernel(WIDER * samples.light.actual_width_s, s.period)
     q, v, a = (
         np.nan_to_num(f(s.position, samples.segments)) for f in (wide.smooth, wide.derivative, wide.second_derivative)
     )
-    effort = s.command - q if servo else s.command
-    friction = known.viscous * v + known.coulomb * s.direction
-    expected, command = known.stiffness * effort - friction - s.rotor_inertia * a, s.command
-    if samples.load_unknown:  # the effort is what the model predicts: its noise is in the residual
+    if load_measured:
+        effort = s.command - q if servo else s.command
+        friction = known.viscous * v + known.coulomb * s.direction
+        expected = known.stiffness * effort - friction - s.rotor_inertia * a
+    else:
         expected = np.nan_to_num(wide.smooth(s.load_torque, samples.segments))
-        command = s.command if servo else np.zeros_like(q)
+    command = s.command if load_measured or servo else np.zeros_like(q)
     columns = (v, a, q, expected, command, s.direction, s.travel, s.temperature)
     return np.asarray(np.nan_to_num(np.stack([c[samples.rows] for c in columns], axis=-1)))
 

@@ -39,9 +39,10 @@ def what_is_left(
     """What is left, the noise floor [effort] with all noise of torque sensor and recorded effort in it, and notes."""
     if not options.assess_residual:
         return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ()), floor, ()
-    servo = context.drive == "position_servo"
+    servo, sensor = context.drive == "position_servo", context.load == "torque"
     known = BalanceCoefficients.of(chosen.terms, chosen.beta)
-    x = (features(splits[0].samples, known, servo=servo), features(splits[1].samples, known, servo=servo))
+    first, second = (features(s.samples, known, servo=servo, load_measured=sensor) for s in splits)
+    x = (first, second)
     gap_left_out = splits[0].samples.open_within > 0.0
     thresholds = _residual_options(options.residual, chosen, gap_left_out=gap_left_out)
     floors = [float(np.hypot(floor, left_by_effort_noise(s.samples, s.after))) for s in splits]
@@ -49,7 +50,6 @@ def what_is_left(
     notes: tuple[NoiseNote, ...] = ()
     if ratio > CORRELATED_NOISE_NOTED:
         notes = (NoiseOfRecordedEffort(context.drive, ratio),)
-    sensor = context.load == "torque"
     left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor, sensor=sensor)
     if left.structured or left.excess:
         effects = [t.effect for t in chosen.terms]

@@ -48,7 +48,7 @@ def sides(samples, left, seed=0, rho=0.0):
 
 
 def assess(made, floor, seed=0, **load):
-    x = tuple(features(s.samples, KNOWN, servo=False) for s in made)
+    x = tuple(features(s.samples, KNOWN, servo=False, load_measured=True) for s in made)
     return assess_residual(*made, x, floor, OPTIONS, seed, **load)
 
 
@@ -175,7 +175,7 @@ def test_share_explained_is_the_coefficient_of_determination():
 
 def test_features_are_the_command_and_smoothed_motion(samples):
     split = sides(samples, nothing)[0]
-    made = features(split.samples, KNOWN, servo=False)
+    made = features(split.samples, KNOWN, servo=False, load_measured=True)
     signals, rows = samples[0].signals, samples[0].rows
     assert made.shape == (rows.size, len(FEATURES))
     assert_allclose(made[:, FEATURES.index("command")], signals.command[rows])
@@ -224,7 +224,14 @@ def test_noise_on_one_channel_is_no_structure(drive, channel, rms, band):
         fitted = fit(columns, [Term(effect("viscous")), Term(effect("coulomb"))]) if fitted is None else fitted
         left = fitted.gain * (columns.target - columns.design(fitted.terms) @ fitted.beta)
         splits.append(DataSplit(made, left, left))
-        x.append(features(made, BalanceCoefficients.of(fitted.terms, fitted.beta), servo=drive == "position_servo"))
+        x.append(
+            features(
+                made,
+                BalanceCoefficients.of(fitted.terms, fitted.beta),
+                servo=drive == "position_servo",
+                load_measured=True,
+            )
+        )
     floor = 0.25 * float(np.sqrt(np.mean(splits[1].after ** 2)))
     found = assess_residual(*splits, tuple(x), floor, OPTIONS)
     assert not found.structured, found
