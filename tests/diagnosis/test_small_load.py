@@ -1,4 +1,4 @@
-"""A geared joint whose friction outweighs its load: noise of the recorded current is neither structure nor an effect."""
+"""A geared joint whose friction outweighs its load: noise of the current is neither structure nor an effect."""
 
 from collections.abc import Sequence
 from dataclasses import replace
