@@ -15,6 +15,7 @@ from drake_tc.experiments.design import request as requests
 from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
 from drake_tc.experiments.design.robot import RobotOptions
 from drake_tc.experiments.design.robot_noise import robot_noise
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log
@@ -49,6 +50,19 @@ def test_the_information_of_a_second_is_that_of_the_white_noise_of_the_currents(
     ratio = np.sqrt(found.per_second / found.torque**2 / expected)
     # of intervals: the noise of the acceleration adds to that of the current, and the rate has its own scatter
     assert ((ratio > 1.0 / 1.5) & (ratio < 1.5)).all(), ratio
+
+
+def test_where_links_are_not_fitted_their_errors_count_as_noise(recorded):
+    """Of the joints that bear most of the weight; no later fit can remove them then."""
+    folder, arm = recorded
+    rig = load_rig(folder / "rig.yaml")
+    robot = load_robot(rig.robot)
+    runs = load_runs([folder / "first.npz"], rig)
+    fixed = replace(rig, load=dict.fromkeys(rig.joints, RobotLoad("inverse_dynamics")))
+    fitted, known = (robot_noise(each, robot, runs) for each in (rig, fixed))
+    assert (known.per_second > 0.0).all() and np.isfinite(known.torque).all()
+    loaded = [robot.joints.index(name) for name in arm.case.arm.loaded]
+    assert (known.torque[loaded] > fitted.torque[loaded]).all(), known.torque / fitted.torque
 
 
 def test_a_design_states_intervals_of_the_noise_of_the_logs(recorded, monkeypatch):

@@ -14,14 +14,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.shared.causes import columns_over
 from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
 from drake_tc.diagnosis.run import in_order
 from drake_tc.estimation.coupled_gears import motor_turns
-from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
-from drake_tc.experiments.design.known import joint_from_logs
+from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads
+from drake_tc.experiments.check.joint import joint_effects
+from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.design.robot_goal import RobotNoise
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -41,20 +44,34 @@ def robot_noise(rig: Rig, robot: Robot, runs: Sequence[Run]) -> RobotNoise:
         IdentificationError: Logs that do not identify the declared models.
     """
     logs = robot_logs(rig, runs)
-    if logs is None or logs.links is None:
-        joints = {name: joint_from_logs(rig, runs, name)[0] for name in rig.joints}
-        known = {name: (each.noise, each.independent_per_second) for name, each in joints.items()}
-    else:
-        train = with_robot_loads(logs, in_order(runs, rig), rig.joints)
-        turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
-        causes = columns_over(logs, train, rig)
-        case = RobotCase(train, [], rig, causes, DiagnosisOptions(), lambda text, share: None, None, turns)
-        links = as_commanded(in_wide_enough_band(case)).links
-        known = {}
-        for j, rows in enumerate(links.rows):
-            samples = rows.samples
-            seconds = max(float(np.count_nonzero(samples.moving)) * samples.signals.period, 1e-9)
-            rate = float(links.fitted.effective[j]) * rows.target.size / seconds
-            known[rows.joint] = float(links.fitted.sigma[j]), rate
+    known = _of_known_links(rig, runs) if logs is None or logs.links is None else _of_fitted_links(rig, runs, logs)
     values = np.array([known[name] for name in robot.joints])
     return RobotNoise(values[:, 0], values[:, 1])
+
+
+def _of_known_links(rig: Rig, runs: Sequence[Run]) -> dict[str, tuple[float, float]]:
+    """Joint to (noise [N m], independent samples per second), each joint by itself with the loads of the robot."""
+    loaded, used = with_loads(rig, runs)
+    out = {}
+    for joint in rig.joints:
+        prepared = prepare_joint(loaded, [], used, joint)
+        noise = joint_effects(prepared).noise
+        out[joint] = noise.left, noise.independent / _seconds(prepared.train.samples)
+    return out
+
+
+def _of_fitted_links(rig: Rig, runs: Sequence[Run], logs: RobotLogs) -> dict[str, tuple[float, float]]:
+    """The same of all joints together, whose links are fitted."""
+    train = with_robot_loads(logs, in_order(runs, rig), rig.joints)
+    turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
+    causes = columns_over(logs, train, rig)
+    case = RobotCase(train, [], rig, causes, DiagnosisOptions(), lambda text, share: None, None, turns)
+    links = as_commanded(in_wide_enough_band(case)).links
+    shares = links.fitted.effective.tolist()
+    rates = [n * r.target.size / _seconds(r.samples) for n, r in zip(shares, links.rows, strict=True)]
+    return {r.joint: (s, n) for r, s, n in zip(links.rows, links.fitted.sigma.tolist(), rates, strict=True)}
+
+
+def _seconds(samples: Samples) -> float:
+    """Time in motion [s]."""
+    return max(float(np.count_nonzero(samples.moving)) * samples.signals.period, 1e-9)
