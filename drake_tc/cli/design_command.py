@@ -42,18 +42,22 @@ def design_command(
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
     criterion: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="Optimality criterion for the goal parameters: D (determinant of the Fisher information) or E (its"
-            " smallest eigenvalue)."
+            help="Optimality criterion for the goal parameters: D (determinant of the Fisher information), E (its"
+            " smallest eigenvalue) or, for the motion of a whole robot, intervals (widths of the intervals over those"
+            " after growing sinusoids). Default: intervals for a whole robot, otherwise D."
         ),
-    ] = "D",
+    ] = None,
     distance: Annotated[float, typer.Option(help="Smallest allowed distance between links of a robot [m].")] = 0.01,
     scene: Annotated[
         Path | None,
         typer.Option(help="URDF, SDF or MJCF of the robot's surroundings, in the coordinates of its world."),
     ] = None,
-    starts: Annotated[int, typer.Option(min=1, help="Number of initial guesses.")] = 2,
+    starts: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of initial guesses. Default: 4 for the motion of a whole robot, otherwise 2."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
     force: Force = False,
@@ -89,20 +93,23 @@ def design_command(
             duration=duration,
             basis="fourier" if basis == "fourier" else "bspline",
             smallest=criterion == "E",
-            starts=starts,
             seed=seed,
         )
         request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given)
         if whole_robot(request):
-            whole = RobotOptions(duration, options.basis, options.smallest, starts=starts, seed=seed)
-            whole = replace(whole, distance=distance, scene=scene)
+            whole = RobotOptions(duration, options.basis, seed=seed, distance=distance, scene=scene)
+            whole = replace(whole, **_given(starts=starts, criterion=criterion))
             robot = designed_robot(request, whole, progress)
             write_robot_design(robot, folder, rate)
             document, lines = robot_json(robot), list(robot.sentences)
         else:
             if scene is not None:
                 raise ParamsError("--scene: expected the motion of a whole robot (goal parameters, no --joint)")
-            designs = designed(request, options, progress)
+            if criterion == "intervals":
+                raise ParamsError(
+                    "--criterion intervals: expected the motion of a whole robot (goal parameters, no --joint)"
+                )
+            designs = designed(request, replace(options, **_given(starts=starts)), progress)
             write_design(designs, folder, rate)
             document, lines = design_json(designs), design_lines(designs)
     if as_json:
@@ -112,11 +119,16 @@ def design_command(
         print(out / FILES[-1])
 
 
-def _require(basis: str, criterion: str, duration: float, rate: float, distance: float) -> None:
+def _given(**options: Any) -> dict[str, Any]:
+    """The options that are given."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _require(basis: str, criterion: str | None, duration: float, rate: float, distance: float) -> None:
     if basis not in ("fourier", "bspline"):
         raise ParamsError(f"--basis: expected fourier or bspline, got {basis!r}")
-    if criterion not in ("D", "E"):
-        raise ParamsError(f"--criterion: expected D or E, got {criterion!r}")
+    if criterion not in (None, "intervals", "D", "E"):
+        raise ParamsError(f"--criterion: expected intervals, D or E, got {criterion!r}")
     if not 1.0 <= duration <= 600.0:
         raise ParamsError(f"--duration: expected 1 to 600 s, got {duration:g}")
     if not 0.0 < distance <= 10.0:

@@ -68,6 +68,8 @@ def test_a_pair_that_the_user_names_has_the_sizes_of_the_report(invoke, bench, q
         (["--position", "0.5", "0.1"], "LOW < HIGH"),
         (["--joint", "elbow"], "no joint 'elbow'"),
         (["--basis", "wavelets"], "fourier or bspline"),
+        (["--criterion", "A"], "expected intervals, D or E"),
+        (["--criterion", "intervals"], "--criterion intervals: expected the motion of a whole robot"),
         (["--after", "nowhere.json"], "report.json"),
         (["--distance", "nan"], "--distance: expected a distance above 0"),
     ],

@@ -88,7 +88,7 @@ def test_both_motions_have_the_same_length_and_the_sinusoids_their_own_derivativ
     assert_allclose(motions["sinusoids"][2], -np.sin(phase), atol=1e-7)
     assert_allclose(motions["designed"][0][:, 1], 1.0 + time)
     assert_allclose(motions["designed"][2][:, 0], time)
-    assert predicted_widths(made) == {"link/m": (2.0, 8.0)}
+    assert predicted_widths(made)["link/m"] == pytest.approx((2.0 / np.sqrt(2.0), 8.0 / np.sqrt(2.0)))  # two runs
 
 
 def test_a_quintic_is_resampled_exactly():
@@ -145,12 +145,28 @@ def test_ratios_are_of_parameters_that_both_fits_have_and_rotors_of_those_that_t
     assert rows["base parameters: predicted ratio"].value == pytest.approx(0.3)
     assert rows["rotor inertias: predicted ratio"].value == pytest.approx(0.3)
     assert rows["rotor inertias: design over report"].value == pytest.approx(6.0)
+    assert rows["rotor inertias: factor between both"].met is False
+    assert rows["all parameters: ratio"].value == pytest.approx(0.25) and rows["all parameters: ratio"].n == 5
+    assert rows["all parameters: predicted ratio"].value == pytest.approx(0.3)
+    assert rows["all parameters: wider intervals"].value == 0.0
     assert "friction: predicted ratio" not in rows
     assert rows["design, processor time"].value == 12.0
 
 
 def test_a_wider_interval_misses_the_goal():
     assert rows_of(comparison(report(0.4), report(0.5)))["friction: ratio"].met is False
+    rows = rows_of(comparison(report(0.6), report(0.5), {"joint/viscous": (1.0, 2.0), "link/m": (2.0, 1.0)}))
+    assert rows["all parameters: wider intervals"].value == 1.0
+    assert rows["all parameters: ratio"].met is False
+    assert rows["all parameters: predicted wider intervals"].value == 0.5
+
+
+def test_a_width_that_the_design_states_too_narrow_misses_the_goal_as_one_too_wide_does():
+    for stated, factor in ((0.06, 10.0 / 6.0), (0.16, 1.6), (0.09, 10.0 / 9.0), (0.12, 1.2)):
+        row = rows_of(comparison(report(0.1), report(0.1), {"joint/viscous": (stated, 1.0)}))[
+            "friction: factor between both"
+        ]
+        assert row.value == pytest.approx(factor) and row.met is (factor < 1.5)
 
 
 def test_intervals_are_held_against_the_truth_and_unbounded_ones_do_not_count():

@@ -12,11 +12,14 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.collisions import Collisions
-from drake_tc.experiments.design.robot import RobotOptions, design_robot, robot_limits
+from drake_tc.experiments.design.robot import RobotOptions, _sentences, design_robot, robot_limits
+from drake_tc.experiments.design.robot_criteria import Determinant, RelativeIntervals
+from drake_tc.experiments.design.robot_goal import RobotNoise, robot_goal
+from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.robot import load_robot
 
-QUICK = RobotOptions(duration=10.0, starts=1, iterations=3, distance=0.02)
+QUICK = RobotOptions(duration=10.0, starts=1, iterations=12, distance=0.02)
 
 
 def link(name, mass, length):
@@ -194,3 +197,65 @@ def test_a_rotor_whose_inertia_is_fitted_takes_part_unless_a_link_imitates_it(ar
     assert len(design.expected) == len(plain.expected) + len(rotors)
     assert all(0.0 < rows[name].after < 10.0 for name in rotors)
     assert f"{len(rotors)} rotor inertias" in design.sentences[0]
+
+
+def goal_of(arm, **changes):
+    links = link_model(arm)
+    goal = robot_goal(links, robot_limits(arm), 10.0, np.random.default_rng(0), (0, 1, 2))
+    return replace(goal, **changes)
+
+
+def test_the_slopes_by_the_motion_are_those_of_differences(arm):
+    """With torques beyond the limits, so that the penalty counts too."""
+    goal = goal_of(arm, effort=np.array([2.0, 20.0, 4.0]))
+    assert goal.rotors
+    reference = np.random.default_rng(1).uniform(0.5, 2.0, goal.units.size)
+    rng = np.random.default_rng(2)
+    motion = tuple(rng.normal(size=(30, 3)) for _ in range(3))
+    for criterion in (Determinant(), RelativeIntervals(reference, tuple(goal.groups.values()))):
+        value, slopes = goal.value_and_slopes(criterion, motion)
+        assert_allclose(value, goal.value(criterion, motion), rtol=1e-12)
+        for order in range(3):
+            change = np.zeros((3, 30, 3))
+            change[order] = 1e-6 * rng.uniform(0.5, 1.0, (30, 3)) * np.sign(slopes[order])  # no sum that cancels
+            up, down = (
+                goal.value(criterion, tuple(m + s * c for m, c in zip(motion, change, strict=True))) for s in (1, -1)
+            )
+            # forward differences of 1e-6 against a central one
+            assert_allclose(np.sum(slopes * change), 0.5 * (up - down), rtol=1e-4)
+
+
+def test_intervals_are_in_proportion_to_the_noise_and_the_motion_is_not_changed(arm):
+    goal = goal_of(arm)
+    noisy = RobotNoise(2.0 * goal.noise.torque, 0.25 * goal.noise.per_second)  # powers of 2: same rounding
+    quiet, loud = (design_robot(arm, robot_limits(arm), replace(QUICK, noise=each)) for each in (goal.noise, noisy))
+    assert_allclose(loud.x, quiet.x, atol=1e-4)
+    assert_allclose([e.after for e in loud.expected], [4.0 * e.after for e in quiet.expected], rtol=1e-3)
+    assert "The intervals assume the noise of the given logs." in quiet.sentences
+    assert any("because no log was given" in each for each in design_robot(arm, robot_limits(arm), QUICK).sentences)
+
+
+def test_no_group_of_parameters_is_identified_worse_than_by_sinusoids(arm):
+    """D-optimality gives up Coulomb friction for base parameters."""
+    options = replace(QUICK, duration=15.0, iterations=30)
+    ratios = {}
+    for name in ("intervals", "D"):
+        made = design_robot(arm, robot_limits(arm), replace(options, criterion=name))
+        ratios[name] = {e.name.partition(",")[0]: e.after / e.default for e in made.expected}
+    coulomb = {name: max(r for key, r in each.items() if "coulomb" in key) for name, each in ratios.items()}
+    friction = [r for key, r in ratios["intervals"].items() if "viscous" in key or "coulomb" in key]
+    base = [
+        r for key, r in ratios["intervals"].items() if key.count("/") and "viscous" not in key and "coulomb" not in key
+    ]
+    assert np.median(friction) < 1.0 and np.median(base) < 0.6, (friction, base)
+    assert coulomb["intervals"] < coulomb["D"], coulomb
+
+
+@pytest.mark.parametrize("value", [1.3, 2.0])
+def test_a_group_that_sinusoids_identify_better_is_named(arm, value):
+    goal = goal_of(arm)
+    ratios = np.full(goal.units.size, 0.5)
+    ratios[goal.groups["friction coefficients"]] = value
+    text = _sentences(goal, ratios, None)
+    assert "Growing sinusoids identify the friction coefficients better." in text
+    assert f"{value:.2g} for 6 friction coefficients" in text[0]

@@ -17,6 +17,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
+from drake_tc.experiments.design.robot_noise import robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.sizes import sizes_found
 from drake_tc.logs.prepare import load_runs
@@ -59,9 +60,8 @@ def designed(
         DrakeTcError: Input that cannot be used, limits that contradict each other, or a goal that cannot be reached.
     """
     rig = load_rig(request.rig)
-    logs, models, goals = list(request.logs), _models(request, rig), _goals(request, rig)
-    if request.after is not None and not logs:
-        logs = _logs_of(request.after)
+    models, goals = _models(request, rig), _goals(request, rig)
+    logs = _given_logs(request)
     with threadpool_limits(1):
         progress("reading", 0.0)
         runs = load_runs(logs, rig) if logs else []
@@ -80,8 +80,12 @@ def designed(
 
 
 def whole_robot(request: DesignRequest) -> bool:
-    """Whether the request is for one motion of all joints: for parameters, on a rig with a robot."""
-    if request.joints or request.after is not None or not parse_goal(request.goal or "parameters").whole:
+    """Whether the request is for one motion of all joints: for parameters, on a rig with a robot.
+
+    With a report, the goal must be given: otherwise the open question of each joint is the goal.
+    """
+    goal = request.goal or ("parameters" if request.after is None else "")
+    if request.joints or not goal or not parse_goal(goal).whole:
         return False
     return load_rig(request.rig).robot is not None
 
@@ -89,7 +93,7 @@ def whole_robot(request: DesignRequest) -> bool:
 def designed_robot(
     request: DesignRequest, options: RobotOptions, progress: Progress = lambda text, share: None
 ) -> RobotDesign:
-    """The designed motion of all joints of the rig's robot.
+    """The designed motion of all joints of the rig's robot, for the noise of the runs where there are some.
 
     Raises:
         DrakeTcError: As `designed`; a robot whose links touch in its posture.
@@ -103,8 +107,11 @@ def designed_robot(
     names = ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
     limits = robot_limits(robot, **{name: request.limits.get(name) for name in names})
     fitted = tuple(j for j in rig.joints if "rotor_inertia" in rig.declared[j] and not rig.declared[j]["rotor_inertia"])
+    logs = _given_logs(request)
     with threadpool_limits(1):
-        return design_robot(robot, limits, replace(options, rotors=fitted), progress)
+        progress("reading", 0.0)
+        noise = robot_noise(rig, robot, load_runs(logs, rig)) if logs else None
+        return design_robot(robot, limits, replace(options, rotors=fitted, noise=noise), progress)
 
 
 def _designed_joint(
@@ -195,6 +202,13 @@ def _report(path: Path) -> dict[str, Any]:
     if not isinstance(read, dict) or not isinstance(read.get("joints"), dict):
         raise ParamsError(f"{path}: expected the report.json of close-loop; it has no joints")
     return read
+
+
+def _given_logs(request: DesignRequest) -> list[Path]:
+    """The logs of the request, or else those of its report."""
+    if request.logs or request.after is None:
+        return list(request.logs)
+    return _logs_of(request.after)
 
 
 def _logs_of(path: Path) -> list[Path]:

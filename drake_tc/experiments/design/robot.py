@@ -3,8 +3,7 @@
     tau_i = Y_i(q, qdot, qddot) pi + F_v,i qdot_i + F_c,i sign(qdot_i) + J_i qddot_i
 
 J_i takes part where the rig file declares a rotor inertia of unknown value and no combination of links imitates it.
-With the columns of the base parameters of pi, in units of their tolerances, the joints' own columns and the
-noise s_i [N m] of its torque, M = sum_i Z_i' Z_i n/(T s_i^2); D: max log det M, E: max lambda_min(M).
+The information about these parameters is that of `robot_goal`, the criteria are those of `robot_criteria`.
 
 Source: Swevers, Ganseman, Tukel, De Schutter and Van Brussel (1997) for Fourier series under limits; the friction
 columns and the minimum distance between links are added here.
@@ -22,7 +21,15 @@ from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_bas
 from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.robot_goal import robot_goal
+from drake_tc.experiments.design.robot_criteria import (
+    CriterionName,
+    Determinant,
+    InformationCriterion,
+    RelativeIntervals,
+    SmallestEigenvalue,
+    standard_errors,
+)
+from drake_tc.experiments.design.robot_goal import NOISE_SHARE, PER_SECOND, RobotGoal, RobotNoise, robot_goal
 from drake_tc.experiments.design.robot_search import STEP, RobotSearch
 from drake_tc.experiments.design.run import Expected
 from drake_tc.robot.link_parameters import link_model
@@ -31,9 +38,12 @@ from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
-PERIOD = 10.0
+PERIOD = 15.0
+"""Period of the motion [s], about: the experiment holds a whole number of them."""
 BANDWIDTH_HZ = 0.8
-FREQUENCIES = 4
+FREQUENCIES = 12
+RANDOM_STARTS = 10
+"""Random motions among which the best are taken as starts."""
 LEAD_RATE_HZ = 10.0
 """Rate at which the whole motion, from rest to rest, is held against the distance [Hz]."""
 ACCELERATION_TIME = 0.4
@@ -115,21 +125,24 @@ class RobotOptions:
     """How a robot's motion is looked for: see `design.run.DesignOptions`.
 
     Attributes:
-        duration, basis, smallest, starts, iterations, seed: As there.
+        duration, basis, starts, iterations, seed: As there.
+        criterion: Which of `robot_criteria`.
         distance: Between links, and from the scene, at least [m].
         scene: File of what stands around the robot.
         rotors: Joints whose rotor inertia is fitted along with the links.
+        noise: Of the joints' torques in the logs so far; None where there are none.
     """
 
     duration: float = 30.0
     basis: BasisKind = "fourier"
-    smallest: bool = False
-    starts: int = 2
-    iterations: int = 15
+    criterion: CriterionName = "intervals"
+    starts: int = 4
+    iterations: int = 60
     seed: int = 0
     distance: float = 0.01
     scene: Path | None = None
     rotors: tuple[str, ...] = ()
+    noise: RobotNoise | None = None
 
 
 def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]:
@@ -195,53 +208,61 @@ def design_robot(
         scaled(motion_basis(options.basis, period, STEP, each.bandwidth_hz, FREQUENCIES), each) for each in limits
     )
     rotors = [i for i, name in enumerate(robot.joints) if name in options.rotors]
-    goal = robot_goal(links, limits, options.duration, options.smallest, rng, rotors)
-    search = RobotSearch(robot, bases, tuple(each.with_margin(0.02) for each in limits), goal, collision)
+    goal = robot_goal(links, limits, options.duration, rng, rotors, options.noise)
+    tight = tuple(each.with_margin(0.02) for each in limits)
+    search = RobotSearch(robot, bases, tight, goal, Determinant(), collision)
+    sinusoids = search.default(options.duration)
+    default = standard_errors(goal.information(*sinusoids))
+    search = replace(search, criterion=_criterion(options.criterion, goal, default))
     tried = []
-    for number in range(10):
+    for number in range(RANDOM_STARTS):
         x = search.random(rng)
         tried.append((search.value(x), x))
-        progress("random motions", 0.15 * (number + 1) / 10)
+        progress("random motions", 0.1 * (number + 1) / RANDOM_STARTS)
     tried.sort(key=lambda pair: -pair[0])
     best = tried[0]
     for number, (_, start) in enumerate(tried[: options.starts]):
         x = search.within(search.solve(start, options.iterations))
         best = max(best, (search.value(x), x), key=lambda pair: pair[0])
-        progress(f"start {number + 1} of {options.starts}", 0.15 + 0.85 * (number + 1) / options.starts)
-    return _described(robot, limits, options, search, repeats, best, tried[0][0])
+        progress(f"start {number + 1} of {options.starts}", 0.1 + 0.9 * (number + 1) / options.starts)
+    found = _Found(search, repeats, best, tried[0][0], np.stack(sinusoids), default)
+    return _described(robot, limits, options, found)
 
 
-def _described(
-    robot: Robot,
-    limits: tuple[JointLimits, ...],
-    options: RobotOptions,
-    search: RobotSearch,
-    repeats: int,
-    best: tuple[float, FloatArray],
-    start_value: float,
-) -> RobotDesign:
+def _criterion(name: CriterionName, goal: RobotGoal, default: FloatArray) -> InformationCriterion:
+    if name == "intervals":
+        return RelativeIntervals(default, tuple(goal.groups.values()))
+    return Determinant() if name == "D" else SmallestEigenvalue()
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Result of the search: best (value, x), value of the best random motion, (3, T, n) sinusoids and the standard
+    errors after them.
+    """
+
+    search: RobotSearch
+    repeats: int
+    best: tuple[float, FloatArray]
+    start_value: float
+    sinusoids: FloatArray
+    default: FloatArray
+
+
+def _described(robot: Robot, limits: tuple[JointLimits, ...], options: RobotOptions, found: _Found) -> RobotDesign:
     """Intervals of all parameters with the designed motion and with a growing sinusoid of each joint."""
-    goal = search.goal
-    spreads = []
-    sinusoids = np.stack(search.default(options.duration))
-    for q, v, a in (sinusoids, search.motions(best[1])[:3]):
-        eigen, vectors = np.linalg.eigh(goal.information(q, v, a))
-        spreads.append(np.sqrt(np.sum(vectors**2 / np.maximum(eigen, 1e-12), axis=1)))
+    search, goal, best = found.search, found.search.goal, found.best
+    spread = standard_errors(goal.information(*search.motions(best[1])[:3]))
     names, units = goal.names(robot.joints), goal.units
     rows = tuple(
         Expected(f"{name}, half 95 % interval", "SI", float("nan"), 1.96 * u * float(d), 1.96 * u * float(b))
-        for name, u, d, b in zip(names, units.tolist(), *spreads, strict=True)
+        for name, u, d, b in zip(names, units.tolist(), found.default, spread, strict=True)
     )
-    rotors = f" and {len(goal.rotors)} rotor inertias" if goal.rotors else ""
-    ratio = float(np.median(spreads[1] / spreads[0]))
-    text = (
-        f"The 95 % intervals of {goal.base.size} base parameters and of all friction{rotors} after the designed motion "
-        f"are {ratio:.2g} times as wide as those after growing sinusoids of all joints within the same limits (median)."
-    )
+    text = _sentences(goal, spread / found.default, options.noise)
     made = RobotDesign(
-        robot.joints, limits, search.bases, best[1], repeats, rows, (text, *search.collision.sentences), best[0],
-        start_value,
-        search.collision.pairs, options.distance, sinusoids,
+        robot.joints, limits, search.bases, best[1], found.repeats, rows, (*text, *search.collision.sentences), best[0],
+        found.start_value,
+        search.collision.pairs, options.distance, found.sinusoids,
     )  # fmt: skip
     motions = made.motion(LEAD_RATE_HZ)[1]
     if search.collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):
@@ -251,3 +272,20 @@ def _described(
         "--distance, or move the robot to the motion's first posture with a planner."
     )
     return replace(made, sentences=(*made.sentences, warning))
+
+
+def _sentences(goal: RobotGoal, ratios: FloatArray, noise: RobotNoise | None) -> tuple[str, ...]:
+    """What the motion gains over the sinusoids, by group, and which noise the intervals assume."""
+    medians = {name: float(np.median(ratios[group])) for name, group in goal.groups.items()}
+    listed = [f"{medians[name]:.2g} for {group.size} {name}" for name, group in goal.groups.items()]
+    gain = (
+        f"The 95 % intervals after the designed motion are {float(np.median(ratios)):.2g} times as wide as those after "
+        f"growing sinusoids of all joints within the same limits (median): {', '.join(listed)}."
+    )
+    worse = [f"Growing sinusoids identify the {name} better." for name, median in medians.items() if median > 1.0]
+    known = "The intervals assume the noise of the given logs."
+    unknown = (
+        f"The intervals assume a noise of {100.0 * NOISE_SHARE:g} % of each effort limit and {PER_SECOND:g} "
+        "independent samples per second, because no log was given; only their ratio is a prediction."
+    )
+    return (gain, *worse, unknown if noise is None else known)

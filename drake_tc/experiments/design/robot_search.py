@@ -12,9 +12,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.robot_criteria import InformationCriterion
 from drake_tc.experiments.design.robot_goal import RobotGoal
 from drake_tc.experiments.design.run import DEFAULT_HZ
-from drake_tc.experiments.design.solve import DIFFERENCE
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
@@ -23,6 +23,9 @@ STEP = 0.05
 """Time between the samples of a robot's motion [s]."""
 COLLISION_SAMPLES, CHECKED_SAMPLES = 25, 100
 """Postures of one period at which the distance is constrained, and at which it is checked at the end."""
+
+SHRINKING = 0.9
+"""Factor by which a motion is made smaller until it keeps torques and distances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,7 @@ class RobotSearch:
     bases: tuple[MotionBasis, ...]
     limits: tuple[JointLimits, ...]
     goal: RobotGoal
+    criterion: InformationCriterion
     collision: Collisions
 
     def motions(self, x: FloatArray) -> FloatArray:
@@ -42,7 +46,14 @@ class RobotSearch:
     def value(self, x: FloatArray) -> float:
         """Of the criterion."""
         q, v, a, _ = self.motions(x)
-        return self.goal.value(q, v, a)
+        return self.goal.value(self.criterion, (q, v, a))
+
+    def value_and_slope(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """(value, (n, m) its slope by x)."""
+        q, v, a, _ = self.motions(x)
+        value, slopes = self.goal.value_and_slopes(self.criterion, (q, v, a))
+        rows = [np.einsum("otm,ot->m", b.matrices[:3], slopes[:, :, i]) for i, b in enumerate(self.bases)]
+        return value, np.stack(rows)
 
     def random(self, rng: np.random.Generator) -> FloatArray:
         """A random motion about the robot's posture that keeps all limits."""
@@ -97,7 +108,7 @@ class RobotSearch:
             tried = np.stack([(m + (1.0 - factor) * (c - m)) * one + factor * s for m, one, s, c in rows])
             if self._allowed(tried):
                 return tried
-            factor *= 0.8
+            factor *= SHRINKING
         raise ParamsError(
             f"{self.robot.source}: no motion about the posture keeps the torque limits and the distance between links"
         )
@@ -133,16 +144,14 @@ class RobotSearch:
         return found if np.isfinite(found).all() else start
 
     def _cost(self, shape: tuple[int, int]) -> Callable[[Any], Any]:
-        """-criterion; a joint's parameters move that joint alone, so its slopes come from its own columns."""
+        """-criterion."""
 
         def cost(at: Any) -> Any:
             if at.dtype != object:
                 return -self.value(at.reshape(shape))
-            plain = ExtractValue(at).ravel()
-            here = self.value(plain.reshape(shape))
-            steps = DIFFERENCE * np.eye(plain.size)
-            slope = np.array([(self.value((plain + s).reshape(shape)) - here) / DIFFERENCE for s in steps])
-            return AutoDiffXd(-here, -slope @ ExtractGradient(at))
+            plain: FloatArray = np.asarray(ExtractValue(at), dtype=np.float64)
+            value, slope = self.value_and_slope(plain.reshape(shape))
+            return AutoDiffXd(-value, -slope.ravel() @ ExtractGradient(at))
 
         return cost
 

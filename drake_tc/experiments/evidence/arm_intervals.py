@@ -27,6 +27,8 @@ KINDS: tuple[Kind, ...] = ("base parameters", "friction", "rotor inertias")
 ROTOR = "rotor_inertia"
 RATIO = 0.6
 """Goal of the median ratio, at most."""
+FACTOR = 1.5
+"""Goal of the factor between the widths that the design states and those of the report, median, at most."""
 DESIGN_SECONDS = 300.0
 """Goal of the processor time of a design, at most [s]."""
 
@@ -71,6 +73,16 @@ class ArmComparison:
     predicted: Mapping[str, tuple[float, float]]
     seconds: float
 
+    @property
+    def all_ratios(self) -> list[float]:
+        """Of all parameters that are compared."""
+        return [ratio for kind in KINDS for ratio in self.ratios(kind).values()]
+
+    @property
+    def all_predicted_ratios(self) -> list[float]:
+        """Of all parameters that the design counts."""
+        return [ratio for kind in KINDS for ratio in self.predicted_ratios(kind)]
+
     def ratios(self, kind: Kind) -> dict[str, float]:
         """Parameter to the ratio of its intervals, of the parameters of a kind that are compared."""
         designed, sinusoids = (
@@ -86,7 +98,7 @@ class ArmComparison:
         return [designed / other for name, (designed, other) in self.predicted.items() if kind_of(name) == kind]
 
     def assumed_over_stated(self, kind: Kind) -> list[float]:
-        """Predicted widths after the designed motion over those of its report, which tell the assumed noise."""
+        """Predicted widths after the designed motion over those of its report."""
         stated = {each.name: each.width for each in self.intervals[MOTIONS[0]] if each.kind == kind}
         return [self.predicted[name][0] / width for name, width in stated.items() if name in self.predicted]
 
@@ -159,9 +171,10 @@ def named_in(report: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def comparison_rows(made: ArmComparison) -> list[FigureRow]:
-    """Rows of figures: medians of the ratios by kind, shares of intervals that hold the truth by motion, and times.
+    """Rows of figures: medians of the ratios by kind and of all parameters, the share of parameters whose interval is
+    wider after the designed motion, shares of intervals that hold the truth by motion, and times.
 
-    "Design over report" is the width that the design assumes over the one that close-loop states. The shares have no
+    "Design over report" is the width that the design states over the one that close-loop states. The shares have no
     goal, because one arm has few intervals of a kind; `bench arms` judges them on many arms. Nothing is missing in the
     arm, so an effect that is named is wrong.
     """
@@ -173,6 +186,13 @@ def comparison_rows(made: ArmComparison) -> list[FigureRow]:
         if kind != "base parameters":  # which are combinations in the report, and single link parameters in the design
             assumed = made.assumed_over_stated(kind)
             rows.append(FigureRow.of_values(f"{kind}: design over report", "-", assumed))
+            factors = FigureRow.of_values(f"{kind}: factor between both", "-", [max(x, 1.0 / x) for x in assumed])
+            rows.append(replace(factors, expected=FACTOR, how="max"))
+    every, predicted = made.all_ratios, made.all_predicted_ratios
+    rows.append(replace(FigureRow.of_values("all parameters: ratio", "-", every), expected=RATIO, how="max"))
+    rows.append(FigureRow.share("all parameters: wider intervals", [ratio > 1.0 for ratio in every]))
+    rows.append(FigureRow.of_values("all parameters: predicted ratio", "-", predicted))
+    rows.append(FigureRow.share("all parameters: predicted wider intervals", [ratio > 1.0 for ratio in predicted]))
     for name in MOTIONS:
         for kind in KINDS:
             hits = [each.holds for each in made.intervals[name] if each.kind == kind]

@@ -2,9 +2,11 @@
 
 Links, friction, rotors and sensors are those of `drake-tc bench arms`, without any effect. The torques are Drake's
 inverse dynamics of the given motion with friction and rotor inertias. Each motion is recorded twice with different
-noise, and a Fourier series is held out. Both motions have the same length and the same noise.
+noise, and a Fourier series is held out. That series is also the log from which the design takes the noise. Both
+motions have the same length and the same noise.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +30,7 @@ Motion = tuple[FloatArray, FloatArray, FloatArray]
 SECONDS = 30.0
 MOTIONS = ("designed", "sinusoids")
 TRAINING_RUNS = 2
+HELD_OUT = "run_held.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,18 +66,20 @@ def arm_runs(arm: Arm, seed: int, folder: Path, progress: Progress) -> ArmRuns:
     case = sound_case(arm, seed)
     folders = {name: folder / name for name in MOTIONS}
     robots = {name: write_files(case, each) for name, each in folders.items()}
-    started = process_time()
-    request = DesignRequest(folders[MOTIONS[0]] / "rig.yaml", (), None, "parameters", None, (), {})
-    design = designed_robot(request, RobotOptions(SECONDS, seed=seed), progress)
-    seconds = process_time() - started
     simulated = simulated_arm(case, robots[MOTIONS[0]], np.random.default_rng(case.seed))
     held = record_run(simulated, TRAINING_RUNS, np.random.default_rng([case.seed, TRAINING_RUNS]), SECONDS)
+    for each in folders.values():
+        write_log(held, each / HELD_OUT)
+    started = process_time()
+    first = (folders[MOTIONS[0]] / HELD_OUT,)
+    request = DesignRequest(folders[MOTIONS[0]] / "rig.yaml", first, None, "parameters", None, (), {})
+    design = designed_robot(request, RobotOptions(SECONDS, seed=seed), progress)
+    seconds = process_time() - started
     time, motions = compared_motions(design)
     for name, motion in motions.items():
         for number in range(TRAINING_RUNS):
             rng = np.random.default_rng([case.seed, number])
             write_log(record_motion(simulated, number, rng, time, motion), folders[name] / f"run_{number + 1}.npz")
-        write_log(held, folders[name] / "run_held.npz")
     return ArmRuns(folders, true_values(simulated), predicted_widths(design), seconds)
 
 
@@ -117,6 +122,7 @@ def resampled(motion: FloatArray, step: float, time: FloatArray) -> Motion:
 def predicted_widths(design: RobotDesign) -> dict[str, tuple[float, float]]:
     """Parameter to the widths of its 95 % interval, after the designed motion and after the sinusoids [SI].
 
-    The design assumes a noise, so only the ratio of the two is a prediction.
+    The design states them for one run. Those of so many runs as are fitted are narrower by the root of their number.
     """
-    return {each.name.partition(",")[0]: (2.0 * each.after, 2.0 * each.default) for each in design.expected}
+    both = 2.0 / math.sqrt(TRAINING_RUNS)
+    return {each.name.partition(",")[0]: (both * each.after, both * each.default) for each in design.expected}

@@ -1,0 +1,77 @@
+"""Noise of a robot's joint torques, as the logs so far show it.
+
+Where links are fitted, the noise s_j [N m] of joint j is the RMS residual of the first fit of the diagnosis: declared
+models and links of all joints together. Of its N_j rows in T_j seconds, n_j are independent:
+
+    rate_j = n_j/T_j = (n_j/N_j) N_j/T_j
+
+A fit with the links of the robot's file would count the error of these links as noise. The information of a second is
+rate_j/s_j^2. White noise of the effort leaves it the same whatever width the filters of the next run have: a wider
+filter lowers s_j^2 and the rate alike.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.problem.shared.causes import columns_over
+from drake_tc.diagnosis.robot.case import RobotCase
+from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
+from drake_tc.diagnosis.run import in_order
+from drake_tc.estimation.coupled_gears import motor_turns
+from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads
+from drake_tc.experiments.check.joint import joint_effects
+from drake_tc.experiments.check.run import with_loads
+from drake_tc.experiments.design.robot_goal import RobotNoise
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.robot.robot import Robot
+
+
+def robot_noise(rig: Rig, robot: Robot, runs: Sequence[Run]) -> RobotNoise:
+    """Noise and independent samples per second of each joint, in the order of the robot's joints.
+
+    Args:
+        rig: Of the logs, with a robot.
+        robot: The same robot.
+        runs: The logs so far, as read.
+
+    Raises:
+        LogError: A column that the robot's model needs is missing.
+        IdentificationError: Logs that do not identify the declared models.
+    """
+    logs = robot_logs(rig, runs)
+    known = _of_known_links(rig, runs) if logs is None or logs.links is None else _of_fitted_links(rig, runs, logs)
+    values = np.array([known[name] for name in robot.joints])
+    return RobotNoise(values[:, 0], values[:, 1])
+
+
+def _of_known_links(rig: Rig, runs: Sequence[Run]) -> dict[str, tuple[float, float]]:
+    """Joint to (noise [N m], independent samples per second), each joint by itself with the loads of the robot."""
+    loaded, used = with_loads(rig, runs)
+    out = {}
+    for joint in rig.joints:
+        prepared = prepare_joint(loaded, [], used, joint)
+        noise = joint_effects(prepared).noise
+        out[joint] = noise.left, noise.independent / _seconds(prepared.train.samples)
+    return out
+
+
+def _of_fitted_links(rig: Rig, runs: Sequence[Run], logs: RobotLogs) -> dict[str, tuple[float, float]]:
+    """The same of all joints together, whose links are fitted."""
+    train = with_robot_loads(logs, in_order(runs, rig), rig.joints)
+    turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
+    causes = columns_over(logs, train, rig)
+    case = RobotCase(train, [], rig, causes, DiagnosisOptions(), lambda text, share: None, None, turns)
+    links = as_commanded(in_wide_enough_band(case)).links
+    shares = links.fitted.effective.tolist()
+    rates = [n * r.target.size / _seconds(r.samples) for n, r in zip(shares, links.rows, strict=True)]
+    return {r.joint: (s, n) for r, s, n in zip(links.rows, links.fitted.sigma.tolist(), rates, strict=True)}
+
+
+def _seconds(samples: Samples) -> float:
+    """Time in motion [s]."""
+    return max(float(np.count_nonzero(samples.moving)) * samples.signals.period, 1e-9)
