@@ -54,7 +54,7 @@ class CableSpring(EquationEffect):
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """A cable does not wind up over several turns."""
-        if context.turns <= MOST_TURNS:
+        if context.turns <= MOST_TURNS or context.units.slides:
             return ""
         return (
             f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring fixed to both sides "

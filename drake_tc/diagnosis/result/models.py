@@ -74,7 +74,11 @@ def _save_refined(result: CloseLoopResult, path: Path) -> None:
     models = simulation_models(result)[1]
     free = {name: each.train for name, each in found.items() if each.train is not None}
     errors = {
-        name: {"unit": "rad", "after": float(f"{pair[0]:.4g}"), "refined": float(f"{pair[1]:.4g}")}
+        name: {
+            "unit": result.joints[name].units.position,
+            "after": float(f"{pair[0]:.4g}"),
+            "refined": float(f"{pair[1]:.4g}"),
+        }
         for name, pair in free.items()
     }
     provenance = _provenance(result) | {"refined": sorted(found), "mean_absolute_error_of_training_free_runs": errors}
