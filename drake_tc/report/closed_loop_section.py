@@ -1,12 +1,13 @@
 """The closed loop before and after, and the torque uncertainty: tables, plots and the words beside them."""
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from drake_tc.config.joint_units import TORQUE, JointUnits
+from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -23,7 +24,7 @@ def closed_loop_section(result: CloseLoopResult) -> dict[str, Any] | None:
     """What the template shows; None where neither was made."""
     if result.closed_loop is None and result.uncertainty is None:
         return None
-    units = {name: joint.units for name, joint in result.joints.items()}
+    units: Mapping[str, JointUnits] = defaultdict(lambda: TURNING, {n: j.units for n, j in result.joints.items()})
     return {"loop": _loop(result.closed_loop, units), "spread": _spread(result.uncertainty, units)}
 
 

@@ -86,6 +86,7 @@ CASES: dict[str, Case] = {
     "delay.position_sensor": Case("current", {"delay": 0.006}, bias=0.05),
     "current_lag": Case("voltage", {"lag": 0.015}),
     "payload": Case("current", {"payload_moment": 2.0, "payload_inertia": 0.08}, loads=(BENCH, LIGHTER)),
+    "payload.sliding": Case("current", {"payload_weight": 1.5, "payload_mass": 0.08}, loads=(BENCH, LIGHTER)),
     "payload.pendulum": Case("current", {"payload_moment": 2.0, "hang_angle": 0.0}, pendulum=True),
     "payload.own_arm": Case(
         "current",

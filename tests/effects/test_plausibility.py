@@ -48,6 +48,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "delay.torque_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
     "current_lag": ({"lag": 0.015}, {"lag": 0.09}, "L/R"),
     "payload": ({"payload_moment": 5.0, "payload_inertia": 0.2}, {"payload_inertia": -1.0}, "m^2"),
+    "payload.sliding": ({"payload_weight": 2.0, "payload_mass": 0.3}, {"payload_weight": 9.0}, "weighs at most"),
     "payload.pendulum": ({"payload_moment": 5.0, "hang_angle": 0.2}, {"payload_moment": -0.1}, "mass"),
     "payload.own_arm": (
         {"payload_moment": 5.0, "payload_inertia": 0.2, "hang_angle": 0.2},

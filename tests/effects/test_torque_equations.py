@@ -89,6 +89,7 @@ CLOSED = {
     ),
     "presliding_hysteresis": lambda q, v, d, tau, celsius, z, p: (-p["presliding"], 0.0, p["presliding"] * z),
     "payload": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_moment"] * math.sin(q)),
+    "payload.sliding": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_weight"]),
     "payload.pendulum": lambda q, v, d, tau, celsius, z, p: (
         0.0,
         0.0,
@@ -167,6 +168,7 @@ def test_every_equation_has_a_closed_form_here_and_a_part_in_the_joint():
     assert left == {
         "run_in_friction",
         "asymmetric_friction.coulomb",
+        "payload.sliding",
         "payload.pendulum",
         "payload.own_arm",
     }  # other forms are there

@@ -162,8 +162,8 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
         unit = design.limits.units.position
         how = (
             f"Move the joint to {motion[0, 0]:.4g} {unit} and let it rest. The motion begins and ends at rest and "
-            f"lasts {time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with a lead-in and "
-            "a lead-out."
+            f"lasts {time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with "
+            "a lead-in and a lead-out."
         )
         sections.append(
             PageSection(
