@@ -1,6 +1,7 @@
 """A spring along the joint: cables, hoses, a gravity compensator."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
@@ -60,3 +61,22 @@ class CableSpring(EquationEffect):
             f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring fixed to both sides "
             f"allows at most some {MOST_TURNS:g}."
         )
+
+
+class SpringBesideWeight(CableSpring):
+    """k q [N] beside the unknown load of a joint that slides, whose constant force holds the preload."""
+
+    form = "beside_weight"
+    joint_types = frozenset(("prismatic",))
+    equation = "tau_add = spring_stiffness * q"
+    coefficients = CableSpring.coefficients[:1]
+
+    def obstacle(self, context: Context) -> str:
+        """Only a load whose force does not follow the position lacks a column of this form."""
+        if context.load != "unknown":
+            return "the load is known: a spring has a preload of its own"
+        return context.taken_up if context.load_follows_position else ""
+
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A spring without preload."""
+        return parameters["spring_stiffness"], 0.0

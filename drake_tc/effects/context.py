@@ -39,6 +39,7 @@ class Context:
         fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
             `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
         tolerances: Declared standard deviations of the joint's sensor errors, by the id of the effect.
+        load_follows_position: Whether an unknown load that is fitted changes with the position: all but a mass that slides.
         joint_type: Whether the joint turns or slides; the units here are those of one that turns (`joint_units`).
     """
 
@@ -61,6 +62,7 @@ class Context:
     position_recorded: bool = True
     tolerances: Mapping[str, float] = field(default_factory=dict)
     joint_type: JointType = "revolute"
+    load_follows_position: bool = True
 
     @property
     def units(self) -> JointUnits:

@@ -7,7 +7,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, Effect
-from drake_tc.effects.cable_spring import CableSpring
+from drake_tc.effects.cable_spring import CableSpring, SpringBesideWeight
 from drake_tc.effects.check import checked_effect
 from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
@@ -86,6 +86,7 @@ LIBRARY: tuple[Effect, ...] = (
     OwnArmPayload(),
     SlidingPayload(),
     CableSpring(),
+    SpringBesideWeight(),
     AsymmetricFriction(),
     CoulombAsymmetry(),
     EffortBias(),

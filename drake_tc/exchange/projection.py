@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.config.joint_units import JointType
 from drake_tc.effects.base import SensorEffect, TorqueEffect, plain_signals
 from drake_tc.simulator_files.terms import StribeckPeak, Terms
 from drake_tc.types import FloatArray
@@ -63,12 +64,14 @@ class Projection:
         terms: In the target.
         losses: What the target lacks.
         refit: Of the friction curve; None where the target expresses it.
+        joint_type: Whether the joint turns or slides.
     """
 
     joint: str
     terms: Terms
     losses: tuple[Loss, ...]
     refit: Refit | None
+    joint_type: JointType = "revolute"
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
     Args:
         model: Of one joint.
         target: What can be expressed.
-        speeds: (T,) velocities at which the friction counts [rad/s]; None: all up to 2 rad/s alike.
+        speeds: (T,) velocities at which the friction counts [rad/s]; None: all up to 2 rad/s or m/s alike.
     """
     terms, losses = _direct(model, target)
     friction, refit = _friction(model, target, speeds)
@@ -119,7 +122,8 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
     lost = [("rotor_inertia", "armature")] if model.inertia and "rotor_inertia" in _keys(model) else []
     lost += [(value.key, "frictionloss") for value in model.effects if value.effect.id in DRY]
     missing = [Loss(name, target.missing.get(term, "")) for name, term in lost if not target.has(term)]
-    return Projection(model.joint, terms, (*_drive_lost(terms, target), *missing, *losses), refit)
+    losses = [*_drive_lost(terms, target), *missing, *losses]
+    return Projection(model.joint, terms, tuple(losses), refit, model.joint_type)
 
 
 COMMANDS = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N m"}

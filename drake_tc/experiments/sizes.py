@@ -143,6 +143,7 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
         "current_lag.winding": 3e-3,
         "payload": part,
         "payload.sliding": 0.1 * n.inertia if n.inertia > 0.0 else part,
+        "cable_spring.beside_weight": 2.0 * part / max(n.span, 1e-9),
         "cable_spring": 2.0 * part / max(n.span, 1e-9),
         "asymmetric_friction": friction,
         "asymmetric_friction.coulomb": friction,

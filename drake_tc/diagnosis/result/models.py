@@ -32,7 +32,8 @@ def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
                 tuple(name for name, e in group.items() if e.at_bound),
             )
         )
-    return ActuatorModel(joint.joint, Drive(joint.drive, parameters["drive"]["gain"].value), tuple(effects))
+    drive = Drive(joint.drive, parameters["drive"]["gain"].value)
+    return ActuatorModel(joint.joint, drive, tuple(effects), joint.units.joint_type)
 
 
 def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:

@@ -88,9 +88,10 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
                 "are extrapolated."
             )
         case SeparateLoads():
+            declare = "" if units.slides else ", or declare the mass for each log in load: {pendulum: ...}"
             return (
                 "The fitted load differs from run to run. If the joint carried different loads, run close-loop "
-                "separately for the runs of each load, or declare the mass for each log in load: {pendulum: ...}."
+                f"separately for the runs of each load{declare}."
             )
         case RepeatRun(run, start, end):
             return (
