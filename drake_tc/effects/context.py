@@ -39,7 +39,7 @@ class Context:
         fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
             `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
         tolerances: Declared standard deviations of the joint's sensor errors, by the id of the effect.
-        load_follows_position: Whether an unknown load that is fitted changes with the position: all but a mass that slides.
+        load_follows_position: Whether a fitted unknown load changes with the position: all but a mass that slides.
         joint_type: Whether the joint turns or slides; the units here are those of one that turns (`joint_units`).
     """
 

@@ -15,19 +15,16 @@ SLIDING_WAVE_RANGE = Plausible(
     "leads of screws are 1 to 50 mm, pinions and pulleys turn once in up to 2 m, and poles, teeth and balls repeat "
     "several times in each of these",
 )
-GRID = 600
+GRID = 1200
 """Most starting points of n."""
 OVERLAP = 0.35
 """Distance of the starting points, in periods over the travel."""
-SAMPLES = 6.0
-"""Least samples in a period at the largest speed."""
 
 
 def sliding_waves(context: Context, least_periods: float) -> list[dict[str, float]]:
-    """Starting points of n, from `least_periods` over the travel to what the sampling shows at full speed."""
+    """Starting points of n, from `least_periods` over the travel on."""
     turns = context.turns
     if turns <= 0.0:
         return []
-    fastest = 2.0 * np.pi / (SAMPLES * context.period * max(context.max_speed, 1e-9))
-    values = np.arange(least_periods / turns, min(MOST_CYCLES, fastest), OVERLAP / turns)[:GRID]
+    values = np.arange(least_periods / turns, MOST_CYCLES, OVERLAP / turns)[:GRID]
     return [{"cycles_per_turn": float(n)} for n in values]

@@ -56,6 +56,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         "m^2",
     ),
     "payload.declared_gain": ({"payload_share": -0.5}, {"payload_share": -0.9}, "another load"),
+    "cable_spring.beside_weight": ({"spring_stiffness": 5.0}, {"spring_stiffness": -1.0}, "release energy"),
     "cable_spring": ({"spring_stiffness": 1.0, "spring_preload": 2.0}, {"spring_stiffness": -0.7}, "release energy"),
     "asymmetric_friction": (
         {"coulomb_asymmetry": 2.0, "viscous_asymmetry": 1.0},
@@ -69,6 +70,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         {"coulomb_per_kelvin": 0.9},
         "-0.6 to 0.6 N*m/K",
     ),
+    "presliding_hysteresis.sliding": ({"presliding": 3.0, "presliding_travel": 0.01}, {"presliding": 4.0}, "0 to 3.6"),
     "presliding_hysteresis": ({"presliding": 3.0, "presliding_travel": 0.03}, {"presliding": 4.0}, "0 to 3.6 N*m"),
     "torque_ripple": (
         {"ripple_cosine": 1.0, "ripple_sine": -1.0, "cycles_per_turn": 18.0},
