@@ -141,11 +141,11 @@ class JointKeys(Keys):
         default=...,
         expected="{kind:, gain:}",
     )
-    joint_type: Annotated[JointType, one_of(get_args(JointType))] = key(
+    joint_type: Annotated[JointType, one_of(get_args(JointType))] | None = key(
         "Whether the joint turns (`revolute`) or slides (`prismatic`). Of one that slides all is in m, N and kg in "
         "place of rad, N·m and kg m².",
         example="prismatic",
-        default="revolute",
+        absent="`revolute`",
     )
     effects: list[EffectKeys] | None = key(
         "Effects between the command and the link, one a line. Drive effects act in this order.",
@@ -156,7 +156,7 @@ class JointKeys(Keys):
     def model(self, joint: str) -> ActuatorModel:
         """The joint's model."""
         effects = tuple(each.value() for each in self.effects or ())
-        return ActuatorModel(joint, Drive(self.drive.kind, self.drive.gain), effects, self.joint_type)
+        return ActuatorModel(joint, Drive(self.drive.kind, self.drive.gain), effects, self.joint_type or "revolute")
 
 
 class ModelDocument(Keys):
