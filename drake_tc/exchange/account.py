@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from drake_tc.config.joint_units import JointUnits, in_units_of
+from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
 from drake_tc.diagnosis.result.export_trial import ExportTrial
-from drake_tc.exchange.projection import COMMANDS, Projection, Vocabulary
+from drake_tc.exchange.projection import Projection, Vocabulary
 from drake_tc.report.export_section import HOW, cells, headings
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
@@ -67,7 +67,11 @@ def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[
     for each in projections:
         t = each.terms
         found: list[tuple[str, float | None, str]] = [
-            ("torque for one unit of command", t.kp if t.drive in target.drives else None, f"N·m/{COMMANDS[t.drive]}"),
+            (
+                "torque for one unit of command",
+                t.kp if t.drive in target.drives else None,
+                f"N·m/{EFFORT_UNIT[t.drive]}",
+            ),
             ("torque constant", t.torque_constant, "N·m/A"),
             ("rotor inertia at the joint", t.armature, "kg·m²"),
             ("viscous friction", t.damping, "N·m·s/rad"),
