@@ -1,7 +1,7 @@
 """A spring along the joint: cables, hoses, a gravity compensator."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
@@ -36,7 +36,7 @@ class CableSpring(EquationEffect):
     kind = "load"
     depends_on_position = True
     linear = True
-    coefficients = (
+    coefficients: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "spring_stiffness",
             "N*m/rad",
