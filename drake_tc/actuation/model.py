@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar, get_args
 
+from drake_tc.config.joint_units import JointType
 from drake_tc.effects.base import DriveEffect, DriveKind, Effect, SensorEffect, TorqueEffect, TransmissionEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
@@ -107,6 +108,7 @@ class ActuatorModel:
         joint: The joint's name.
         drive: The drive.
         effects: Effects with their numbers.
+        joint_type: Whether the joint turns or slides: the units are then those of `drake_tc.config.joint_units`.
 
     Example:
         >>> knee = ActuatorModel("knee", Drive("position_servo", 2e-4), (EffectValue("viscous", {"viscous": 20.0}),))
@@ -117,6 +119,7 @@ class ActuatorModel:
     joint: str
     drive: Drive
     effects: tuple[EffectValue, ...] = ()
+    joint_type: JointType = "revolute"
 
     def _pick(self, kind: type[EffectT]) -> tuple[tuple[EffectT, Mapping[str, float]], ...]:
         pairs = ((value.effect, value.parameters) for value in self.effects)

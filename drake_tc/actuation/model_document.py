@@ -6,6 +6,7 @@ from typing import Annotated, Any, TypeAlias, get_args
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.config.joint_units import JointType
 from drake_tc.config.keys import Keys, Name, PositiveNumber, UnboundedNumber, key, one_of, unknown_key
 from drake_tc.config.quoted import quoted
 from drake_tc.effects.base import DriveKind
@@ -140,6 +141,12 @@ class JointKeys(Keys):
         default=...,
         expected="{kind:, gain:}",
     )
+    joint_type: Annotated[JointType, one_of(get_args(JointType))] | None = key(
+        "Whether the joint turns (`revolute`) or slides (`prismatic`). Of one that slides all is in m, N and kg in "
+        "place of rad, N·m and kg m².",
+        example="prismatic",
+        absent="`revolute`",
+    )
     effects: list[EffectKeys] | None = key(
         "Effects between the command and the link, one a line. Drive effects act in this order.",
         example=[{"effect": "viscous", "viscous": 31.0}],
@@ -149,7 +156,7 @@ class JointKeys(Keys):
     def model(self, joint: str) -> ActuatorModel:
         """The joint's model."""
         effects = tuple(each.value() for each in self.effects or ())
-        return ActuatorModel(joint, Drive(self.drive.kind, self.drive.gain), effects)
+        return ActuatorModel(joint, Drive(self.drive.kind, self.drive.gain), effects, self.joint_type or "revolute")
 
 
 class ModelDocument(Keys):

@@ -129,6 +129,8 @@ def save_models(
     for joint, model in models.items():
         lines.append(f"  {yaml.safe_dump(joint).splitlines()[0]}:")
         lines.append(f"    drive: {{kind: {model.drive.kind}, gain: {float(model.drive.gain)!r}}}")
+        if model.joint_type != "revolute":
+            lines.append(f"    joint_type: {model.joint_type}")
         lines.append("    effects:" + ("" if model.effects else " []"))
         lines.extend(f"      - {_line(value)}" for value in model.effects)
     if shared:

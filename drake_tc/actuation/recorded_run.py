@@ -12,7 +12,7 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.position_loop import PositionLoop, through_loop
 from drake_tc.effects.base import Signals, TransmissionEffect, plain_signals
-from drake_tc.effects.unknown_load import PENDULUM, UnknownLoadEffect
+from drake_tc.effects.unknown_load import PENDULUM, SLIDER, UnknownLoadEffect
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
@@ -170,7 +170,8 @@ def _check(model: ActuatorModel, recording: Recording) -> None:
 def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel, Recording] | None:
     """(actuator, recording) as the plant has them: the drive in its position loop, an unknown load in its place.
 
-    Of an unknown load, a pendulum leaves the actuator and becomes the plant's link, so that the gear passes its torque.
+    Of an unknown load, a pendulum or a mass that slides leaves the actuator and becomes the plant's link, so that the
+    gear passes its torque.
     A smooth load stays with the actuator, and the plant is the motor's side without a link. None where another effect
     depends on the torque that the gear passes, which would then lack the load, and where nothing has inertia.
     """
@@ -181,12 +182,12 @@ def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel,
         return model, recording
     size = recording.time.size
     others = tuple(v for v in model.effects if v is not value)
-    if value.effect is not PENDULUM:
+    if value.effect not in (PENDULUM, SLIDER):
         needs = any(v.effect.id in NEEDS_LOAD for v in others)
         return None if needs else (model, replace(recording, load_torque=np.zeros(size)))
     actuator = replace(model, effects=others)
     given = value.parameters
     inertia = max(given["inertia"], LEAST_LINK * actuator.inertia)
-    link = Link(inertia, given["moment"], given["zero"])
+    link = Link(inertia, given.get("moment", 0.0), given.get("zero", 0.0))
     constant = np.full(size, given["constant"])
     return (actuator, replace(recording, load_torque=constant, pendulum=link)) if inertia > 0.0 else None

@@ -184,7 +184,9 @@ def _tell_declared(rig: Path, declared: Path) -> None:
 
     own = load_rig(rig)
     for each in declared_terms(own, declared):
-        print(f"close-loop: {declared}: {each.line(own.drive[each.joint])}", file=sys.stderr)
+        print(
+            f"close-loop: {declared}: {each.line(own.drive[each.joint], own.joint_type(each.joint))}", file=sys.stderr
+        )
 
 
 def _demo(

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drake_tc.cli.wide_table import print_wide
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -42,7 +43,8 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         if loop is not None and loop.changed:
             _say(
                 console,
-                f"  closed loop (simulated with the model after as plant, so an upper bound): {_tracking(loop)}",
+                "  closed loop (simulated with the model after as plant, so an upper bound): "
+                f"{_tracking(loop, joint.units)}",
             )
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
@@ -91,16 +93,16 @@ def _print_joint(console: Console, joint: JointResult) -> None:
     if joint.load is not None:
         title, load = joint.load
         _say(console, f"  {title}: {', '.join(_with_interval(n, p) for n, p in load.items())}")
-    for note in note_sentences(joint.load_notes):
+    for note in note_sentences(joint.load_notes, joint.units):
         _say(console, f"  ! {escape(note)}")
     if joint.refinement is not None:
-        _say(console, f"  {escape(refinement_sentence(joint.refinement))}")
+        _say(console, f"  {escape(refinement_sentence(joint.refinement, joint.units))}")
     for effect in joint.effects:
         values = ", ".join(_value(n, p) for n, p in effect.parameters.items())
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
         _say(console, f"  + [bold]{effect.key}[/bold]  {values}  ({gain})")
     for withdrawn in joint.did_not_hold:
-        why = escape(why_withdrawn(withdrawn.objection))
+        why = escape(why_withdrawn(withdrawn.objection, joint.units))
         _say(console, f"  - {withdrawn.key} did not hold ({REASONS[withdrawn.reason]}): {why}")
     for moving in (p for p in joint.consistency if p.moves):
         where = "drive" if moving.effect == "drive" else moving.effect
@@ -112,7 +114,7 @@ def _print_joint(console: Console, joint: JointResult) -> None:
     for warning in warnings(joint):
         _say(console, f"  ! {escape(warning)}")
     if joint.next_experiment is not None:
-        _say(console, f"  next: {escape(experiment_sentence(joint.next_experiment))}")
+        _say(console, f"  next: {escape(experiment_sentence(joint.next_experiment, joint.units))}")
 
 
 def _value(name: str, estimate: Estimate) -> str:
@@ -129,14 +131,14 @@ def _with_interval(name: str, estimate: Estimate) -> str:
     return f"{name.replace('_', ' ')} {estimate.value:.4g}{interval} {pretty_unit(estimate.unit)}".rstrip()
 
 
-def _tracking(loop: JointClosedLoop) -> str:
+def _tracking(loop: JointClosedLoop, units: JointUnits) -> str:
     """Tracking errors before and after, or that there are none."""
     figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
     if not all(math.isfinite(value) for value in figures):
         return (
             "no tracking error (not simulated to the end with both models); the report lists the linear loop's margins"
         )
-    return f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after"
+    return units.text(f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after")
 
 
 def _print_export(console: Console, result: CloseLoopResult) -> None:
@@ -145,14 +147,19 @@ def _print_export(console: Console, result: CloseLoopResult) -> None:
         return
     trial = result.export
     title = f"RMS position error of free runs, {trial.model_file}"
-    print_wide(headings(trial.rows, trial.runner), cells(trial.rows), left=("joint", "run"), title=title)
+    print_wide(
+        headings(trial.rows, trial.runner),
+        cells(trial.rows, {name: joint.units for name, joint in result.joints.items()}),
+        left=("joint", "run"),
+        title=title,
+    )
     for loss in trial.losses:
         _say(console, f"  {escape(loss)}")
 
 
 def _errors_table(joint: JointResult) -> Table:
     table = Table(box=None, padding=(0, 2))
-    for header in ("", "train", "held-out", escape("free run [rad]")):
+    for header in ("", "train", "held-out", escape(f"free run [{joint.units.position}]")):
         table.add_column(header, justify="left" if not header else "right")
     absolute = mean_absolute_errors(joint)
     for name, errors in (("before", joint.before), ("after", joint.after)):

@@ -86,6 +86,7 @@ def export_command(
     that of the file before. For MJCF the version of MuJoCo that the file needs is printed.
     """
     from drake_tc.actuation.model_file import load_model_file
+    from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.export_trial import ExportTrial
     from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS
@@ -140,7 +141,13 @@ def export_command(
         print(line, file=shown)
     if errors:
         title = "RMS error of the free-running position"
-        print_wide(headings(errors, runner), cells(errors), left=("joint", "run"), title=title, file=shown)
+        print_wide(
+            headings(errors, runner),
+            cells(errors, {name: JointUnits(each.joint_type) for name, each in models.items()}),
+            left=("joint", "run"),
+            title=title,
+            file=shown,
+        )
     for written in (page, out):
         if written is not None:
             print(written, file=shown)
@@ -196,13 +203,15 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
 
 
 def _not_in_newton_metres(model: "ActuatorModel") -> str:
+    from drake_tc.config.joint_units import in_units_of
     from drake_tc.effects.context import EFFORT_UNIT
 
-    return (
+    text = (
         f"{model.joint}: the torques of this model are not in N m but in the unit of the effort"
         f" ({EFFORT_UNIT[model.drive.kind]}), because nothing in the rig file fixed their scale. Inertia and friction"
         " in the exported file have this scale too. Declare `drive_gain` in the rig file and run close-loop again."
     )
+    return in_units_of(model.joint_type, text)
 
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:

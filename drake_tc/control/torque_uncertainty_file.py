@@ -25,7 +25,9 @@ class TorqueUncertaintyDocument(Keys):
     """What a torque uncertainty file may say. Only `joints` and `covariance` are used by controllers."""
 
     version: Literal[1] = key("Version of the file's layout.", name="schema", example=1, default=..., expected="1")
-    unit: Literal["N*m"] = key("Unit of the torques.", example=UNIT, default=..., expected=UNIT)
+    unit: Literal["N*m"] = key(
+        "Unit of the torques; the force of a joint that slides is in N.", example=UNIT, default=..., expected=UNIT
+    )
     joints: Names = key("Joints, in the order of rows and columns.", example=["hip"], default=..., expected="names")
     covariance: list[list[Number]] = key(
         "E[e eᵀ] of the torque error e, the mean not taken off.",
@@ -189,6 +191,7 @@ def save_torque_uncertainty(uncertainty: TorqueUncertainty, path: Path | str) ->
     }
     head = (
         "# Torque by which the model after errs on runs that took no part in fitting: link side [N m], about zero.\n"
+        "# Of a joint that slides it is a force [N].\n"
         "# covariance: rows and columns as in joints; sigma_ci95 [N m]; correlation_time [s].\n"
     )
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, default_flow_style=None, width=10**6)

@@ -9,6 +9,7 @@ from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.notes import GapCrossings, GearBetweenEncoders, Sticking
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
@@ -38,7 +39,7 @@ from drake_tc.diagnosis.selection.joint import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
-from drake_tc.effects.base import EFFORT_UNIT, Context
+from drake_tc.effects.base import Context
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.within_tolerance import WithinTolerance
@@ -49,6 +50,7 @@ from drake_tc.types import FloatArray
 SETTLING_ROUNDS = 4
 
 
+@errors_in_joint_units
 def diagnose_joint(
     train_runs: Sequence[Run],
     held_runs: Sequence[Run],
@@ -128,7 +130,8 @@ def diagnose_joint(
     return JointResult(
         joint=joint,
         drive=context.drive,
-        unit=EFFORT_UNIT[context.drive],
+        unit=context.units.effort,
+        units=columns.samples.units,
         baseline=baseline,
         final=chosen,
         baseline_parameters=parameters_of(columns, baseline, context.drive),

@@ -16,6 +16,7 @@ BACKLASH_RANGE = Plausible(
     0.0,
     0.1,
     "gears of hobby servos have 1 to 3 degrees of play, worn ones 6 (catalogues of robot gears: below 0.001 rad)",
+    sliding=Plausible(0.0, 0.005, "worn racks and lead screws have some mm of play, ball screws below 0.1 mm"),
 )
 
 

@@ -25,6 +25,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from drake_tc.config.joint_units import JointType
 from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, TorqueKernel, TorqueParts, Transmission
 from drake_tc.effects.obstacle import Obstacle
@@ -99,6 +100,8 @@ class Effect(ABC):
     """Id of a simpler effect that this one contains: its further parameters must be worth as much as another effect."""
     excludes: ClassVar[frozenset[str]] = frozenset()
     """Ids of effects that a search does not put beside this one: both together act as a third, undeclared cause."""
+    joint_types: ClassVar[frozenset[JointType]] = frozenset(("revolute", "prismatic"))
+    """Types of joints that can have the effect."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
 
@@ -122,6 +125,9 @@ class Effect(ABC):
 
     def unavailable(self, context: Context) -> Obstacle | None:
         """What stands in the way of looking for this effect: the rig, a missing signal, or one that hardly changes."""
+        if context.joint_type not in self.joint_types:
+            motion = "slides" if context.joint_type == "prismatic" else "turns"
+            return Obstacle("cannot_be_looked_for", f"the joint {motion}")
         if self.depends_on_position and not context.position_recorded:
             statement = "the position was not recorded, and the integral of the velocity has no known zero"
             return Obstacle("not_recorded", statement)

@@ -1,6 +1,7 @@
 """A spring along the joint: cables, hoses, a gravity compensator."""
 
 from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
@@ -35,7 +36,7 @@ class CableSpring(EquationEffect):
     kind = "load"
     depends_on_position = True
     linear = True
-    coefficients = (
+    coefficients: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "spring_stiffness",
             "N*m/rad",
@@ -54,9 +55,28 @@ class CableSpring(EquationEffect):
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """A cable does not wind up over several turns."""
-        if context.turns <= MOST_TURNS:
+        if context.turns <= MOST_TURNS or context.units.slides:
             return ""
         return (
             f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring fixed to both sides "
             f"allows at most some {MOST_TURNS:g}."
         )
+
+
+class SpringBesideWeight(CableSpring):
+    """k q [N] beside the unknown load of a joint that slides, whose constant force holds the preload."""
+
+    form = "beside_weight"
+    joint_types = frozenset(("prismatic",))
+    equation = "tau_add = spring_stiffness * q"
+    coefficients = CableSpring.coefficients[:1]
+
+    def obstacle(self, context: Context) -> str:
+        """Only a load whose force does not follow the position lacks a column of this form."""
+        if context.load != "unknown":
+            return "the load is known: a spring has a preload of its own"
+        return context.taken_up if context.load_follows_position else ""
+
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A spring without preload."""
+        return parameters["spring_stiffness"], 0.0

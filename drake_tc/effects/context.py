@@ -5,11 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drake_tc.config.joint_units import EFFORT_UNIT, JointType, JointUnits
 from drake_tc.effects.parameter import Scale
+
+__all__ = ["EFFORT_UNIT", "Context", "DriveKind", "LoadKind"]
 
 DriveKind = Literal["position_servo", "current", "voltage", "torque"]
 LoadKind = Literal["torque", "pendulum", "robot", "links", "unknown"]
-EFFORT_UNIT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N*m"}
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,8 @@ class Context:
         fitted: Values of the fitted model that other effects are compared with: `gain` (K [effort/(N m)]),
             `viscous` [N m s/rad] and `coulomb` [N m], those that are known.
         tolerances: Declared standard deviations of the joint's sensor errors, by the id of the effect.
+        load_follows_position: Whether a fitted unknown load changes with the position: all but a mass that slides.
+        joint_type: Whether the joint turns or slides; the units here are those of one that turns (`joint_units`).
     """
 
     drive: DriveKind
@@ -57,6 +61,13 @@ class Context:
     fitted: Mapping[str, float] = field(default_factory=dict)
     position_recorded: bool = True
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    joint_type: JointType = "revolute"
+    load_follows_position: bool = True
+
+    @property
+    def units(self) -> JointUnits:
+        """Units of the joint, with torques that have a scale."""
+        return JointUnits(self.joint_type, self.drive)
 
     @property
     def imposes_current(self) -> bool:

@@ -15,6 +15,9 @@ COMPLIANCE_RANGE = Plausible(
     "the springs of series elastic actuators wind up by at most some 0.3 rad under the largest load, "
     "gears by milliradians",
     "1/torque",
+    sliding=Plausible(
+        0.0, 0.02, "belts and racks give way by at most some 20 mm under the largest load, screws by less", "1/torque"
+    ),
 )
 
 

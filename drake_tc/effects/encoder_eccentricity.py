@@ -25,6 +25,7 @@ class EncoderEccentricity(SensorEffect):
     """
 
     id = "encoder_eccentricity"
+    joint_types = frozenset(("revolute",))
     title = "encoder eccentricity"
     equation = "q_meas = q + eccentricity_sine * sin(q) + eccentricity_cosine * cos(q)"
     kind = "sensor"

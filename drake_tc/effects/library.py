@@ -7,7 +7,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, Effect
-from drake_tc.effects.cable_spring import CableSpring
+from drake_tc.effects.cable_spring import CableSpring, SpringBesideWeight
 from drake_tc.effects.check import checked_effect
 from drake_tc.effects.coulomb import Coulomb
 from drake_tc.effects.current_lag import CurrentLag
@@ -28,13 +28,14 @@ from drake_tc.effects.payload import DeclaredGainPayload, OwnArmPayload, Payload
 from drake_tc.effects.position_dependent_friction import PositionDependentFriction
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
 from drake_tc.effects.position_sensor_delay import PositionSensorDelay
-from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
+from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis, SlidingPresliding
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
 from drake_tc.effects.run_in_friction import RunInFriction
 from drake_tc.effects.saturation import Saturation
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.servo_integrator import ServoIntegrator
+from drake_tc.effects.sliding_payload import SlidingPayload
 from drake_tc.effects.static_friction import StaticFriction
 from drake_tc.effects.stribeck import Stribeck
 from drake_tc.effects.supply_limit import SupplyLimit
@@ -83,13 +84,16 @@ LIBRARY: tuple[Effect, ...] = (
     PendulumPayload(),
     DeclaredGainPayload(),
     OwnArmPayload(),
+    SlidingPayload(),
     CableSpring(),
+    SpringBesideWeight(),
     AsymmetricFriction(),
     CoulombAsymmetry(),
     EffortBias(),
     ThermalFriction(),
     WindingTemperature(),
     PreslidingHysteresis(),
+    SlidingPresliding(),
     TorqueRipple(),
     LinearPositionFriction(),
     PositionDependentFriction(),
@@ -169,7 +173,7 @@ def looked_for(context: Context, effects: Sequence[Effect] | None = None) -> tup
     if effects is not None:
         return tuple(effects)
     more = MULTI_JOINT if context.load == "links" else ()
-    return (*LIBRARY, *more, *registered_effects())
+    return tuple(e for e in (*LIBRARY, *more, *registered_effects()) if context.joint_type in e.joint_types)
 
 
 def place(key: str) -> int:

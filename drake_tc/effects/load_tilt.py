@@ -19,6 +19,7 @@ class LoadTilt(EquationEffect):
     """A cos q [N m]: m g l sin(q - z) has A = -m g l sin z more than the load that hangs at q = 0."""
 
     id = "load_tilt"
+    joint_types = frozenset(("revolute",))
     torque_kind = WAVE
     title = "tilt of the gravity load"
     equation = "tau_add = tilt_moment * cos(q)"

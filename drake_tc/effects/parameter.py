@@ -5,6 +5,8 @@ from typing import Literal
 
 import numpy as np
 
+from drake_tc.config.joint_units import JointType
+
 Scale = Literal[
     "one", "effort", "torque", "torque/speed", "torque/speed^2", "torque/span", "load", "load/duration", "speed",
     "span", "1/torque", "effort/speed", "effort/supply", "coulomb", "viscous",
@@ -23,12 +25,18 @@ class Plausible:
         lower, upper: Limits, inclusive, in units of `scale`.
         source: Why the range is what it is: a law, a definition, a data sheet or a publication.
         scale: What the limits are multiplied by.
+        sliding: The range of a joint that slides, where it is another one.
     """
 
     lower: float
     upper: float
     source: str
     scale: Scale = "one"
+    sliding: "Plausible | None" = None
+
+    def on(self, joint_type: JointType) -> "Plausible":
+        """The range of a joint of this type."""
+        return self.sliding if self.sliding is not None and joint_type == "prismatic" else self
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,8 @@ class Parameter:
 
     Attributes:
         name: As it stands in YAML files and reports.
-        unit: SI, as text; "effort" means the unit of the drive's effort.
+        unit: SI, as text, of a joint that turns (`drake_tc.config.joint_units` gives that of one that slides); "effort"
+            means the unit of the drive's effort.
         lower, upper: Bounds of the fit, inclusive; an estimate that rests on one is reported `at_bound`.
         default: Value of a model that names the effect without this parameter.
         description: One line for reports and docs.

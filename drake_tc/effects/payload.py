@@ -34,6 +34,7 @@ class Payload(EquationEffect):
     """G_p sin(q - q_h) + J_p qddot [N m]: first moment times gravity, and its inertia; q_h = 0 is hanging."""
 
     id = "payload"
+    joint_types = frozenset(("revolute",))
     torque_kind = PENDULUM
     title = "payload"
     equation = "tau_add = payload_moment * sin(q) + payload_inertia * qddot"

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from drake_tc.effects.base import Effect
-from drake_tc.effects.context import EFFORT_UNIT, Context
+from drake_tc.effects.context import Context
 from drake_tc.effects.parameter import Parameter, Plausible, Scale
 
 FRICTION: Mapping[Scale, str] = {"coulomb": "Coulomb", "viscous": "viscous"}
@@ -17,8 +17,9 @@ def plausible_range(parameter: Parameter, context: Context) -> tuple[float, floa
     """(lower, upper) of a parameter on this rig, in its own unit; infinite where nothing known limits it."""
     if parameter.plausible is None:
         return -math.inf, math.inf
-    scale = context.scale(parameter.plausible.scale)
-    lower, upper = parameter.plausible.lower, parameter.plausible.upper
+    plausible = parameter.plausible.on(context.joint_type)
+    scale = context.scale(plausible.scale)
+    lower, upper = plausible.lower, plausible.upper
     low, high = (0.0 if 0.0 in (x, scale) else x * scale for x in (lower, upper))  # 0 times infinity, and no -0
     return low, high
 
@@ -49,14 +50,15 @@ def implausible(effect: Effect, parameters: Mapping[str, float], context: Contex
         if parameter.plausible is None:
             continue
         value = parameters[parameter.name]
-        unit = parameter.unit.replace("effort", EFFORT_UNIT[context.drive])
+        unit = context.units.of(parameter.unit)
         unit = "" if unit == "-" else f" {unit}"
         if not math.isfinite(value):
             return f"{parameter.name} of {effect.title} is {value}, which is not a finite number."
         low, high = plausible_range(parameter, context)
         if not low - ROUNDING * abs(low) <= value <= high + ROUNDING * abs(high):
-            return f"{parameter.name} is {value:.3g}{unit}; {_allowed(parameter.plausible, low, high, unit)}."
-    return effect.inconsistency(parameters, context)
+            possible = _allowed(parameter.plausible.on(context.joint_type), low, high, unit)
+            return f"{parameter.name} is {value:.3g}{unit}; {possible}."
+    return context.units.text(effect.inconsistency(parameters, context))
 
 
 def _allowed(plausible: Plausible, low: float, high: float, unit: str) -> str:

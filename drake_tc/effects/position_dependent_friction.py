@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, sliding_waves
 from drake_tc.kernels.torque_equations import FRICTION_WAVE
 
 WAVE_RANGE = Plausible(
@@ -18,6 +19,7 @@ CYCLES_PER_TURN_RANGE = Plausible(
     0.3,
     400.0,
     "seals, bearings and gear teeth repeat with a turn of a shaft of the gear",
+    sliding=SLIDING_WAVE_RANGE,
 )
 
 LEAST_PERIODS = 0.5
@@ -46,7 +48,7 @@ class PositionDependentFriction(EquationEffect):
             "cycles_per_turn",
             "1/turn",
             0.3,
-            400.0,
+            MOST_CYCLES,
             1.0,
             description="periods of the friction in one turn of the joint",
             plausible=CYCLES_PER_TURN_RANGE,
@@ -58,6 +60,8 @@ class PositionDependentFriction(EquationEffect):
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points that cover what the logs excite."""
+        if context.units.slides:
+            return sliding_waves(context, 0.4)
         turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
         finest = min(60.0, 60.0 / turns)
         return [{"cycles_per_turn": float(n)} for n in np.arange(max(0.5, 0.4 / turns), finest, 0.35 / turns)]

@@ -23,6 +23,15 @@ PRESLIDING_TRAVEL_RANGE = Plausible(
     "1968; Armstrong-Hélouvry et al., 1994)",
 )
 
+SLIDING_TRAVEL_RANGE = Plausible(
+    0.0,
+    0.02,
+    "guides and screws reach full sliding friction within some 10 to 100 micrometres, belts and seals within "
+    "millimetres",
+)
+SHORTEST_SLIDE = 1.5e-4
+"""Shortest presliding travel [m] that is fitted."""
+
 
 class PreslidingHysteresis(EquationEffect):
     """F_p (z - sign(qdot)) [N m]: the share F_p of the Coulomb friction acts through a soft bristle z.
@@ -32,6 +41,7 @@ class PreslidingHysteresis(EquationEffect):
     """
 
     id = "presliding_hysteresis"
+    joint_types = frozenset(("revolute",))
     torque_kind = HYSTERESIS
     title = "presliding hysteresis"
     equation = "tau_add = presliding * (z - sign(qdot)); presliding_travel * ddq(z) = 1 - z * sign(qdot)"
@@ -81,6 +91,29 @@ class PreslidingHysteresis(EquationEffect):
     def hysteresis_travel(self, parameters: Mapping[str, float]) -> float:
         """s_p: the Dahl state takes over the share F_p of the Coulomb friction, after any reversals."""
         return parameters["presliding_travel"]
+
+
+class SlidingPresliding(PreslidingHysteresis):
+    """The same over the travel of a joint that slides [m], of which guides and screws need less than gears in rad."""
+
+    form = "sliding"
+    joint_types = frozenset(("prismatic",))
+    shapes = (
+        Parameter(
+            "presliding_travel",
+            "rad",
+            SHORTEST_SLIDE,
+            0.1,
+            1e-3,
+            description="travel after a reversal over which the missing part falls to 1/e",
+            plausible=SLIDING_TRAVEL_RANGE,
+        ),
+    )
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """Starting points that cover what the logs excite."""
+        span = context.position_span[1] - context.position_span[0]
+        return [{"presliding_travel": float(s)} for s in np.geomspace(2e-4, max(0.25 * span, 4e-4), 8)]
 
 
 def _left_by_reversals(direction: FloatArray, decay: FloatArray) -> FloatArray:

@@ -8,10 +8,16 @@ from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 
+SCREW_RANGE = Plausible(
+    0.0,
+    1e5,
+    "a mass is positive, and a servo motor's rotor of 0.01 kg m^2 on a screw with a lead of 2 mm acts as 98700 kg",
+)
 ROTOR_INERTIA_RANGE = Plausible(
     0.0,
     300.0,
     "an inertia is positive, and a servo motor's rotor of 0.01 kg m^2 behind a gear of 1:160 reflects 256 kg m^2",
+    sliding=SCREW_RANGE,
 )
 
 

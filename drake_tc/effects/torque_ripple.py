@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, sliding_waves
 from drake_tc.kernels.torque_equations import WAVE
 
 WAVE_RANGE = Plausible(
@@ -19,6 +20,7 @@ CYCLES_PER_TURN_RANGE = Plausible(
     2000.0,
     "shafts behind a gear, pole pairs and gear teeth repeat three times or more in a turn of the output; "
     "less often it is a load curve over the position",
+    sliding=SLIDING_WAVE_RANGE,
 )
 LEAST_PERIODS = 1.0
 """Periods of a ripple that the positions must span."""
@@ -42,7 +44,7 @@ class TorqueRipple(EquationEffect):
             "cycles_per_turn",
             "1/turn",
             1.5,
-            2000.0,
+            MOST_CYCLES,
             20.0,
             description="periods of the torque in one turn of the joint",
             plausible=CYCLES_PER_TURN_RANGE,
@@ -56,6 +58,8 @@ class TorqueRipple(EquationEffect):
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points that cover what the logs excite."""
+        if context.units.slides:
+            return sliding_waves(context, 1.2)
         turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
         return [
             {"cycles_per_turn": float(n)}

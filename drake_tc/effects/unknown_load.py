@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.rotor_inertia import SCREW_RANGE
 from drake_tc.effects.splines import spline_columns, spline_curve
 from drake_tc.kernels import torque_equations
 from drake_tc.types import FloatArray
@@ -19,7 +20,7 @@ MOMENT_RANGE = Plausible(
 LEVEL_RANGE = Plausible(
     -1.5, 1.5, "a load cannot exceed one and a half times the largest torque of the drive", "torque"
 )
-INERTIA_RANGE = Plausible(0.0, 450.0, "an inertia is positive, and 50 kg at 3 m have 450 kg m^2")
+INERTIA_RANGE = Plausible(0.0, 450.0, "an inertia is positive, and 50 kg at 3 m have 450 kg m^2", sliding=SCREW_RANGE)
 ANGLE_RANGE = Plausible(-np.pi, np.pi, "an angle is given within one turn, from -pi to pi")
 END_RANGE = Plausible(-np.inf, np.inf, "the ends of the curve are those of the recorded positions")
 INTERVALS = (2, 3, 4, 6, 8, 12)
@@ -52,6 +53,7 @@ class UnknownPendulum(EquationEffect, UnknownLoadEffect):
     """
 
     form = "pendulum"
+    joint_types = frozenset(("revolute",))
     torque_kind = torque_equations.PENDULUM
     title = "unknown load: pendulum"
     equation = "tau = moment * sin(q - zero) + constant + inertia * qddot"
@@ -86,6 +88,25 @@ class UnknownPendulum(EquationEffect, UnknownLoadEffect):
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """The load torque (T,): see the class."""
         return self.equation_torque(signals, parameters)
+
+
+class UnknownSlider(EquationEffect, UnknownLoadEffect):
+    """M qddot + c [N]: the mass that a joint which slides moves, and a constant force such as its weight."""
+
+    form = "sliding"
+    joint_types = frozenset(("prismatic",))
+    torque_kind = torque_equations.CONSTANT
+    title = "unknown load: mass and constant force"
+    equation = "tau = constant + inertia * qddot"
+    coefficients = (
+        Parameter("constant", "N*m", description="constant force c", plausible=LEVEL_RANGE),
+        Parameter("inertia", "kg*m^2", 0.0, description="mass of the load", plausible=INERTIA_RANGE),
+    )
+    signature = Signature(x="acceleration", split="", look_for="a straight line over the acceleration")
+
+    def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
+        """A constant force."""
+        return 0.0, 0.0, parameters["constant"]
 
 
 CURVE_EQUATION = "tau = spline(q, curve_start, curve_end, levels)"
@@ -160,7 +181,7 @@ def _smooth(intervals: int, inertial: bool) -> SmoothLoad:
     return made
 
 
-PENDULUM = UnknownPendulum()
+PENDULUM, SLIDER = UnknownPendulum(), UnknownSlider()
 SMOOTH_LOADS = tuple(_smooth(n, True) for n in INTERVALS)
 CURVE_LOADS = tuple(_smooth(n, False) for n in INTERVALS)
-UNKNOWN_LOADS: tuple[UnknownLoadEffect, ...] = (PENDULUM, *SMOOTH_LOADS, *CURVE_LOADS)
+UNKNOWN_LOADS: tuple[UnknownLoadEffect, ...] = (PENDULUM, SLIDER, *SMOOTH_LOADS, *CURVE_LOADS)

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
+from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
 from drake_tc.diagnosis.result.export_trial import ExportTrial
-from drake_tc.exchange.projection import COMMANDS, Projection, Vocabulary
+from drake_tc.exchange.projection import Projection, Vocabulary
 from drake_tc.report.export_section import HOW, cells, headings
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
@@ -17,8 +18,9 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
         projections: One a joint.
         target: What they are projected to.
     """
-    lines = []
+    out = []
     for each in projections:
+        lines = []
         if each.refit is not None:
             r = each.refit
             where = (
@@ -33,7 +35,8 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
             effect = title_of(loss.effect)
             has = f"has {effect} only in part" if loss.partly else f"has no {effect}"
             lines.append(f"{each.joint}: {target.name} {has}{f': {loss.why}' if loss.why else ''}.")
-    return lines or [f"{target.name} expresses all effects of this model."]
+        out += [in_units_of(each.joint_type, line) for line in lines]
+    return out or [f"{target.name} expresses all effects of this model."]
 
 
 def export_page(trial: ExportTrial, projections: Sequence[Projection], target: Vocabulary) -> str:
@@ -47,7 +50,9 @@ def export_page(trial: ExportTrial, projections: Sequence[Projection], target: V
     sections = []
     if trial.rows:
         names = headings(trial.rows, trial.runner)
-        table = PageTable(names, cells(trial.rows), names[2:])
+        table = PageTable(
+            names, cells(trial.rows, {each.joint: JointUnits(each.joint_type) for each in projections}), names[2:]
+        )
         title = "RMS error of the free-running position on held-out runs"
         sections.append(PageSection(title, paragraphs=[HOW], tables=(table,)))
     names = ("joint", "term", "value")
@@ -62,7 +67,11 @@ def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[
     for each in projections:
         t = each.terms
         found: list[tuple[str, float | None, str]] = [
-            ("torque for one unit of command", t.kp if t.drive in target.drives else None, f"N·m/{COMMANDS[t.drive]}"),
+            (
+                "torque for one unit of command",
+                t.kp if t.drive in target.drives else None,
+                f"N·m/{EFFORT_UNIT[t.drive]}",
+            ),
             ("torque constant", t.torque_constant, "N·m/A"),
             ("rotor inertia at the joint", t.armature, "kg·m²"),
             ("viscous friction", t.damping, "N·m·s/rad"),
@@ -76,5 +85,9 @@ def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[
             ("limit of the torque", t.torque_limit, "N·m"),
             ("play of the gear", t.backlash, "rad"),
         ]
-        rows += [(each.joint, name, f"{significant(value, 5)} {unit}".strip()) for name, value, unit in found if value]
+        rows += [
+            (each.joint, name, f"{significant(value, 5)} {in_units_of(each.joint_type, unit)}".strip())
+            for name, value, unit in found
+            if value
+        ]
     return rows

@@ -26,6 +26,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.dc_motor import dc_motor
 from drake_tc.exchange.projection import Projection
@@ -45,7 +46,7 @@ def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> 
         ParamsError: `into` is given.
     """
     names = {_kind(projection.terms) for projection in projections}
-    return actuators_module(names, [_entry(projection.joint, projection.terms) for projection in projections], into)
+    return actuators_module(names, [_entry(each.joint, each.terms, each.joint_type) for each in projections], into)
 
 
 def actuators_module(names: Iterable[str], entries: Sequence[Sequence[str]], into: Path | None) -> str:
@@ -111,7 +112,7 @@ def _kind(terms: Terms) -> str:
     return "IdealPDActuatorCfg" if dc_motor(terms) is None else "DCMotorCfg"
 
 
-def _entry(joint: str, terms: Terms) -> list[str]:
+def _entry(joint: str, terms: Terms, joint_type: JointType = "revolute") -> list[str]:
     servo, kind, motor = terms.drive == "position_servo", _kind(terms), dc_motor(terms)
     fields = {
         "joint_names_expr": joint_pattern(joint),
@@ -135,5 +136,6 @@ def _entry(joint: str, terms: Terms) -> list[str]:
     efforts = f"{number(terms.kp)} N m for one unit of the drive's command"
     if kind == "DCMotorCfg" and motor is not None:
         efforts = f"{number(terms.kp)} (V - {number(motor.torque_constant)} v) N m at the voltage V and the velocity v"
-    note = [] if servo else [f"    # efforts are torques: {efforts}"]
+    told = in_units_of(joint_type, f"    # efforts are torques: {efforts}")
+    note = [] if servo else [told.replace("torques", "forces") if joint_type == "prismatic" else told]
     return [*note, f"    {joint!r}: {kind}(", *(f"        {k}={v}," for k, v in fields.items()), "    ),"]

@@ -1,4 +1,4 @@
-"""MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge a joint.
+"""MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge or slide a joint.
 
 MuJoCo's joint has armature, frictionloss and damping, whose three numbers d0, d1, d2 make the passive force
 -(d0 + d1 |v| + d2 v^2) v. Its dry friction is a soft constraint: below frictionloss the velocity decays with a time
@@ -35,8 +35,8 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
 
     Args:
         projections: One a joint.
-        into: A user's file whose joints of these names get the terms; None writes a bench with one hinge a joint and
-            a link of next to no weight, to try the terms.
+        into: A user's file whose joints of these names get the terms; None writes a bench with one hinge or slide a
+            joint and a link of next to no weight, to try the terms.
         step: Of the bench [s].
 
     Raises:
@@ -51,6 +51,7 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         element = joints[projection.joint]
+        _check_type(element, projection, into)
         numbers = _numbers_of_damping(root)
         _joint(element, put_actuator(root, projection, into), numbers, timestep(root))
         if projection.terms.backlash:
@@ -58,12 +59,20 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
     return to_text(document)
 
 
+def _check_type(element: minidom.Element, projection: Projection, into: Path | None) -> None:
+    """Refuse a joint that states another type than the model's; one that states none has that of its class."""
+    stated, own = element.getAttribute("type"), "slide" if projection.joint_type == "prismatic" else "hinge"
+    if stated in ("hinge", "slide") and stated != own:
+        raise ParamsError(f"{into}: joint {projection.joint!r} is a {stated}, and the model's is a {own}")
+
+
 def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None:
     world = child(root, "worldbody")
     for projection in projections:
         body = append(world, "body")
         put(body, name=f"{projection.joint}_link")
-        put(append(body, "joint"), name=projection.joint, type="hinge", axis="0 1 0")
+        kind, axis = ("slide", "1 0 0") if projection.joint_type == "prismatic" else ("hinge", "0 1 0")
+        put(append(body, "joint"), name=projection.joint, type=kind, axis=axis)
         put(append(body, "inertial"), pos="0 0 0", mass=1e-3, diaginertia="1e-6 1e-6 1e-6")
 
 
@@ -88,20 +97,21 @@ def _numbers_of_damping(root: minidom.Element) -> int:
 
 
 def _play(element: minidom.Element, projection: Projection, numbers: int, *, degrees: bool) -> None:
-    """A free hinge of small range about the same axis, after the driven one: the gear's play."""
+    """A free hinge or slide of small range about the same axis, after the driven one: the gear's play."""
     parent, name = element.parentNode, f"{projection.joint}_backlash"
     if not isinstance(parent, minidom.Element):
         return
     others = [n for n in parent.childNodes if isinstance(n, minidom.Element) and n.getAttribute("name") == name]
     made = others[0] if others else new_element(element, "joint")
-    half = 0.5 * projection.terms.backlash * (180.0 / math.pi if degrees else 1.0)
+    slides = projection.joint_type == "prismatic"
+    half = 0.5 * projection.terms.backlash * (180.0 / math.pi if degrees and not slides else 1.0)
     for attribute in ("axis", "pos"):
         if element.hasAttribute(attribute):
             put(made, **{attribute: element.getAttribute(attribute)})
     put(
         made,
         name=name,
-        type="hinge",
+        type="slide" if slides else "hinge",
         range=f"{number(-half)} {number(half)}",
         limited="true",
         damping=_damping(0.0, numbers=numbers),

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.config.joint_units import EFFORT_UNIT, JointType
 from drake_tc.effects.base import SensorEffect, TorqueEffect, plain_signals
 from drake_tc.simulator_files.terms import StribeckPeak, Terms
 from drake_tc.types import FloatArray
@@ -41,10 +42,10 @@ class Refit:
 
 @dataclass(frozen=True)
 class Loss:
-    """An effect that the target lacks, and what that means.
+    """An effect that the target lacks: its key in the model, "drive gain", or "torque_constant" of a data sheet.
 
     Attributes:
-        effect: Its key in the model, "drive gain", or "torque_constant" of a data sheet.
+        effect: This key.
         why: What that means, or what a user can do.
         partly: Whether the target has it, with another value.
     """
@@ -63,12 +64,14 @@ class Projection:
         terms: In the target.
         losses: What the target lacks.
         refit: Of the friction curve; None where the target expresses it.
+        joint_type: Whether the joint turns or slides.
     """
 
     joint: str
     terms: Terms
     losses: tuple[Loss, ...]
     refit: Refit | None
+    joint_type: JointType = "revolute"
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
     Args:
         model: Of one joint.
         target: What can be expressed.
-        speeds: (T,) velocities at which the friction counts [rad/s]; None: all up to 2 rad/s alike.
+        speeds: (T,) velocities at which the friction counts [rad/s]; None: all up to 2 rad/s or m/s alike.
     """
     terms, losses = _direct(model, target)
     friction, refit = _friction(model, target, speeds)
@@ -119,17 +122,14 @@ def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None 
     lost = [("rotor_inertia", "armature")] if model.inertia and "rotor_inertia" in _keys(model) else []
     lost += [(value.key, "frictionloss") for value in model.effects if value.effect.id in DRY]
     missing = [Loss(name, target.missing.get(term, "")) for name, term in lost if not target.has(term)]
-    return Projection(model.joint, terms, (*_drive_lost(terms, target), *missing, *losses), refit)
-
-
-COMMANDS = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N m"}
-"""Unit of the effort of each kind of drive."""
+    return Projection(model.joint, terms, (*_drive_lost(terms, target), *missing, *losses), refit, model.joint_type)
 
 
 def _drive_lost(terms: Terms, target: Vocabulary) -> tuple[Loss, ...]:
     if terms.drive in target.drives or (terms.drive == "torque" and terms.kp == 1.0):
         return ()
-    return (Loss("drive gain", f"your controller has to apply {terms.kp:.6g} N m for 1 {COMMANDS[terms.drive]}"),)
+    unit = EFFORT_UNIT[terms.drive].replace("*", " ")
+    return (Loss("drive gain", f"your controller has to apply {terms.kp:.6g} N m for 1 {unit}"),)
 
 
 def _keys(model: ActuatorModel) -> tuple[str, ...]:

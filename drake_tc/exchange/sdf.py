@@ -16,7 +16,8 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
 
     Args:
         projections: One a joint.
-        into: A user's file; None writes a model with one revolute joint each and a link of next to no weight.
+        into: A user's file; None writes a model with one revolute or prismatic joint each and a link of next to no
+            weight.
 
     Raises:
         ParamsError: a file that cannot be used, or that lacks a joint.
@@ -25,7 +26,7 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
     if into is None:
         model = document.getElementsByTagName("model")[0]
         for projection in projections:
-            _bench_joint(model, projection.joint)
+            _bench_joint(model, projection)
     joints = {each.getAttribute("name"): each for each in document.getElementsByTagName("joint")}
     for projection in projections:
         if projection.joint not in joints:
@@ -39,7 +40,8 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
     return to_text(document)
 
 
-def _bench_joint(model: minidom.Element, name: str) -> None:
+def _bench_joint(model: minidom.Element, projection: Projection) -> None:
+    name = projection.joint
     rotor = append(model, "link")
     put(rotor, name=f"{name}_link")
     inertial = append(rotor, "inertial")
@@ -48,10 +50,10 @@ def _bench_joint(model: minidom.Element, name: str) -> None:
     for moment in ("ixx", "iyy", "izz"):
         _set(append(inertia, moment), 1e-6)
     joint = append(model, "joint")
-    put(joint, name=name, type="revolute")
+    put(joint, name=name, type=projection.joint_type)
     for tag, link in (("parent", "base"), ("child", f"{name}_link")):
         _set(append(joint, tag), link)
-    _set(append(append(joint, "axis"), "xyz"), "0 1 0")
+    _set(append(append(joint, "axis"), "xyz"), "1 0 0" if projection.joint_type == "prismatic" else "0 1 0")
 
 
 def _set(element: minidom.Element, value: float | str) -> None:

@@ -24,8 +24,8 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
 
     Args:
         projections: One a joint.
-        into: A user's file; None writes a robot with one revolute joint each, and its transmission: Drake makes an
-            actuator of nothing else.
+        into: A user's file; None writes a robot with one revolute or prismatic joint each, and its transmission: Drake
+            makes an actuator of nothing else.
         drake: Add Drake's tags.
 
     Raises:
@@ -35,7 +35,7 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
     root = top(document)
     if into is None:
         for projection in projections:
-            _bench_joint(root, projection.joint)
+            _bench_joint(root, projection)
             _actuator(root, projection.joint)
     joints = {
         node.getAttribute("name"): node
@@ -45,6 +45,7 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
     for projection in projections:
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
+        check_type(joints[projection.joint].getAttribute("type"), projection, into)
         _joint(joints[projection.joint], projection, friction=not drake)
         if drake:
             if not root.hasAttribute("xmlns:drake"):
@@ -53,18 +54,30 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
     return to_text(document)
 
 
-def _bench_joint(root: minidom.Element, name: str) -> None:
+def _bench_joint(root: minidom.Element, projection: Projection) -> None:
+    name, slides = projection.joint, projection.joint_type == "prismatic"
     link = append(root, "link")
     put(link, name=f"{name}_link")
     inertial = append(link, "inertial")
     put(append(inertial, "mass"), value=1e-3)
     put(append(inertial, "inertia"), ixx=1e-6, iyy=1e-6, izz=1e-6, ixy=0.0, ixz=0.0, iyz=0.0)
     joint = append(root, "joint")
-    put(joint, name=name, type="revolute")
+    put(joint, name=name, type=projection.joint_type)
     put(append(joint, "parent"), link="base")
     put(append(joint, "child"), link=f"{name}_link")
-    put(append(joint, "axis"), xyz="0 1 0")
-    put(append(joint, "limit"), lower=-3.14159, upper=3.14159, velocity=100.0, effort=1000.0)
+    put(append(joint, "axis"), xyz="1 0 0" if slides else "0 1 0")
+    reach = 10.0 if slides else 3.14159
+    put(append(joint, "limit"), lower=-reach, upper=reach, velocity=100.0, effort=1000.0)
+
+
+def check_type(found: str, projection: Projection, into: Path | None) -> None:
+    """Refuse a joint of a user's file that turns where the model's slides, and the reverse.
+
+    Raises:
+        ParamsError: it does.
+    """
+    if (found == "prismatic") != (projection.joint_type == "prismatic"):
+        raise ParamsError(f"{into}: joint {projection.joint!r} is {found}, and the model's is {projection.joint_type}")
 
 
 def _joint(element: minidom.Element, projection: Projection, *, friction: bool) -> None:

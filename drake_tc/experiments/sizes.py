@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.effects.base import Context, DriveEffect, Effect
-from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.effects.library import LIBRARY
 from drake_tc.types import FloatArray
 
@@ -67,6 +67,7 @@ class Size:
 
 NAMES: Mapping[str, tuple[str, str]] = {
     "payload.declared_gain": ("payload_share", "-"),
+    "payload.sliding": ("payload_mass", "kg*m^2"),
     "elasticity": ("compliance", "rad/(N*m)"),
     "velocity_sign_switch": ("switch", "-"),
     "servo_integrator": ("integral_rate", "1/s"),
@@ -98,17 +99,17 @@ def sizes_found(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[st
     return out
 
 
-def size_of(effect: Effect, numbers: JointNumbers, context: Context) -> Size:
-    """Name, unit and typical value of an effect's size on a joint.
+def size_of(effect: Effect, numbers: JointNumbers, context: Context, units: JointUnits | None = None) -> Size:
+    """Name, unit and typical value of an effect's size on a joint; `units` are those of the context if not given.
 
     The typical value is a tenth of the joint's own friction or about 5 % of its torque, a delay or a lag of 3 ms, and a
-    play of the gear of 1 mrad, unless less than that costs 5 % of the torque of a stiff servo.
+    play of the gear of 1 mrad or 0.1 mm, unless less than that costs 5 % of the torque of a stiff servo.
     """
     name, unit = size_name(effect)
     in_shape = not effect.coefficients and bool(effect.shapes)
     if effect.key == "current_lag.winding":
         in_shape, name, unit = True, "lag", "s"
-    unit = unit.replace("effort", EFFORT_UNIT[context.drive])
+    unit = (context.units if units is None else units).of(unit)
     typical = _typical(effect.key, numbers, context)
     return Size(name, unit, typical, in_shape, effect.id == "saturation")
 
@@ -118,6 +119,7 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
     part = 0.05 * n.torque
     friction = 0.2 * n.coulomb if n.coulomb > 0.02 * n.torque else part
     speed, duration = max(n.speed, 1e-9), context.duration if math.isfinite(context.duration) else 30.0
+    play = 1e-4 if context.units.slides else 1e-3
     values = {
         "rotor_inertia": 0.1 * n.inertia if n.inertia > 0.0 else part / max(speed, 1.0),
         "stribeck": 2.0 * friction,
@@ -140,6 +142,8 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
         "current_lag": 3e-3,
         "current_lag.winding": 3e-3,
         "payload": part,
+        "payload.sliding": 0.1 * n.inertia if n.inertia > 0.0 else part,
+        "cable_spring.beside_weight": 2.0 * part / max(n.span, 1e-9),
         "cable_spring": 2.0 * part / max(n.span, 1e-9),
         "asymmetric_friction": friction,
         "asymmetric_friction.coulomb": friction,
@@ -148,7 +152,7 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
         "torque_ripple": friction,
         "position_dependent_friction": friction,
         "position_dependent_friction.linear": 2.0 * friction / max(n.span, 1e-9),
-        "backlash": min(1e-3, n.gain * 2.0 * part) if context.drive == "position_servo" else 1e-3,
+        "backlash": min(play, n.gain * 2.0 * part) if context.drive == "position_servo" else play,
         "elasticity": 0.1 * n.gain,
         "encoder_eccentricity.shared": n.gain * part if context.drive == "position_servo" else 2e-3,
         "encoder_eccentricity.separate": 2e-3,
@@ -170,6 +174,7 @@ def directions(effect: Effect, numbers: JointNumbers) -> tuple[FloatArray, ...]:
     ratio = numbers.viscous / numbers.coulomb if numbers.coulomb > 0.0 else 0.0
     known: Mapping[str, tuple[float, ...]] = {
         "payload": (1.0, PAYLOAD_ARM),
+        "payload.sliding": (0.0, 1.0),
         "elasticity": (1.0, 1.0 / k),
         "asymmetric_friction": (1.0, ratio),
         "thermal_friction": (-1.0, -ratio),

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.errors import RigError
 from drake_tc.logs.rig_document.declared import Declared
 from drake_tc.simulator_files.read import ANY_JOINT, read_joints
@@ -52,7 +53,7 @@ class DeclaredTerms:
     derivative_gain: float | None = None
     unused: tuple[str, ...] = ()
 
-    def line(self, drive: str) -> str:
+    def line(self, drive: str, joint_type: JointType = "revolute") -> str:
         """What was taken, as a text for people."""
         parts = [f"{name} {value:.4g} {UNITS.get(name, '')}".rstrip() for name, value in self.declared.items() if value]
         parts += [name for name, value in self.declared.items() if value is None]
@@ -61,7 +62,7 @@ class DeclaredTerms:
         parts += [f"saturation {self.saturation:.4g} {unit}"] if self.saturation else []
         parts += [f"derivative_gain {self.derivative_gain:.4g} N m s/rad"] if self.derivative_gain else []
         rest = f"; not used: {', '.join(self.unused)}" if self.unused else ""
-        return f"{self.joint}: declared: {', '.join(parts) or 'nothing'}{rest}"
+        return in_units_of(joint_type, f"{self.joint}: declared: {', '.join(parts) or 'nothing'}{rest}")
 
 
 def declared_terms(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> list[DeclaredTerms]:

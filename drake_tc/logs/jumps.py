@@ -62,9 +62,10 @@ def find_jumps(raw: RawLog, rig: Rig) -> tuple[BoolArray, tuple[str, ...]]:
         for k in rows.tolist():
             end = k + 1 + int(np.argmax(np.isfinite(raw.columns[name][k + 1 :])))
             beside[k : end + 1] = True
+            unit = rig.units_of(name.removesuffix("/position")).position
             size = float(raw.columns[name][end] - raw.columns[name][k])
             notes.append(
-                f"Column {name} jumps by {size:.3g} rad at {raw.time[end] - raw.time[0]:.6g} s"
+                f"Column {name} jumps by {size:.3g} {unit} at {raw.time[end] - raw.time[0]:.6g} s"
                 f" ({file_row(raw.path, end)}) and stays at the new value. The joint moves this fast nowhere else: the"
                 " encoder lost its zero, or rows are missing. The run was split there. If the zero was lost, cut the"
                 " log at this row, and either leave out one part or correct its zero."

@@ -43,9 +43,10 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
         if highest[1][0] > MOST_APART * lowest[1][1]:
             usual = float(np.median([np.log(sum(gain)) for _, gain in clear]))
             odd, other = sorted((highest, lowest), key=lambda each: -round(abs(np.log(sum(each[1])) - usual), 6))
+            unit = rig.units_of(joint).text("N m")
             told = " and ".join(f"{low:.4g} to {high:.4g} in {run.name}" for run, (low, high) in (odd, other))
             raise LogError(
-                f"{odd[0].source or odd[0].name}: the runs are not of one {joint}: the effort for 1 N m of load is"
+                f"{odd[0].source or odd[0].name}: the runs are not of one {joint}: the effort for 1 {unit} of load is"
                 f" {told}; leave out the run of another joint or setting, or state its units"
             )
 

@@ -1,6 +1,6 @@
 """Repair of the angles and measurements of a log: turns undone, what no sensor read taken out; a sentence for each."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,13 +27,13 @@ WITHIN = 2
 """Rows between such a pulse and the answer to it, at most."""
 
 
-def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
+def without_outliers(raw: RawLog, joints: Sequence[str], sliding: Collection[str] = ()) -> RawLog:
     """The log with the turns of its angles undone, and NaN where a sensor did not read; the notes say where.
 
     A sensor did not read in spikes, where it dropped out to 0, at the end of its range, and where it repeated a value
     in motion. Angles of one joint that differ by whole turns are put together. Commands have no spikes: what was
     commanded was commanded. Spikes of currents and voltages are left alone, as switching makes real ones. So are those
-    of torque and velocity at the same time, which answer them.
+    of torque and velocity at the same time, which answer them. Positions of the joints `sliding` have no turns.
 
     Raises:
         LogError: spikes in more than one row in a hundred of a channel.
@@ -42,7 +42,7 @@ def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
     notes: list[str] = []
     for joint in joints:
         notes += _without_dropouts(columns, joint, raw)
-        for name in (f"{joint}/{suffix}" for suffix in ANGLES):
+        for name in () if joint in sliding else (f"{joint}/{suffix}" for suffix in ANGLES):
             if name in columns and (turns := without_turns(columns[name])).rows:
                 columns[name] = turns.values
                 count = len(turns.rows)
@@ -50,7 +50,8 @@ def without_outliers(raw: RawLog, joints: Sequence[str]) -> RawLog:
                     f"Column {name} jumps by whole turns of 2 pi in {count} row{'s' if count > 1 else ''} (the first:"
                     f" {file_row(raw.path, turns.rows[0])}); the turns were undone."
                 )
-        _put_together(columns, joint)
+        if joint not in sliding:
+            _put_together(columns, joint)
         for name in (f"{joint}/{suffix}" for suffix in MEASURED):
             if name in columns:
                 columns[name], note = _without_spikes(columns[name], name, raw, _pulses(columns, joint, name))

@@ -6,16 +6,24 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import savgol_filter
 
+from drake_tc.config.joint_units import JointType
 from drake_tc.errors import LogError
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import scale_of
 from drake_tc.types import BoolArray, FloatArray
 
 DEGREES = 180.0 / np.pi
+OTHER_SPEEDS: Mapping[JointType, tuple[tuple[str, float], ...]] = {
+    "revolute": (("deg/s", DEGREES), ("rpm", 60.0 / (2.0 * np.pi))),
+    "prismatic": (("mm/s", 1e3), ("m/min", 60.0), ("mm/min", 6e4)),
+}
+"""Units in which a velocity may be without a word, with their numbers for 1 rad/s or 1 m/s."""
 SMOOTHING_SECONDS = 0.04
 FASTEST_UNSTATED = 50.0
 """Speed [rad/s] above which a velocity is believed only with a stated unit."""
 TWO_TURNS = 4.0 * np.pi
+LONGEST_AXIS, FASTEST_AXIS = 30.0, 20.0
+"""Travel [m] and speed [m/s] that no joint which slides reaches: numbers in m above are rather mm."""
 
 
 def derivative(values: FloatArray, period: float, order: int = 1) -> FloatArray:
@@ -72,6 +80,9 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
             span = float(np.ptp(values[usable]))
             speed = top_speed(values, period, usable) if suffix == "position" else 0.0
             stated = scale_of(name, rig.units).stated
+            if rig.units_of(joint).slides:
+                _check_length(span, speed, rig, name, path)
+                continue
             if _looks_like_degrees(span, speed, servo=servo, stated=stated):
                 what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")
                 raise LogError(
@@ -83,6 +94,18 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
             _check_command_scale(columns, usable, rig, joint, path)
 
 
+def _check_length(span: float, speed: float, rig: Rig, name: str, path: Path) -> None:
+    """Refuse a position of a joint that slides whose numbers in m are rather mm."""
+    if (span <= LONGEST_AXIS and speed <= FASTEST_AXIS) or scale_of(name, rig.units).stated:
+        return
+    suffix = name.rpartition("/")[2]
+    what = f"spans {span:.4g} m" + (f" at up to {speed:.4g} m/s" if speed else "")
+    raise LogError(
+        f"{path}: column {rig.columns.get(name, name)!r} {what}, no joint that slides does: it looks like mm; set "
+        f"units: {{{suffix}: mm}} in the rig file (or {suffix}: m if it is right)"
+    )
+
+
 def check_speed(velocity: FloatArray, rig: Rig, joint: str, path: Path) -> None:
     """Refuse a velocity (T,) [rad/s] without a position to compare it with whose unit was forgotten.
 
@@ -90,6 +113,13 @@ def check_speed(velocity: FloatArray, rig: Rig, joint: str, path: Path) -> None:
         LogError: It is faster than geared joints are, and the rig file states no unit.
     """
     name, fastest = f"{joint}/velocity", float(np.percentile(np.abs(velocity), 99.9))
+    if rig.units_of(joint).slides:
+        if fastest > FASTEST_AXIS and not scale_of(name, rig.units).stated:
+            raise LogError(
+                f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} m/s, no joint that slides does: "
+                "it looks like mm/s; set units: {velocity: mm/s} in the rig file (or velocity: m/s if it is right)"
+            )
+        return
     if fastest > FASTEST_UNSTATED and not scale_of(name, rig.units).stated:
         raise LogError(
             f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} rad/s, no geared joint does: it "
@@ -106,12 +136,14 @@ def _check_command_scale(
     if spread == 0.0 or command.std() == 0.0 or abs(float(np.corrcoef(command, position)[0, 1])) < 0.9:
         return
     ratio = float(command.std()) / spread
+    slides = rig.units_of(joint).slides
+    kind, factor, unit = ("position", 1e3, "mm") if slides else ("angle", DEGREES, "deg")
     for suffix, scale in (("position_command", ratio), ("position", 1.0 / ratio)):
-        if 0.7 * DEGREES < scale < 1.4 * DEGREES:
+        if 0.7 * factor < scale < 1.4 * factor:
             name = f"{joint}/{suffix}"
             raise LogError(
-                f"{path}: column {rig.columns.get(name, name)!r} is {scale:.3g} times as large as the other angle of "
-                f"{joint}: it looks like degrees; set units: {{{name}: deg}} in the rig file"
+                f"{path}: column {rig.columns.get(name, name)!r} is {scale:.3g} times as large as the other {kind} of "
+                f"{joint}: it looks like {'mm' if slides else 'degrees'}; set units: {{{name}: {unit}}} in the rig file"
             )
 
 
@@ -138,7 +170,7 @@ def check_velocity(
         ratio = float(velocity.std() / rate.std())
         if abs(correlation) < 0.8:
             continue
-        for unit, factor in (("deg/s", DEGREES), ("rpm", 60.0 / (2.0 * np.pi))):
+        for unit, factor in OTHER_SPEEDS[rig.joint_type(joint)]:
             if 0.85 * factor < ratio < 1.15 * factor:
                 raise LogError(
                     f"{path}: column {rig.columns.get(name, name)!r} is {ratio:.3g} times the rate of the position: "

@@ -173,7 +173,9 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = map_columns(table, rig, path)
     rows = len(table)
     del table
-    raw = without_outliers(with_positions(_in_order(raw)), rig.joints)
+    raw = without_outliers(
+        with_positions(_in_order(raw)), rig.joints, [j for j in rig.joints if rig.units_of(j).slides]
+    )
     notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
     beside_jumps, told = find_jumps(raw, rig)
     notes += told

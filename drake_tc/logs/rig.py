@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drake_tc.config.joint_units import JointType, JointUnits
 from drake_tc.config.quoted import quoted
 from drake_tc.config.units import check_sizes
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.declared_file import with_declared_file
+from drake_tc.logs.joint_types import check_sliding_loads, joint_types
 from drake_tc.logs.loads import Load, RobotLoad
 from drake_tc.logs.rig_document.by_joint import values_by_joint
 from drake_tc.logs.rig_document.declared import Declared, declared_of, is_file
@@ -80,6 +82,8 @@ class Rig:
         coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
+        joint_types: Whether a joint turns or slides, by joint; see `joint_type`. The units above are those of joints
+            that turn; `units_of` gives those of each joint.
 
     Example:
         >>> _ = (FOLDER / "rig.yaml").write_text("{joint: knee, drive: current, load: torque}")
@@ -106,6 +110,7 @@ class Rig:
     tares: Mapping[str, tuple[float, float]] = field(default_factory=_empty)
     coupled: Mapping[str, Mapping[str, float]] = field(default_factory=_empty)
     robot_sensors: tuple[str, ...] = ()
+    joint_types: Mapping[str, JointType] = field(default_factory=_empty)
 
     def joint_sensors(self, joint: str) -> JointSensors:
         """What is declared of the joint's own channels; all None where nothing is."""
@@ -120,6 +125,14 @@ class Rig:
         """The tolerance of the robot's IMU `name`; a typical one's where none is declared."""
         found = self.tolerances.get(f"imu_{name}")
         return found if isinstance(found, ImuTolerance) else IMU_PARTS["typical"]
+
+    def joint_type(self, joint: str) -> JointType:
+        """Whether the joint turns or slides."""
+        return self.joint_types.get(joint, "revolute")
+
+    def units_of(self, joint: str) -> JointUnits:
+        """Units of the joint's quantities."""
+        return JointUnits(self.joint_type(joint), self.drive[joint])
 
     def command_column(self, joint: str) -> str:
         """Canonical name of the drive's command, e.g. `<joint>/position_command`; see `COMMAND_COLUMN`."""
@@ -191,7 +204,10 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     joints = read.joint_names
     sensors = read.sensors or SensorsKeys()
     gains, derivative_gains = declared_gains(read)
+    stated = values_by_joint(read.joint_type, joints)
+    types = joint_types(joints, stated, robot, read.units or {})
     load = {joint: load_of(entry) for joint, entry in values_by_joint(read.load, joints).items()}
+    check_sliding_loads(load, types)
     return Rig(
         joints=joints,
         drive=values_by_joint(read.drive, joints),
@@ -209,6 +225,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         tares=sensors.tares(),
         coupled=read.coupled or {},
         robot_sensors=robot_sensors(robot),
+        joint_types=types,
         saturation={
             joint: limit for joint, limit in values_by_joint(read.saturation, joints).items() if limit is not None
         },

@@ -53,6 +53,8 @@ def rig_document(rig: Rig) -> dict[str, Any]:
     if rig.robot is not None:
         document["robot"] = str(rig.robot)
     document["drive"] = _one_or_each(rig.drive)
+    if "prismatic" in rig.joint_types.values():
+        document["joint_type"] = _one_or_each(rig.joint_types)
     if any(load != "torque" for load in rig.load.values()):
         document["load"] = _one_or_each({joint: _load_entry(load) for joint, load in rig.load.items()})
     if any(declared.values()):

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from drake_tc.config.joint_units import TORQUE, JointType
 from drake_tc.errors import LogError
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -16,8 +17,11 @@ from drake_tc.logs.signs import effort_and_motion
 from drake_tc.logs.units import scale_of
 from drake_tc.types import IntArray
 
-UNITS: Mapping[str, float] = {"mN*m": 1e3, "kN*m": 1e-3, "kgf*cm": 10.1972, "9.80665": 0.101972, "0.112985": 8.85075}
-"""What a rig file may say of the column (a number is the factor to N*m) and how much of it is one N*m."""
+UNITS: Mapping[JointType, Mapping[str, float]] = {
+    "revolute": {"mN*m": 1e3, "kN*m": 1e-3, "kgf*cm": 10.1972, "9.80665": 0.101972, "0.112985": 8.85075},
+    "prismatic": {"mN": 1e3, "kN": 1e-3, "kgf": 0.101972, "4.44822": 0.224809},
+}
+"""What a rig file may say of the column (a number is the factor to N*m or N) and how much of it is one N*m or N."""
 NEAR = 0.07
 """Relative distance from such a factor."""
 PARTS = 3
@@ -39,12 +43,13 @@ def check_torque_unit(runs: Sequence[Run], rig: Rig) -> None:
             continue
         units = {_unit_of(run, rig, joint) for run in runs}
         if len(units) == 1 and (unit := units.pop()):
-            shown = f"units of {unit} N*m" if unit[0].isdigit() else unit
+            told = rig.units_of(joint)
+            shown = told.text(f"units of {unit} N*m") if unit[0].isdigit() else unit
             raise LogError(
                 f"{runs[0].source}: column {rig.columns.get(name, name)!r}: with the declared rotor inertia of"
-                f" {inertia:.4g} kg m^2 of {joint}, inertia and load torque balance if the torque is in"
+                f" {inertia:.4g} {told.text('kg m^2')} of {joint}, inertia and load torque balance if the torque is in"
                 f" {shown}; set units: {{torque: {unit}}} in the rig file"
-                " (or torque: N*m if it is right)"
+                f" (or torque: {told.text(TORQUE)} if it is right)"
             )
 
 
@@ -55,7 +60,7 @@ def _unit_of(run: Run, rig: Rig, joint: str) -> str:
         return ""
     declared = rig.known(joint, "rotor_inertia")
     ratio, *parts = [_inertia(run, rig, joint, rows) / declared for rows in (usable, *np.array_split(usable, PARTS))]
-    unit = next((unit for unit, factor in UNITS.items() if abs(ratio / factor - 1.0) < NEAR), "")
+    unit = next((unit for unit, factor in UNITS[rig.joint_type(joint)].items() if abs(ratio / factor - 1.0) < NEAR), "")
     return unit if all(ratio / ALIKE < part < ratio * ALIKE for part in parts) else ""
 
 

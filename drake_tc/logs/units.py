@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from drake_tc.config.joint_units import JointType
 from drake_tc.config.quoted import quoted
 
 _ANGLE = {
@@ -16,17 +17,15 @@ _ANGLE = {
     "deg": math.pi / 180.0,
     "rev": 2.0 * math.pi,
     "turn": 2.0 * math.pi,
-    "m": 1.0,
-    "mm": 1e-3,
 }
-_SPEED = {
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+_ANGULAR_SPEED = {
     "rad/s": 1.0,
     "deg/s": math.pi / 180.0,
     "rpm": 2.0 * math.pi / 60.0,
     "rev/s": 2.0 * math.pi,
-    "m/s": 1.0,
-    "mm/s": 1e-3,
 }
+_SPEED = {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0}
 _TORQUE = {
     "N*m": 1.0,
     "Nm": 1.0,
@@ -35,7 +34,6 @@ _TORQUE = {
     "mNm": 1e-3,
     "kN*m": 1e3,
     "kgf*cm": 0.0980665,
-    "N": 1.0,
 }
 _FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665}
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -43,27 +41,30 @@ TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _CURRENT = {"A": 1.0, "mA": 1e-3}
 _VOLTAGE = {"V": 1.0, "mV": 1e-3}
 _LOOP_GAIN = {"V/rad": 1.0, "A/rad": 1.0}
+_LINEAR_LOOP_GAIN = {"V/m": 1.0, "A/m": 1.0}
 _TEMPERATURE = {"degC": 1.0, "K": 1.0, "degF": 5.0 / 9.0}
 _OFFSET = {"K": -273.15, "degF": -160.0 / 9.0}
 _ACCELERATION = {"m/s^2": 1.0, "g": 9.80665}
 
 JOINT_SUFFIXES: Mapping[str, Mapping[str, float]] = {
-    "position": _ANGLE,
-    "position_command": _ANGLE,
-    "motor_position": _ANGLE,
-    "velocity": _SPEED,
+    "position": _ANGLE | _LENGTH,
+    "position_command": _ANGLE | _LENGTH,
+    "motor_position": _ANGLE | _LENGTH,
+    "velocity": _ANGULAR_SPEED | _SPEED,
     "current": _CURRENT,
     "voltage": _VOLTAGE,
-    "torque": _TORQUE,
-    "torque_command": _TORQUE,
+    "torque": _TORQUE | _FORCE,
+    "torque_command": _TORQUE | _FORCE,
     "temperature": _TEMPERATURE,
     "supply_voltage": _VOLTAGE,
-    "position_gain": _LOOP_GAIN,
+    "position_gain": _LOOP_GAIN | _LINEAR_LOOP_GAIN,
 }
 """What may follow `<joint>/`, with the units that each may be in."""
+_TURNS = {*_ANGLE, *_ANGULAR_SPEED, *_TORQUE, *_LOOP_GAIN}
+_SLIDES = {*_LENGTH, *_SPEED, *_FORCE, *_LINEAR_LOOP_GAIN}
 
 SENSOR_SUFFIXES: Mapping[str, Mapping[str, float]] = {
-    **{f"gyro_{axis}": _SPEED for axis in "xyz"},
+    **{f"gyro_{axis}": _ANGULAR_SPEED for axis in "xyz"},
     **{f"accel_{axis}": _ACCELERATION for axis in "xyz"},
     **{f"f{axis}": _FORCE for axis in "xyz"},
     **{f"t{axis}": _TORQUE for axis in "xyz"},
@@ -78,8 +79,8 @@ COLUMN_MEANING: Mapping[str, str] = {
     "velocity": "Joint velocity.",
     "current": "Motor current (the command of a current drive).",
     "voltage": "Motor voltage (the command of a voltage drive).",
-    "torque_command": "Commanded torque of a torque drive, on the link's side of the gear.",
-    "torque": "Torque on the link's side of the gear, measured or estimated.",
+    "torque_command": "Commanded torque (or force) of a torque drive, on the link's side of the gear.",
+    "torque": "Torque (or force) on the link's side of the gear, measured or estimated.",
     "temperature": "Temperature of the motor or the gear.",
     "supply_voltage": "Voltage that feeds the drive.",
     "position_gain": "Gain of a proportional position loop around a voltage or current drive: effort = gain · "
@@ -141,6 +142,12 @@ def parse_unit(canonical: str, unit: str | float) -> Scale:
             "or a number (scale factor)"
         )
     return Scale(sign * known[name], sign * _OFFSET.get(name, 0.0), stated=True)
+
+
+def joint_type_of_unit(unit: str | float) -> JointType | None:
+    """Whether a unit of a joint's channel is one of joints that turn or of joints that slide; None of either."""
+    name = str(unit).strip().removeprefix("-").strip()
+    return "revolute" if name in _TURNS else "prismatic" if name in _SLIDES else None
 
 
 def scale_of(canonical: str, units: Mapping[str, str | float]) -> Scale:

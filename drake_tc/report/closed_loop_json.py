@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
+from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
 from drake_tc.config.json_values import json_value
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
@@ -35,14 +36,16 @@ def loop_summary(closed: ClosedLoop | None) -> dict[str, Any] | None:
     }
 
 
-def uncertainty_entry(uncertainty: TorqueUncertainty | None, joint: str) -> dict[str, Any] | None:
-    """`joints.NAME.torque_uncertainty`: sigma of the held-out residual as link-side torque."""
+def uncertainty_entry(
+    uncertainty: TorqueUncertainty | None, joint: str, units: JointUnits = TURNING
+) -> dict[str, Any] | None:
+    """`joints.NAME.torque_uncertainty`: sigma of the held-out residual as link-side torque or force."""
     if uncertainty is None or joint not in uncertainty.joints:
         return None
     at = uncertainty.joints.index(joint)
     entry: dict[str, Any] = json_value(
         {
-            "unit": "N*m",
+            "unit": units.text(TORQUE),
             "sigma": float(uncertainty.sigma[at]),
             "ci95": uncertainty.ci95[at],
             "mean": float(uncertainty.mean[at]),

@@ -1,10 +1,13 @@
 """The closed loop before and after, and the torque uncertainty: tables, plots and the words beside them."""
 
 import math
+from collections import defaultdict
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -21,13 +24,14 @@ def closed_loop_section(result: CloseLoopResult) -> dict[str, Any] | None:
     """What the template shows; None where neither was made."""
     if result.closed_loop is None and result.uncertainty is None:
         return None
-    return {"loop": _loop(result.closed_loop), "spread": _spread(result.uncertainty)}
+    units: Mapping[str, JointUnits] = defaultdict(lambda: TURNING, {n: j.units for n, j in result.joints.items()})
+    return {"loop": _loop(result.closed_loop, units), "spread": _spread(result.uncertainty, units)}
 
 
-def _loop(closed: ClosedLoop | None) -> dict[str, Any] | None:
+def _loop(closed: ClosedLoop | None, units: Mapping[str, JointUnits]) -> dict[str, Any] | None:
     if closed is None:
         return None
-    scale = _scale(closed)
+    scales = _scales(closed, units)
     simulated = closed.time is not None
     return {
         "made": bool(closed.joints),
@@ -37,17 +41,22 @@ def _loop(closed: ClosedLoop | None) -> dict[str, Any] | None:
         "plant": closed.plant,
         "controller": closed.controller,
         "reference": f"{closed.run}, {closed.start:.1f} to {closed.end:.1f} s",
-        "rows": [_row(name, joint, scale) for name, joint in closed.joints.items()],
-        "plots": [_plot(f"loop-{i}", name, joint, closed) for i, (name, joint) in enumerate(closed.joints.items())]
+        "rows": [_row(name, joint, scales[name]) for name, joint in closed.joints.items()],
+        "plots": [_plot(f"loop-{i}", name, units[name], closed) for i, name in enumerate(closed.joints)]
         if simulated
         else [],
         "notes": closed.notes,
     }
 
 
-def _scale(closed: ClosedLoop) -> Scale:
-    figures = [f.largest_error for joint in closed.joints.values() for f in (joint.before, joint.after)]
-    return scale_for(max((f for f in figures if math.isfinite(f)), default=0.0), "rad")
+def _scales(closed: ClosedLoop, units: Mapping[str, JointUnits]) -> dict[str, Scale]:
+    """By joint: one prefix for the errors of all joints that turn, one for those of all that slide."""
+    largest: dict[str, float] = {}
+    for name, joint in closed.joints.items():
+        unit = units[name].position
+        figures = [f.largest_error for f in (joint.before, joint.after) if math.isfinite(f.largest_error)]
+        largest[unit] = max([largest.get(unit, 0.0), *figures])
+    return {name: scale_for(largest[units[name].position], units[name].position) for name in closed.joints}
 
 
 def _headline(closed: ClosedLoop) -> str:
@@ -119,11 +128,12 @@ def _figures(figures: LoopFigures, scale: Scale) -> dict[str, Any]:
     }
 
 
-def _plot(prefix: str, name: str, joint: JointClosedLoop, closed: ClosedLoop) -> dict[str, str]:
+def _plot(prefix: str, name: str, units: JointUnits, closed: ClosedLoop) -> dict[str, str]:
+    joint = closed.joints[name]
     time = np.zeros(0) if closed.time is None else closed.time
     errors = {"before": joint.error_before, "after": joint.error_after} if joint.changed else {"": joint.error_after}
     largest = max((_largest(error) for error in errors.values()), default=0.0)
-    scale = scale_for(largest, "rad")
+    scale = scale_for(largest, units.position)
     looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid"), "": (AFTER, "solid")}
     with page_style(prefix):
         figure = new_figure(*SIZE)
@@ -137,7 +147,7 @@ def _plot(prefix: str, name: str, joint: JointClosedLoop, closed: ClosedLoop) ->
             bottom.plot(time, error * scale.factor, color=colour, linestyle=dash, linewidth=1.1, label=label)
         bottom.axhline(0.0, color=MUTED, linewidth=0.6)
         top.tick_params(labelbottom=False)
-        top.set_ylabel("reference [rad]")
+        top.set_ylabel(f"reference [{units.position}]")
         top.set_title(name)
         top.margins(x=0.0)
         bottom.set_ylabel(f"error [{scale.unit}]")
@@ -151,13 +161,13 @@ def _largest(error: FloatArray) -> float:
     return float(np.nanmax(np.abs(error))) if np.isfinite(error).any() else 0.0
 
 
-def _spread(uncertainty: TorqueUncertainty | None) -> dict[str, Any] | None:
+def _spread(uncertainty: TorqueUncertainty | None, units: Mapping[str, JointUnits]) -> dict[str, Any] | None:
     if uncertainty is None:
         return None
     sigma, n = uncertainty.sigma, len(uncertainty.joints)
     rows = []
     for i, joint in enumerate(uncertainty.joints):
-        scale = scale_for(float(sigma[i]), "N*m")
+        scale = scale_for(float(sigma[i]), units[joint].text(TORQUE))
         low, high = (scale.text(float(bound)) for bound in uncertainty.ci95[i])
         time = float(uncertainty.correlation_time[i])
         rows.append(

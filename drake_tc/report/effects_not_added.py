@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.result.joint_result import RejectedEffect
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.report.numbers import percent
@@ -42,6 +43,6 @@ class DidNotHoldRow:
     why: str
 
 
-def did_not_hold_rows(effects: Sequence[DidNotHold]) -> Sequence[DidNotHoldRow]:
+def did_not_hold_rows(effects: Sequence[DidNotHold], units: JointUnits) -> Sequence[DidNotHoldRow]:
     """One row an effect, with the reason in a few words and the evidence in a sentence."""
-    return [DidNotHoldRow(e.title, e.id, REASONS[e.reason], why_withdrawn(e.objection)) for e in effects]
+    return [DidNotHoldRow(e.title, e.id, REASONS[e.reason], why_withdrawn(e.objection, units)) for e in effects]

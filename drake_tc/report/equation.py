@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import Effect
@@ -71,17 +72,17 @@ def model_equations(joint: JointResult) -> list[tuple[str, bool, list[str]]]:
     """(title, whether it was added, `<math>` elements) of the final model: the torque balance, then every effect."""
     values, known = joint.final_parameters, {t.effect.key for t in joint.baseline.terms}
     inertia = joint.train.samples.signals.rotor_inertia
-    rows = [("torque balance", False, [balance(values["drive"]["gain"], inertia)])]
+    rows = [("torque balance", False, [balance(values["drive"]["gain"], inertia, joint.units)])]
     for effect in (t.effect for t in joint.final.terms):
         if effect.equation:
             rows.append((effect.title, effect.key not in known, equations(effect, values[effect.key])))
     return rows
 
 
-def balance(gain: Estimate, rotor_inertia: float) -> str:
+def balance(gain: Estimate, rotor_inertia: float, units: JointUnits = TURNING) -> str:
     """`<math>` of the torque balance with the drive gain [effort/(N m)] and the declared inertia [kg m^2], if any."""
     inertia = " + J * qddot" if rotor_inertia > 0.0 else ""
-    values = {"K": gain, "J": Estimate(rotor_inertia, "kg*m^2", (rotor_inertia, rotor_inertia), False)}
+    values = {"K": gain, "J": Estimate(rotor_inertia, units.of("kg*m^2"), (rotor_inertia, rotor_inertia), False)}
     return _math(f"y_eff / K = tau{inertia} + total(tau_add)", values)
 
 
@@ -130,7 +131,7 @@ class _Writer:
         unit = pretty_unit(self.values[name].unit)
         number = f"<mn>{self._number(name).lstrip('−')}</mn>"
         number = f"<mo>−</mo>{number}" if self._negative_name(name) else number
-        if unit in ("", "1/turn"):
+        if unit in ("", "1/turn", "rad/m"):
             return _Piece(f"<mrow>{number}</mrow>", _SUM if self._negative_name(name) else _ATOM)
         binds = _SUM if self._negative_name(name) else _PRODUCT
         return _Piece(f"<mrow>{number}<mtext>\u00a0{escape(unit)}</mtext></mrow>", binds, ends_with_unit=True)

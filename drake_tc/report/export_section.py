@@ -1,9 +1,11 @@
 """The model in another simulator: what is lost, and the errors of free runs side by side."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.result.export_trial import ExportErrors, ExportTrial
 from drake_tc.report.numbers import UNKNOWN, scale_for
 
@@ -25,22 +27,27 @@ def headings(rows: Sequence[ExportErrors], runner: str) -> tuple[str, ...]:
     return (*known, f"your file, {runner}") if _has_original(rows) else known
 
 
-def cells(rows: Sequence[ExportErrors]) -> list[tuple[str, ...]]:
-    """Of the table of errors, all with one prefix of rad.
+def cells(
+    rows: Sequence[ExportErrors], units: Mapping[str, JointUnits] = MappingProxyType({})
+) -> list[tuple[str, ...]]:
+    """Of the table of errors, those of one unit with one prefix.
 
     Args:
         rows: One a joint and run.
+        units: By joint, where one slides.
     """
     errors = [(row.model, row.export, row.original)[: 3 if _has_original(rows) else 2] for row in rows]
-    sizes = [e for each in errors for e in each if e is not None and math.isfinite(e)]
-    scale = scale_for(max(sizes, default=0.0), "rad")
+    unit_of = [units.get(row.joint, JointUnits()).position for row in rows]
+    sizes: dict[str, float] = {}
+    for unit, each in zip(unit_of, errors, strict=True):
+        sizes[unit] = max([sizes.get(unit, 0.0), *(e for e in each if e is not None and math.isfinite(e))])
     return [
-        (row.joint, row.run, *(scale.quantity(e) if e is not None else UNKNOWN for e in each))
-        for row, each in zip(rows, errors, strict=True)
+        (row.joint, row.run, *(UNKNOWN if e is None else scale_for(sizes[unit], unit).quantity(e) for e in each))
+        for row, unit, each in zip(rows, unit_of, errors, strict=True)
     ]
 
 
-def export_section(trial: ExportTrial | None) -> dict[str, Any] | None:
+def export_section(trial: ExportTrial | None, units: Mapping[str, JointUnits]) -> dict[str, Any] | None:
     """What the template shows; None where no export was tried."""
     if trial is None:
         return None
@@ -49,7 +56,7 @@ def export_section(trial: ExportTrial | None) -> dict[str, Any] | None:
         "command": f"drake-tc export {trial.model_file} --to {trial.to}",
         "losses": trial.losses,
         "headings": headings(trial.rows, trial.runner),
-        "rows": cells(trial.rows),
+        "rows": cells(trial.rows, units),
         "how": HOW,
     }
 

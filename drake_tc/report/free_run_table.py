@@ -30,7 +30,7 @@ def free_run_table(joint: JointResult) -> FreeRunTable:
     runs = sorted(traces, key=lambda run: (run in held, natural(run)))
     errors = {run: [position_errors(traces[run], name) for name in models] for run in runs}
     sizes = [value for found in errors.values() for pair in found if pair is not None for value in pair]
-    scale = scale_for(max((value for value in sizes if math.isfinite(value)), default=0.0), "rad")
+    scale = scale_for(max((value for value in sizes if math.isfinite(value)), default=0.0), joint.units.position)
     rows = []
     for run in runs:
         rms, absolute = (tuple("–" if e is None else scale.quantity(e[which]) for e in errors[run]) for which in (0, 1))

@@ -32,7 +32,7 @@ from drake_tc.report.panels import residual_cards
 from drake_tc.report.plot_library import plot_script, plot_style
 from drake_tc.report.refinement_section import refinement_section
 from drake_tc.report.residual_plots import LEGEND
-from drake_tc.report.sentences.experiments import experiment_sentence
+from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.set_up import set_up_sentences
 from drake_tc.report.shared_section import shared_section
@@ -109,7 +109,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
         set_up=[Markup(CODE.sub(r"<code>\1</code>", str(escape(line)))) for line in set_up_sentences(result.set_up)],
         closed=closed_loop_section(result),
-        export=export_section(result.export),
+        export=export_section(result.export, {name: joint.units for name, joint in result.joints.items()}),
     )
     return utf8_text(page)
 
@@ -157,6 +157,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "id": prefix,
         "name": joint.joint,
         "unit": joint.unit,
+        "units": joint.units,
         "verdict": joint.verdict,
         "verdict_words": verdict_words(joint),
         "headline": headline(joint),
@@ -184,12 +185,12 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "free_runs": free_run_table(joint),
         "refinement": refinement_section(joint),
         "parameters": parameter_rows(joint),
-        "did_not_hold": did_not_hold_rows(joint.did_not_hold),
+        "did_not_hold": did_not_hold_rows(joint.did_not_hold, joint.units),
         "consistency": consistency_rows(joint),
         "tried": tried,
         "barred": barred,
         "indistinguishable": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],
-        "next_experiment": None if joint.next_experiment is None else experiment_sentence(joint.next_experiment),
+        "next_experiment": next_experiment(joint),
         "left": {
             "fraction": percent(left.fraction),
             "structure": structure_words(left),
@@ -204,7 +205,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
             "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,
         },
         "leftovers": leftover_plots(joint, prefix, budget.held),
-        "notes": note_sentences(joint.notes),
+        "notes": note_sentences(joint.notes, joint.units),
         "runs": [*data_rows(joint.train, "training"), *data_rows(joint.heldout, "held-out")],
         "facts": data_facts(joint),
         "held_cards": [drawing.card() for drawing in held],

@@ -10,7 +10,7 @@ SPACE = "\u00a0"
 """Between a number and its unit: never broken across lines."""
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-_PREFIXED = ("rad", "A", "V", "N·m", "rad/s", "s")
+_PREFIXED = ("rad", "m", "A", "V", "N·m", "N", "rad/s", "m/s", "s")
 
 
 def pretty_unit(unit: str) -> str:

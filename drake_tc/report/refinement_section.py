@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.refinement import Refinement, RefinementStatus
@@ -33,9 +34,9 @@ class RefinementSection:
     balance: str
 
 
-def refinement_sentence(refinement: Refinement) -> str:
+def refinement_sentence(refinement: Refinement, units: JointUnits = TURNING) -> str:
     """What came of the output error, in one or two sentences."""
-    train, left_out = (_fall(pair) for pair in (refinement.train, refinement.cross_validated))
+    train, left_out = (_fall(pair, units) for pair in (refinement.train, refinement.cross_validated))
     runs = f" on the training runs, {left_out} on the runs left out in turn" if left_out else " on the training runs"
     if refinement.accepted:
         return f"Output error: {MODEL_FILE} follows the recorded position better; mean absolute error {train}{runs}."
@@ -46,11 +47,11 @@ def refinement_sentence(refinement: Refinement) -> str:
     return f"Output error: there is no refined model, because {WHY_NOT[refinement.status]}{why}."
 
 
-def _fall(pair: tuple[float, float] | None) -> str:
+def _fall(pair: tuple[float, float] | None, units: JointUnits) -> str:
     """`20 mrad → 5 mrad`: with the model after, and refined."""
     if pair is None:
         return ""
-    scale = scale_for(max(pair), "rad")
+    scale = scale_for(max(pair), units.position)
     return " → ".join(scale.quantity(value) for value in pair)
 
 
@@ -70,7 +71,7 @@ def refinement_section(joint: JointResult) -> RefinementSection | None:
         )
         for p in found.parameters
     )
-    return RefinementSection(refinement_sentence(found), parameters, _balance(joint, found))
+    return RefinementSection(refinement_sentence(found, joint.units), parameters, _balance(joint, found))
 
 
 def _balance(joint: JointResult, found: Refinement) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.export_trial import ExportTrial
@@ -14,7 +15,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
 from drake_tc.report.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
 from drake_tc.report.refinement_json import free_runs_json, refinement_json
-from drake_tc.report.sentences.experiments import experiment_sentence
+from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.rejection import why_rejected
@@ -120,13 +121,13 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             for r in joint.rejected
         ],
         "indistinguishable": [list(pair) for pair in joint.indistinguishable],
-        "next_experiment": None if joint.next_experiment is None else experiment_sentence(joint.next_experiment),
+        "next_experiment": next_experiment(joint),
         "did_not_hold": [
             {
                 "id": d.id,
                 "key": d.key,
                 "reason": d.reason,
-                "why": why_withdrawn(d.objection),
+                "why": why_withdrawn(d.objection, joint.units),
                 "heldout_gain": _number(d.heldout_gain),
             }
             for d in joint.did_not_hold
@@ -150,7 +151,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "plausible": _plausible(joint),
         "gain_identified": joint.gain_identified,
         "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
-        "notes": list(note_sentences(joint.notes)),
+        "notes": list(note_sentences(joint.notes, joint.units)),
     }
 
 
@@ -185,12 +186,13 @@ def links_json(links: FittedLinks) -> dict[str, Any]:
     }
 
 
-def export_json(trial: ExportTrial | None) -> dict[str, Any] | None:
+def export_json(trial: ExportTrial | None, units: Mapping[str, JointUnits]) -> dict[str, Any] | None:
     """The entry of report.json; null where no export was tried."""
     if trial is None:
         return None
     document = {"to": trial.to, "runner": trial.runner, "model": trial.model_file, "losses": list(trial.losses)}
-    return json_value(document | {"free_runs": [asdict(row) | {"unit": "rad"} for row in trial.rows]})  # type: ignore[no-any-return]
+    rows = [asdict(row) | {"unit": units[row.joint].position} for row in trial.rows]
+    return json_value(document | {"free_runs": rows})  # type: ignore[no-any-return]
 
 
 def result_json(result: CloseLoopResult) -> dict[str, Any]:
@@ -202,7 +204,7 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
             name: joint_json(joint)
             | {
                 "closed_loop": loop_entry(result.closed_loop, name),
-                "torque_uncertainty": uncertainty_entry(result.uncertainty, name),
+                "torque_uncertainty": uncertainty_entry(result.uncertainty, name, joint.units),
             }
             for name, joint in result.joints.items()
         },
@@ -210,7 +212,7 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
         "links": None if result.links is None else links_json(result.links),
         "set_up": set_up_json(result.set_up),
         "closed_loop": loop_summary(result.closed_loop),
-        "export": export_json(result.export),
+        "export": export_json(result.export, {name: joint.units for name, joint in result.joints.items()}),
         "seconds": result.seconds,
         "logs": list(result.train_files),
         "holdout": list(result.heldout_files),

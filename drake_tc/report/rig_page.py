@@ -4,6 +4,7 @@ from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
 
+from drake_tc.config.joint_units import in_units_of
 from drake_tc.config.keys import Keys
 from drake_tc.config.page import key_table, table
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
@@ -70,7 +71,12 @@ def _column_table() -> str:
 
 def _units(suffix: str) -> tuple[str, str]:
     units = list(allowed_units(suffix))
-    return ("°C" if suffix == "temperature" else units[0], ", ".join(f"`{unit}`" for unit in units))
+    slides = in_units_of("prismatic", units[0])
+    if suffix == "temperature":
+        si = "°C"
+    else:
+        si = f"{units[0]} or {slides}" if suffix in JOINT_SUFFIXES and slides != units[0] else units[0]
+    return si, ", ".join(f"`{unit}`" for unit in units)
 
 
 def _effect_table() -> str:

@@ -83,14 +83,19 @@ def quantity(split: DataSplit, key: str, effort_unit: str, stretches: Sequence[T
     if not np.isfinite(values).any():
         return None
     title, unit = LABELS[key]
-    unit = effort_unit if key in ("effort", "command") else unit
+    unit = effort_unit if key in ("effort", "command") else split.samples.units.text(unit)
     return Quantity(key, title, f"{title} [{unit}]" if unit else title, values)
 
 
 def modulo(split: DataSplit, cycles: float) -> Quantity:
-    """Position within one period of `cycles` periods a turn, in degrees."""
+    """Position within one period of `cycles` periods a turn, in degrees; of a joint that slides, in mm."""
+    position = split.samples.signals.position[split.samples.rows]
+    if split.samples.units.slides:
+        length = 2e3 * np.pi / cycles
+        label = f"position modulo {length:.3g} mm"
+        return Quantity(f"modulo-{cycles:.6g}", label, f"{label} [mm]", np.mod(1e3 * position, length))
     period = 360.0 / cycles
-    position = np.degrees(split.samples.signals.position[split.samples.rows])
+    position = np.degrees(position)
     title = f"position modulo {period:.3g}° ({cycles:.4g} a turn)"
     return Quantity(f"modulo-{cycles:.6g}", title, f"position modulo {period:.3g}° [°]", np.mod(position, period))
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import DataSplit
@@ -61,8 +62,8 @@ def error_table(joint: JointResult) -> ErrorTable:
     free = (joint.before.free_run_heldout, joint.after.free_run_heldout)
     largest = max((v for v in errors if np.isfinite(v)), default=0.0)
     of_free = max((v for v in free if v is not None and np.isfinite(v)), default=0.0)
-    scale = scale_for(max(largest, of_free) if joint.unit == "rad" else largest, joint.unit)
-    torque = scale_for(largest / gain, "N*m")
+    scale = scale_for(max(largest, of_free) if joint.unit == joint.units.position else largest, joint.unit)
+    torque = scale_for(largest / gain, joint.units.torque)
     pairs = (
         ("training runs", joint.before.train, joint.after.train),
         ("held-out runs", joint.before.heldout, joint.after.heldout),
@@ -70,7 +71,7 @@ def error_table(joint: JointResult) -> ErrorTable:
     rows = [_error_row(name, b, a, scale, torque, gain, largest) for name, b, a in pairs]
     if any(v is not None for v in free):
         b, a = (float("nan") if v is None else v for v in free)
-        position = scale if joint.unit == "rad" else scale_for(of_free, "rad")
+        position = scale if joint.unit == joint.units.position else scale_for(of_free, joint.units.position)
         rows.append(_error_row("free run, held-out", b, a, position, None, gain, of_free))
     explainable = joint.unexplained.explainable_rms
     return ErrorTable(
@@ -79,7 +80,7 @@ def error_table(joint: JointResult) -> ErrorTable:
         floor_torque=torque.quantity(joint.noise_floor / gain),
         explainable=scale.quantity(explainable),
         explainable_torque=torque.quantity(explainable / gain),
-        gain=f"{significant(gain, 4)} {pretty_unit(joint.unit)}/(N·m)",
+        gain=f"{significant(gain, 4)} {joint.units.text(f'{pretty_unit(joint.unit)}/(N·m)')}",
     )
 
 
@@ -217,7 +218,8 @@ def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
         [float(np.max(np.abs(values[rows]), initial=0.0)) for rows in rows_of]
         for values in (signals.velocity, signals.load_torque)
     )
-    of_speed, of_load = scale_for(max(speeds, default=0.0), "rad/s"), scale_for(max(loads, default=0.0), "N*m")
+    of_speed = scale_for(max(speeds, default=0.0), samples.units.text("rad/s"))
+    of_load = scale_for(max(loads, default=0.0), samples.units.torque)
     out = []
     for k in sorted(range(len(samples.runs)), key=lambda k: natural(samples.runs[k])):
         mine, rows = samples.run_of_sample == k, rows_of[k]
@@ -235,13 +237,14 @@ def data_rows(split: DataSplit, role: str) -> Sequence[DataRow]:
     return out
 
 
-def _motion_facts(resolution: Resolution) -> Sequence[tuple[str, str]]:
+def _motion_facts(resolution: Resolution, units: JointUnits) -> Sequence[tuple[str, str]]:
     """Step and noise of the encoder, or of the velocity where that was recorded alone."""
     sensor, name, unit = "encoder", "position", "rad"
     step, noise = resolution.position_step, resolution.position_noise
     if resolution.raw_velocity_noise > 0.0:
         sensor, name, unit = "velocity", "velocity", "rad/s"
         step, noise = resolution.velocity_step, resolution.raw_velocity_noise
+    unit = units.text(unit)
     shown = scale_for(step, unit).quantity(step) if step > 0.0 else "finer than its noise"
     return ((f"{sensor} step", shown), (f"{name} noise", scale_for(noise, unit).quantity(noise)))
 
@@ -249,17 +252,21 @@ def _motion_facts(resolution: Resolution) -> Sequence[tuple[str, str]]:
 def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
     """Filters and resolution: (what, how much)."""
     samples = joint.train.samples
-    resolution = samples.resolution
+    resolution, units = samples.resolution, samples.units
     facts = [
         ("sampling period", scale_for(samples.signals.period, "s").quantity(samples.signals.period)),
         ("filter width", scale_for(samples.light.actual_width_s, "s").quantity(samples.light.actual_width_s)),
         ("spacing of the rows", scale_for(samples.row_period, "s").quantity(samples.row_period)),
-        *_motion_facts(resolution),
+        *_motion_facts(resolution, units),
         (
             "velocity noise after filtering",
-            scale_for(resolution.velocity_noise, "rad/s").quantity(resolution.velocity_noise),
+            scale_for(resolution.velocity_noise, units.text("rad/s")).quantity(resolution.velocity_noise),
         ),
-        ("torque noise", scale_for(resolution.torque_noise, "N*m").quantity(resolution.torque_noise)),
+        ("torque noise", scale_for(resolution.torque_noise, units.torque).quantity(resolution.torque_noise)),
     ]
     inertia = samples.signals.rotor_inertia
-    return [*facts, ("declared rotor inertia", f"{significant(inertia, 4)} kg·m²")] if inertia > 0.0 else facts
+    return (
+        [*facts, ("declared rotor inertia", f"{significant(inertia, 4)} {units.text('kg·m²')}")]
+        if inertia > 0.0
+        else facts
+    )

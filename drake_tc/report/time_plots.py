@@ -47,7 +47,7 @@ def effort_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None:
 def position_plot(joint: JointResult, prefix: str, most: int) -> TimePlot | None:
     """Recorded position and those of the models driven by the recorded command; None without a free run."""
     traces = position_traces(joint.free_run, joint.heldout.samples.runs)
-    return _plot(traces, "position", "rad", f"{prefix}-position", most)
+    return _plot(traces, "position", joint.units.position, f"{prefix}-position", most)
 
 
 def _plot(traces: Sequence[Trace], quantity: str, unit: str, name: str, most: int) -> TimePlot | None:

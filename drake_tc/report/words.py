@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.problem.shared.causes import TITLES
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained, Verdict
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -63,9 +64,9 @@ def signal_name(name: str) -> str:
     return LABELS[name][0].split(",")[0] if name in LABELS else name.replace("_", " ")
 
 
-def signal_range(name: str, low: float, high: float) -> str:
+def signal_range(name: str, low: float, high: float, units: JointUnits) -> str:
     """A signal's range with its unit, such as "24 to 59 °C"."""
-    scale = scale_for(max(abs(low), abs(high)), LABELS[name][1])
+    scale = scale_for(max(abs(low), abs(high)), units.text(LABELS[name][1]))
     return f"{scale.text(low)} to {scale.quantity(high)}"
 
 
@@ -133,7 +134,7 @@ def unexplained(joint: JointResult) -> str:
     """What is left in the residual, in one sentence that can follow "However,"."""
     left = joint.unexplained
     if left.structured and left.beyond is not None:
-        return _extrapolated(left.beyond) + "."
+        return _extrapolated(left.beyond, joint.units) + "."
     parts = []
     if not left.structured and left.excess:
         elsewhere = ""
@@ -146,7 +147,7 @@ def unexplained(joint: JointResult) -> str:
             "an effect that needs another sensor"
         )
         if left.beyond is not None:
-            causes = capital(_extrapolated(left.beyond))
+            causes = capital(_extrapolated(left.beyond, joint.units))
         return (
             f"the remaining error on the held-out runs is {significant(left.floors, 2)} times the noise floor"
             f"{elsewhere} and {percent(left.share_of_signal)} of the effort's RMS. {causes}."
@@ -177,11 +178,11 @@ def _near(joint: JointResult) -> str:
     )
 
 
-def _extrapolated(beyond: BeyondTraining) -> str:
+def _extrapolated(beyond: BeyondTraining, units: JointUnits) -> str:
     return (
         f"{percent(beyond.share)} of the remaining error lies where the {signal_name(beyond.signal)} is outside the "
-        f"range of the training runs ({signal_range(beyond.signal, *beyond.trained)}), so the effects are extrapolated "
-        "there"
+        f"range of the training runs ({signal_range(beyond.signal, *beyond.trained, units)}), so the effects are "
+        "extrapolated there"
     )
 
 
@@ -193,7 +194,7 @@ def band_sentence(joint: JointResult) -> str:
     if band.limit_hz == 0.0:
         return "none: the model explains less than half of the effort's power even below 0.5 Hz"
     left = scale_for(band.heldout, joint.unit).quantity(band.heldout)
-    torque = scale_for(band.heldout / joint.final.gain, "N*m").quantity(band.heldout / joint.final.gain)
+    torque = scale_for(band.heldout / joint.final.gain, joint.units.torque).quantity(band.heldout / joint.final.gain)
     return f"up to {significant(band.limit_hz)} Hz, where {left} ({torque}) is left on the held-out runs"
 
 

@@ -14,10 +14,10 @@ from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import merged, read_yaml
 from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty
 from drake_tc.errors import ParamsError
-from drake_tc.robot.packages import resolve
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.robot.rotors import file_rotors
+from drake_tc.simulator_files.packages import resolve
 from drake_tc.tsid.document import PAPER_SHARE, ControllerDocument, FormulationKeys
 from drake_tc.tsid.kinds import read_limits, read_task
 from drake_tc.tsid.law import Law

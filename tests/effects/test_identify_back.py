@@ -86,6 +86,7 @@ CASES: dict[str, Case] = {
     "delay.position_sensor": Case("current", {"delay": 0.006}, bias=0.05),
     "current_lag": Case("voltage", {"lag": 0.015}),
     "payload": Case("current", {"payload_moment": 2.0, "payload_inertia": 0.08}, loads=(BENCH, LIGHTER)),
+    "payload.sliding": Case("current", {"payload_weight": 1.5, "payload_mass": 0.08}, loads=(BENCH, LIGHTER)),
     "payload.pendulum": Case("current", {"payload_moment": 2.0, "hang_angle": 0.0}, pendulum=True),
     "payload.own_arm": Case(
         "current",
@@ -101,6 +102,7 @@ CASES: dict[str, Case] = {
     "thermal_friction": Case(
         "voltage", {"coulomb_per_kelvin": -0.05, "viscous_per_kelvin": -0.1, "thermal_rate": 0.02}
     ),
+    "presliding_hysteresis.sliding": Case("position_servo", {"presliding": 2.0, "presliding_travel": 0.03}),
     "presliding_hysteresis": Case("position_servo", {"presliding": 2.0, "presliding_travel": 0.03}),
     "torque_ripple": Case("current", {"ripple_cosine": 0.8, "ripple_sine": -0.5, "cycles_per_turn": 18.0}),
     "position_dependent_friction.linear": Case("current", {"friction_slope": -0.8, "middle": 0.0, "half_travel": 3.0}),
@@ -139,8 +141,9 @@ CASES: dict[str, Case] = {
 }
 
 
-ELSEWHERE = {"servo_gain", "static_friction"}
-"""A free drive gain holds the first, rows at rest the second: test_servo_gain.py and test_break_away.py."""
+ELSEWHERE = {"servo_gain", "static_friction", "cable_spring.beside_weight"}
+"""A free drive gain holds the first, rows at rest the second, an unknown load of a sliding joint the third:
+test_servo_gain.py, test_break_away.py and tests/diagnosis/test_sliding_joint.py."""
 
 
 def test_every_effect_of_the_library_has_a_case():

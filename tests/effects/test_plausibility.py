@@ -48,6 +48,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     "delay.torque_sensor": ({"delay": 0.012}, {"delay": 0.06}, "50 ms"),
     "current_lag": ({"lag": 0.015}, {"lag": 0.09}, "L/R"),
     "payload": ({"payload_moment": 5.0, "payload_inertia": 0.2}, {"payload_inertia": -1.0}, "m^2"),
+    "payload.sliding": ({"payload_weight": 2.0, "payload_mass": 0.3}, {"payload_weight": 9.0}, "weighs at most"),
     "payload.pendulum": ({"payload_moment": 5.0, "hang_angle": 0.2}, {"payload_moment": -0.1}, "mass"),
     "payload.own_arm": (
         {"payload_moment": 5.0, "payload_inertia": 0.2, "hang_angle": 0.2},
@@ -55,6 +56,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         "m^2",
     ),
     "payload.declared_gain": ({"payload_share": -0.5}, {"payload_share": -0.9}, "another load"),
+    "cable_spring.beside_weight": ({"spring_stiffness": 5.0}, {"spring_stiffness": -1.0}, "release energy"),
     "cable_spring": ({"spring_stiffness": 1.0, "spring_preload": 2.0}, {"spring_stiffness": -0.7}, "release energy"),
     "asymmetric_friction": (
         {"coulomb_asymmetry": 2.0, "viscous_asymmetry": 1.0},
@@ -68,6 +70,7 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
         {"coulomb_per_kelvin": 0.9},
         "-0.6 to 0.6 N*m/K",
     ),
+    "presliding_hysteresis.sliding": ({"presliding": 3.0, "presliding_travel": 0.01}, {"presliding": 4.0}, "0 to 3.6"),
     "presliding_hysteresis": ({"presliding": 3.0, "presliding_travel": 0.03}, {"presliding": 4.0}, "0 to 3.6 N*m"),
     "torque_ripple": (
         {"ripple_cosine": 1.0, "ripple_sine": -1.0, "cycles_per_turn": 18.0},

@@ -81,14 +81,17 @@ CLOSED = {
     ),
     "torque_ripple": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, wave(q, p, "ripple_cosine", "ripple_sine")),
     "load_tilt": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["tilt_moment"] * math.cos(q)),
+    "cable_spring.beside_weight": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["spring_stiffness"] * q),
     "cable_spring": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["spring_stiffness"] * q + p["spring_preload"]),
     "thermal_friction": lambda q, v, d, tau, celsius, z, p: (
         p["coulomb_per_kelvin"] * warmth(celsius, p["thermal_rate"]),
         p["viscous_per_kelvin"] * warmth(celsius, p["thermal_rate"]),
         0.0,
     ),
+    "presliding_hysteresis.sliding": lambda q, v, d, tau, celsius, z, p: (-p["presliding"], 0.0, p["presliding"] * z),
     "presliding_hysteresis": lambda q, v, d, tau, celsius, z, p: (-p["presliding"], 0.0, p["presliding"] * z),
     "payload": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_moment"] * math.sin(q)),
+    "payload.sliding": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_weight"]),
     "payload.pendulum": lambda q, v, d, tau, celsius, z, p: (
         0.0,
         0.0,
@@ -100,6 +103,7 @@ CLOSED = {
         p["payload_moment"] * math.sin(q - p["hang_angle"]),
     ),
     "payload.declared_gain": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["payload_share"] * tau),
+    "unknown_load.sliding": lambda q, v, d, tau, celsius, z, p: (0.0, 0.0, p["constant"]),
     "unknown_load.pendulum": lambda q, v, d, tau, celsius, z, p: (
         0.0,
         0.0,
@@ -167,6 +171,10 @@ def test_every_equation_has_a_closed_form_here_and_a_part_in_the_joint():
     assert left == {
         "run_in_friction",
         "asymmetric_friction.coulomb",
+        "payload.sliding",
+        "presliding_hysteresis.sliding",
+        "unknown_load.sliding",
+        "cable_spring.beside_weight",
         "payload.pendulum",
         "payload.own_arm",
     }  # other forms are there
@@ -210,7 +218,7 @@ def test_over_a_log_it_is_the_closed_form(key):
         v, d = log.velocity[k], log.direction[k]
         now = (log.position[k], v, d, log.load_torque[k], log.temperature[k], d)
         level, damping, rest = CLOSED[key](*now, p)
-        inertia = p.get("inertia", p.get("rotor_inertia", p.get("payload_inertia", 0.0)))
+        inertia = p.get("inertia", p.get("rotor_inertia", p.get("payload_inertia", p.get("payload_mass", 0.0))))
         expected.append(level * d + damping * v + rest + inertia * log.acceleration[k])
     assert_allclose(effect(key).torque(log, p), expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected)))
 

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.analysis.executors import processes
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
@@ -201,7 +202,9 @@ def test_the_rounding_error_of_an_exact_identity_gives_no_size():
 
 def test_torques_of_unknown_scale_are_stated_in_the_unit_of_the_effort(prepared):
     train = copy(prepared.train)
-    train.samples = replace(prepared.train.samples, torque_unit="rad")
+    train.samples = replace(
+        prepared.train.samples, units=JointUnits("revolute", "position_servo", torque_as_effort=True)
+    )
     told = joint_effects(replace(prepared, train=train))
     assert not [each.key for each in told.effects if "N*m" in each.size.unit + each.reason]
     declared = next(

@@ -191,3 +191,19 @@ def invoke_inspect(capsys):
         return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 
     return call
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "quantity", "unit"),
+    [
+        ("z_pos_mm", "z", "position", "mm"),
+        ("z_vel [mm/s]", "z", "velocity", "mm/s"),
+        ("z_force_N", "z", "torque", "N"),
+        ("load_cell [N]", "", "torque", "N"),
+        ("theta_m", "", "motor_position", ""),
+    ],
+)
+def test_names_of_a_linear_axis(name, joint, quantity, unit):
+    told = meaning(name)
+    assert told is not None
+    assert (told.joint, told.quantity, told.unit) == (joint, quantity, unit)

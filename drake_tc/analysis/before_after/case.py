@@ -8,7 +8,14 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.analysis.before_after.held_out_motion import HeldOutMotion, held_out_motion
-from drake_tc.analysis.before_after.pendulum_robot import Swing, fitted_swing, swing_of, write_pendulum_robot
+from drake_tc.analysis.before_after.pendulum_robot import (
+    Slide,
+    Swing,
+    fitted_slide,
+    fitted_swing,
+    swing_of,
+    write_pendulum_robot,
+)
 from drake_tc.diagnosis.data.samples import one_clock
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
@@ -77,7 +84,7 @@ def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
     else:
         path = write_pendulum_robot({name: _swing(rig, joint) for name, joint in result.joints.items()}, folder)
         given = all(isinstance(load, Pendulum) for load in rig.load.values())
-        plant = "a pendulum on each joint, " + (
+        plant = f"{_carried(result)} on each joint, " + (
             "as the rig file gives it (of runs with different masses, the first)"
             if given
             else "of the inertia and the weight that the logged load torque shows"
@@ -85,6 +92,11 @@ def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
     largest = max(float(np.abs(side.signals.effort).max()) for side in sides.values())
     masses, notes = _shared(result.shared)
     return LoopCase(path, plant, before, after, motion, max(0.2, 3.0 * largest), seed, masses, notes)
+
+
+def _carried(result: CloseLoopResult) -> str:
+    sliding = {joint.units.slides for joint in result.joints.values()}
+    return "a pendulum or a sliding mass" if len(sliding) > 1 else "a mass" if True in sliding else "a pendulum"
 
 
 def _shared(causes: Sequence[SharedEffect]) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -100,25 +112,27 @@ def _shared(causes: Sequence[SharedEffect]) -> tuple[dict[str, float], tuple[str
     return masses, tuple(notes)
 
 
-def _swing(rig: Rig, joint: JointResult) -> Swing:
-    """The pendulum on a joint: the rig's, or the one that a run's load is most alike."""
+def _swing(rig: Rig, joint: JointResult) -> Swing | Slide:
+    """The pendulum or sliding mass on a joint: the rig's, or the one that a run's load is most alike."""
     load = rig.load[joint.joint]
     if isinstance(load, Pendulum):
         return swing_of(load)
     if load == "unknown":
         raise ParamsError(f"the load of {joint.joint} is unknown, so there is no plant to simulate")
-    found = []
+    found: list[tuple[Swing | Slide, float] | None] = []
     for samples in (joint.train.samples, joint.heldout.samples):
         signals = samples.signals
         for run in range(len(samples.runs)):
             rows = samples.rows[samples.run == run]
             if rows.size >= FEWEST_ROWS:
                 q, v, a = (x[rows] for x in (signals.position, signals.velocity, signals.acceleration))
-                found.append(fitted_swing(q, v, a, signals.load_torque[rows]))
+                tau = signals.load_torque[rows]
+                found.append(fitted_slide(v, a, tau) if joint.units.slides else fitted_swing(q, v, a, tau))
     best = max((each for each in found if each is not None), key=lambda each: each[1], default=None)
     if best is None:
+        kind = "mass with its weight" if joint.units.slides else "pendulum"
         raise ParamsError(
-            f"the logged load of {joint.joint} is not that of a pendulum, so there is no plant to simulate;"
+            f"the logged load of {joint.joint} is not that of a {kind}, so there is no plant to simulate;"
             " `robot:` in the rig file would give one"
         )
     return best[0]

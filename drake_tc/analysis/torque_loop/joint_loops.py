@@ -11,7 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.design import LoopDesign
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import TorqueLoopSpec
-from drake_tc.robot.joint_axis import joint_axes
+from drake_tc.robot.joint_axis import PRISMATIC, joint_axes
 from drake_tc.robot.plant import make_plant
 
 GRAVITY = 9.81
@@ -86,8 +86,10 @@ def _weights(design: LoopDesign) -> dict[str, dict[str, Any]]:
     robot = design.robot
     plant: Any = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
+    positions = np.array(plant.GetPositions(context))
     for name, position in zip(robot.joints, design.posture, strict=True):
-        plant.GetJointByName(name).set_angle(context, position)
+        positions[plant.GetJointByName(name).position_start()] = position
+    plant.SetPositions(context, positions)
     sensed = [_beyond(plant, mount.joint) for mount in robot.force_torque]
     found: dict[str, dict[str, Any]] = {}
     for name in robot.joints:
@@ -117,7 +119,12 @@ def _beyond(plant: MultibodyPlant, weld: str) -> list[Any]:
 
 
 def _about(plant: Any, context: Any, joint: Any, bodies: list[Any]) -> tuple[float, float]:
-    """(inertia [kg m^2], stiffness -d tau_gravity/dq [N m/rad]) of bodies about a joint's axis."""
+    """(inertia [kg m^2], stiffness -d tau_gravity/dq [N m/rad]) of bodies about a joint's axis.
+
+    Of a prismatic joint, (mass [kg], 0 [N/m]): gravity does not change along its axis.
+    """
+    if joint.type_name() == PRISMATIC:
+        return float(plant.CalcSpatialInertia(context, joint.frame_on_parent(), bodies).get_mass()), 0.0
     frame, axis = joint.frame_on_parent(), joint_axes(plant, [joint])[0]
     spatial = plant.CalcSpatialInertia(context, frame, bodies)
     weight = frame.CalcPoseInWorld(context).rotation().matrix().T @ [0.0, 0.0, -GRAVITY * spatial.get_mass()]

@@ -17,7 +17,7 @@ from drake_tc.diagnosis.data.sensors import encoder_of, resolution_of
 from drake_tc.diagnosis.data.silent_effort import silent_effort
 from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows
 from drake_tc.effects.base import Context, Signals
-from drake_tc.effects.context import EFFORT_UNIT, LoadKind
+from drake_tc.effects.context import LoadKind
 from drake_tc.estimation.coupled_gears import ACCELERATION
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
@@ -145,7 +145,7 @@ def build_samples(
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest)
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
-    direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution)
+    direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution, rig.joint_type(joint))
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
         for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
@@ -206,7 +206,7 @@ def build_samples(
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
         load_unknown=unknown_form(load) is not None,
         effort_age=effort_age,
-        torque_unit=EFFORT_UNIT[rig.drive[joint]] if scale.as_effort else "N*m",
+        units=replace(rig.units_of(joint), torque_as_effort=scale.as_effort),
         position_late=position_late,
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
@@ -268,5 +268,7 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         duration=float(s.time.max()),
         position_recorded=samples.resolution.raw_velocity_noise == 0.0,
         tolerances=rig.joint_sensors(joint).tolerances,
+        joint_type=rig.joint_type(joint),
+        load_follows_position=not (rig.units_of(joint).slides and unknown_form(load) == "pendulum"),
         **_slow_channels(s, rows),
     )

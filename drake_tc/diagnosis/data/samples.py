@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
@@ -39,7 +40,7 @@ class Samples:
         floor: What noise alone leaves in the rows.
         row_period: Mean time between rows inside a block [s].
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
-        torque_unit: Unit of all torques: N*m, or the effort's where nothing fixes the scale (`load_scale`).
+        units: Of the joint's quantities; torques are told as effort where nothing fixes their scale (`load_scale`).
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
         position_late: Delay with which the position is recorded [s].
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
@@ -65,7 +66,7 @@ class Samples:
     notes: tuple[RunNote, ...] = field(default=())
     load_unknown: bool = False
     effort_age: float = 0.0
-    torque_unit: str = "N*m"
+    units: JointUnits = TURNING
     link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None
     loop_gains: tuple[float, ...] = ()

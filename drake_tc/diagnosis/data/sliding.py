@@ -1,10 +1,11 @@
 """Where the joint resolvably slides, which way, and which samples may therefore take part in the regression."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
+from drake_tc.config.joint_units import JointType
 from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -14,18 +15,23 @@ LEAST_ROWS = 50
 """Fewest rows of a regression."""
 BLOCK_SECONDS = 0.5
 MAX_ROWS = 60_000
-LEAST_TRAVEL = 1e-3
-"""Travel after a reversal or stop [rad] before the joint counts as sliding: bristles of any gear wind up over less."""
+LEAST_TRAVEL: Mapping[JointType, float] = {"revolute": 1e-3, "prismatic": 1e-4}
+"""Travel after a reversal or stop [rad or m] before the joint counts as sliding: bristles of any gear, guide or screw
+wind up over less."""
 STILL = 0.2
 """Mean speed over the resolved speed, below which a joint that does not resolvably move stands still."""
 
 
 def direction_of_motion(
-    q: FloatArray, v: FloatArray, segments: Sequence[slice], resolution: Resolution
+    q: FloatArray,
+    v: FloatArray,
+    segments: Sequence[slice],
+    resolution: Resolution,
+    joint_type: JointType = "revolute",
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Direction of the last resolved motion, travel since it turned, and where both are certain."""
     threshold = resolution.least_speed
-    least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL)
+    least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL[joint_type])
     direction, travel = np.zeros_like(q), np.zeros_like(q)
     moving = np.zeros(q.size, dtype=bool)
     for s in segments:

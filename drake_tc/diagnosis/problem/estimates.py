@@ -8,14 +8,12 @@ import numpy as np
 from drake_tc.diagnosis.problem.columns import Columns, Term, prior_coefficients
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.identification.autocorrelation import critical_value_95
 from drake_tc.identification.regression import least_squares
 from drake_tc.types import BoolArray, FloatArray
 
-GAIN_UNIT = "effort/(N*m)"
 COLLINEAR = 1e-12
 """Least eigenvalue of the scaled columns' Gram matrix, below which it is asked what a shape adds to the others."""
 UNSEEN = 1e-9
@@ -92,11 +90,12 @@ def estimates(columns: Columns, fitted: Fit, drive: str) -> Mapping[str, Mapping
     covariance[np.ix_(~dead, ~dead)] = linear.hac_covariance
     critical = critical_value_95(linear.bandwidth, columns.target.size)
     named = physical_parameters(fitted, fitted.beta, values)
-    units = {"drive": {"gain": unit_on_drive(GAIN_UNIT, drive, "N*m")}}
+    told = columns.samples.units.on(drive)
+    units = {"drive": {"gain": told.gain}}
     bounds: dict[str, dict[str, tuple[float, float]]] = {"drive": {"gain": (0.0, np.inf)}}
     for term in fitted.terms:
         ps = term.effect.parameters
-        units[term.effect.key] = {p.name: unit_on_drive(p.unit, drive, columns.samples.torque_unit) for p in ps}
+        units[term.effect.key] = {p.name: told.of(p.unit) for p in ps}
         bounds[term.effect.key] = {p.name: (p.lower, p.upper) for p in ps}
     out: dict[str, dict[str, Estimate]] = {}
     for key, group in named.items():
@@ -145,11 +144,3 @@ def _undetermined(jacobian: FloatArray, dead: BoolArray, coefficients: int) -> B
         explained = scaled[:, others] @ np.linalg.lstsq(scaled[:, others], scaled[:, j], rcond=None)[0]
         out[j] = np.linalg.norm(scaled[:, j] - explained) < UNSEEN
     return out
-
-
-def unit_on_drive(unit: str, drive: str, torque: str) -> str:
-    """A parameter's unit on this drive, with `torque` in place of N*m where torques are told as effort."""
-    unit = unit.replace("effort", EFFORT_UNIT[drive])
-    if torque == "N*m":
-        return unit
-    return unit.replace("kg*m^2", f"{torque}*s^2/rad").replace("(N*m)", torque).replace("N*m", torque)

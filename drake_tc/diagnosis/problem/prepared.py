@@ -10,6 +10,7 @@ from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
+from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.command_hold import command_is_held
 from drake_tc.diagnosis.problem.declared import (
@@ -88,6 +89,7 @@ def _samples(build: Build, train_runs: Sequence[Run], held_runs: Sequence[Run]) 
             return same(train_runs, final_s=narrow), same(held_runs, final_s=narrow)
 
 
+@errors_in_joint_units
 def prepare_joint(
     train_runs: Sequence[Run],
     held_runs: Sequence[Run],

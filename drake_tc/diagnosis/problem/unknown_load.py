@@ -19,7 +19,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, MAX_CONDITION
 from drake_tc.effects.base import Context, Signals
-from drake_tc.effects.unknown_load import CURVE_LOADS, PENDULUM, SMOOTH_LOADS, UnknownLoadEffect
+from drake_tc.effects.unknown_load import CURVE_LOADS, PENDULUM, SLIDER, SMOOTH_LOADS, UnknownLoadEffect
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.regression import least_squares
@@ -37,7 +37,7 @@ def possible_loads(rig: Rig, joint: str) -> tuple[UnknownLoadEffect, ...]:
     if form is None:
         return ()
     if form == "pendulum":
-        return (PENDULUM,)
+        return (SLIDER,) if rig.units_of(joint).slides else (PENDULUM,)
     return SMOOTH_LOADS if load_scale(rig, joint).fitted_inertia else CURVE_LOADS
 
 

@@ -21,10 +21,10 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from drake_tc.diagnosis.problem.columns import Columns, prior_coefficients
-from drake_tc.diagnosis.problem.estimates import GAIN_UNIT, block_lengths, unit_on_drive
+from drake_tc.diagnosis.problem.estimates import block_lengths
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.result.joint_result import ParameterByCondition
-from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95
@@ -63,9 +63,8 @@ def splits(columns: Columns, drive: DriveKind) -> Iterator[Split]:
         yield Split("run", tuple(samples.runs[int(r)] for r in runs), part)
     gains = np.array(samples.loop_gains)[samples.run]
     if np.isfinite(gains).all() and 2 <= (known := np.unique(gains)).size < runs.size:
-        yield Split(
-            "gain", tuple(f"{gain:.4g} {EFFORT_UNIT[drive]}/rad" for gain in known), np.searchsorted(known, gains)
-        )
+        unit = samples.units.on(drive).of("effort/rad")
+        yield Split("gain", tuple(f"{gain:.4g} {unit}" for gain in known), np.searchsorted(known, gains))
     s = samples.signals.take(samples.rows)
     load = np.abs(s.expected_torque)
     yield Split("load", ("small load", "large load"), (load > np.median(load)).astype(int))
@@ -82,10 +81,8 @@ def consistency(columns: Columns, final: Fit, drive: DriveKind) -> tuple[Paramet
     """
     terms = [(t.effect.key, p.name, p.unit) for t in final.terms for p in t.effect.coefficients]
     units = ("", *(unit for _, _, unit in terms))
-    names = tuple(
-        (key, name, unit_on_drive(unit, drive, columns.samples.torque_unit))
-        for key, name, unit in (("drive", "gain", GAIN_UNIT), *terms)
-    )
+    told = columns.samples.units.on(drive)
+    names = (("drive", "gain", told.gain), *((key, name, told.of(unit)) for key, name, unit in terms))
     design, target = columns.design(final.terms), columns.target
     held = prior_coefficients(final.terms)
     held[0] = columns.effort_is_target  # nothing in the rows tells the gain then

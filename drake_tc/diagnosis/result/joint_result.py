@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import Note
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit
@@ -140,7 +141,7 @@ class JointResult:
     what an unknown load, and the drive's declared scale and damping, mean for this result; they are among the `notes`
     too. `set_up_wrong`: no effects were looked for, because errors of the robot's set-up were found. `free_run` holds,
     by held-out run, time, recorded position and the free runs "before", "after" and, where the refinement was accepted,
-    "refined".
+    "refined". `unit` is that of the effort, `units` are those of the joint's other quantities.
     """
 
     joint: str
@@ -171,6 +172,7 @@ class JointResult:
     load_notes: tuple[Note, ...] = ()
     refinement: Refinement | None = None
     set_up_wrong: bool = False
+    units: JointUnits = TURNING
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:

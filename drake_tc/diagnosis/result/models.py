@@ -32,7 +32,8 @@ def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
                 tuple(name for name, e in group.items() if e.at_bound),
             )
         )
-    return ActuatorModel(joint.joint, Drive(joint.drive, parameters["drive"]["gain"].value), tuple(effects))
+    drive = Drive(joint.drive, parameters["drive"]["gain"].value)
+    return ActuatorModel(joint.joint, drive, tuple(effects), joint.units.joint_type)
 
 
 def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
@@ -74,7 +75,11 @@ def _save_refined(result: CloseLoopResult, path: Path) -> None:
     models = simulation_models(result)[1]
     free = {name: each.train for name, each in found.items() if each.train is not None}
     errors = {
-        name: {"unit": "rad", "after": float(f"{pair[0]:.4g}"), "refined": float(f"{pair[1]:.4g}")}
+        name: {
+            "unit": result.joints[name].units.position,
+            "after": float(f"{pair[0]:.4g}"),
+            "refined": float(f"{pair[1]:.4g}"),
+        }
         for name, pair in free.items()
     }
     provenance = _provenance(result) | {"refined": sorted(found), "mean_absolute_error_of_training_free_runs": errors}

@@ -43,5 +43,6 @@ def plausible_ranges(fitted: Fit, context: Context) -> Mapping[str, Mapping[str,
         for p in () if isinstance(term.effect, LinkLoad) else term.effect.parameters:
             if p.plausible is not None:
                 low, high = plausible_range(p, known)
-                out.setdefault(term.effect.key, {})[p.name] = PlausibleRange(low, high, p.plausible.source)
+                source = context.units.text(p.plausible.on(context.joint_type).source)
+                out.setdefault(term.effect.key, {})[p.name] = PlausibleRange(low, high, source)
     return out

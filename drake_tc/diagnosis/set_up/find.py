@@ -9,7 +9,6 @@ from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
 from drake_tc.diagnosis.set_up.changes import Change
 from drake_tc.diagnosis.set_up.rows import set_up_rows
 from drake_tc.diagnosis.set_up.search import search_set_up
-from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
@@ -86,11 +85,10 @@ def _units(change: Change, joints: Sequence[str], rig: Rig) -> dict[str, str | f
     found: dict[str, str | float] = {}
     for joint in joints:
         command = rig.command_column(joint)
-        servo = rig.drive[joint] == "position_servo"
         if turned:
-            found[f"{joint}/position"] = _opposite(rig, f"{joint}/position", "rad")
+            found[f"{joint}/position"] = _opposite(rig, f"{joint}/position", rig.units_of(joint).position)
         if driven:
-            found[command] = _opposite(rig, command, "rad" if servo else EFFORT_UNIT[rig.drive[joint]])
+            found[command] = _opposite(rig, command, rig.units_of(joint).effort)
     return found
 
 

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from drake_tc.config.joint_units import TORQUE
 from drake_tc.diagnosis.notes import LogRemark
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.effects.delay import shift
 from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.types import FloatArray
@@ -74,13 +74,14 @@ def _position_step(prepared: Prepared) -> Finding | None:
         return None
     share = resolution.position_step / max(float(np.std(samples.signals.position)), 1e-300)
     level: Level = "note" if share > 0.2 * COARSE else "good"
-    text = f"The position has steps of {resolution.position_step:.3g} rad"
-    text += f"; speeds below {resolution.least_speed:.2g} rad/s are not resolved, and samples there take no part."
-    return Finding("position step", level, resolution.position_step, "rad", text)
+    unit = samples.units.position
+    text = f"The position has steps of {resolution.position_step:.3g} {unit}"
+    text += f"; speeds below {resolution.least_speed:.2g} {unit}/s are not resolved, and samples there take no part."
+    return Finding("position step", level, resolution.position_step, unit, text)
 
 
 def _effort_step(prepared: Prepared) -> Finding | None:
-    samples, unit = prepared.train.samples, EFFORT_UNIT[prepared.context.drive]
+    samples, unit = prepared.train.samples, prepared.context.units.effort
     step, spread = samples.resolution.effort_step, float(np.std(samples.signals.effort[samples.rows]))
     if step <= 0.0:
         return None
@@ -93,7 +94,7 @@ def _effort_step(prepared: Prepared) -> Finding | None:
 def _limit(prepared: Prepared) -> Finding | None:
     if any(isinstance(n, LogRemark) and "rests at its limit" in n.statement for n in prepared.train.samples.notes):
         return None  # the notes on the logs say so, of the recorded effort
-    effort, unit = prepared.train.samples.signals.effort, EFFORT_UNIT[prepared.context.drive]
+    effort, unit = prepared.train.samples.signals.effort, prepared.context.units.effort
     largest = float(np.max(np.abs(effort)))
     share = float(np.mean(np.abs(effort) > 0.995 * largest))
     if share < AT_LIMIT:
@@ -197,21 +198,22 @@ def _signs(declared: Fit, prepared: Prepared) -> Finding:
             values += [float(declared.beta[at])]
         at += len(term.effect.coefficients)
     wrong = [name for name, value in zip(names, values, strict=True) if value < 0.0]
-    gain, unit = declared.gain, EFFORT_UNIT[prepared.context.drive]
+    gain, units = declared.gain, prepared.train.samples.units
     if wrong:
         text = (
             f"The declared model fits with a negative {' and '.join(wrong)}: a column has the wrong sign, or an effect "
             "is missing."
         )
-        return Finding("declared model", "warning", gain, f"{unit}/(N*m)", text)
-    text = f"The declared model fits with positive friction and a drive gain of {gain:.3g} {unit}/(N*m)."
-    if prepared.train.samples.torque_unit != "N*m":
+        return Finding("declared model", "warning", gain, units.gain, text)
+    text = f"The declared model fits with positive friction and a drive gain of {gain:.3g} {units.gain}."
+    if units.torque_as_effort:
         text = (
             f"The declared model fits with positive friction. Nothing in the rig file fixes the scale of the unknown "
-            f"load, so that torques are stated as effort [{unit}]; declare drive_gain to get N*m."
+            f"load, so that torques are stated as effort [{units.effort}]; declare drive_gain to get "
+            f"{units.text(TORQUE)}."
         )
-        return Finding("declared model", "note", float("nan"), f"{unit}/(N*m)", text)
-    return Finding("declared model", "good", gain, f"{unit}/(N*m)", text)
+        return Finding("declared model", "note", float("nan"), units.gain, text)
+    return Finding("declared model", "good", gain, units.gain, text)
 
 
 def _energy(prepared: Prepared, numbers: JointNumbers) -> Finding | None:
@@ -239,6 +241,8 @@ def _gravity(prepared: Prepared) -> Finding | None:
         return None
     s, rows = prepared.train.samples.signals, prepared.train.samples.rows
     q, tau = s.position[rows], s.load_torque[rows]
+    if prepared.context.units.slides:
+        return _moved_mass(s.acceleration[rows], tau)
     basis = np.column_stack([np.sin(q), np.cos(q), s.acceleration[rows], np.ones(rows.size)])
     if np.linalg.cond(basis[:, [0, 1, 3]]) > 300.0:
         return Finding(
@@ -256,6 +260,21 @@ def _gravity(prepared: Prepared) -> Finding | None:
         "other loads."
     )
     return Finding("gravity", "good", moment, "N*m", text)
+
+
+def _moved_mass(acceleration: FloatArray, force: FloatArray) -> Finding:
+    """Of the measured force (N,) of a joint that slides, what a mass with its weight makes."""
+    basis = np.column_stack([acceleration, np.ones(force.size)])
+    mass, constant = (float(b) for b in np.linalg.lstsq(basis, force, rcond=None)[0])
+    share = 1.0 - float(np.var(force - basis @ [mass, constant]) / max(np.var(force), 1e-300))
+    if mass < 0.0 and share > 0.9:
+        text = f"The load force falls with the acceleration ({mass:.2g} kg): its sign, or its clock, is wrong."
+        return Finding("gravity", "warning", constant, "N", text)
+    text = (
+        f"A mass of {max(mass, 0.0):.3g} kg and a constant force of {constant:.3g} N explain {100.0 * share:.0f} % of "
+        "the load force; the rest is other loads."
+    )
+    return Finding("gravity", "good", constant, "N", text)
 
 
 def worst(found: Sequence[Finding]) -> Level:

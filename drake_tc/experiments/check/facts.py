@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.effects.base import Context
 
@@ -24,7 +25,7 @@ class MotionFacts:
         inertial: RMS of the torque that the accelerations need [N m], of a link of the whole inertia.
         rise: Change of the recorded temperature [K]; NaN where it was not recorded.
         duration: Of the longest run [s].
-        torque_unit: N*m, or the unit of the effort where nothing fixes the scale of the torques.
+        units: Of the joint; torques are told as effort where nothing fixes their scale.
     """
 
     speed: float
@@ -39,7 +40,7 @@ class MotionFacts:
     inertial: float
     rise: float
     duration: float
-    torque_unit: str = "N*m"
+    units: JointUnits = TURNING
 
     @classmethod
     def of(cls, columns: Columns, context: Context, inertia: float) -> "MotionFacts":
@@ -65,5 +66,5 @@ class MotionFacts:
             inertial=inertia * float(np.sqrt(np.mean(s.acceleration[rows] ** 2))),
             rise=float(warm[1] - warm[0]),
             duration=context.duration,
-            torque_unit=columns.samples.torque_unit,
+            units=columns.samples.units,
         )

@@ -1,11 +1,10 @@
 """One joint's effects at its recorded motions: which would be seen, from which size on, and which would be confused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.estimates import unit_on_drive
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.selection.joint import candidates
 from drake_tc.effects.base import Effect
@@ -111,8 +110,7 @@ def joint_effects(prepared: Prepared, effects: Sequence[Effect] | None = None) -
 
 def _size(effect: Effect, numbers: JointNumbers, prepared: Prepared) -> Size:
     """`size_of`, in the unit of the effort where nothing fixes the scale of the torques."""
-    size, drive = size_of(effect, numbers, prepared.context), prepared.context.drive
-    return replace(size, unit=unit_on_drive(size.unit, drive, prepared.train.samples.torque_unit))
+    return size_of(effect, numbers, prepared.context, prepared.train.samples.units)
 
 
 def _noise(prepared: Prepared, builder: ContributionBuilder, made: dict[str, list[Contribution]]) -> Noise:

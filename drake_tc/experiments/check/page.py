@@ -64,11 +64,11 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
         return [PageSection(name, warnings=(joint.refusal,))]
     good = [f.text for f in joint.findings if f.level != "warning"]
     doubtful = [f.text for f in joint.findings if f.level == "warning"]
-    noise = joint.effects.noise
+    noise, unit = joint.effects.noise, pretty_unit(joint.effects.facts.units.torque)
     explain = (
-        f"Noise leaves {significant(noise.floor)} N·m of the torque balance; the best model of all effects leaves "
-        f"{significant(noise.left)} N·m with {significant(noise.independent)} independent samples. An effect is found "
-        "from the size on at which it explains enough beside that, whatever most of its other parameters are. "
+        f"Noise leaves {significant(noise.floor)} {unit} of the torque balance; the best model of all effects leaves "
+        f"{significant(noise.left)} {unit} with {significant(noise.independent)} independent samples. An effect is "
+        "found from the size on at which it explains enough beside that, whatever most of its other parameters are. "
         "“Seen” compares this size with the typical size, from which on an effect matters to the user of a model."
     )
     table = PageTable(

@@ -19,7 +19,7 @@ def _load_sign(f: MotionFacts) -> str:
         return ""
     low, high = f.load
     return (
-        f"The load torque never changes its sign in motion: it stays between {low:.3g} and {high:.3g} {f.torque_unit}."
+        f"The load torque never changes its sign in motion: it stays between {low:.3g} and {high:.3g} {f.units.torque}."
     )
 
 
@@ -32,7 +32,8 @@ def _load_change(f: MotionFacts) -> str:
 def _never_slow(f: MotionFacts) -> str:
     if f.slow > 0.05:
         return ""
-    return f"The joint is hardly ever slow: {100 * f.slow:.0f} % of the rows are below a tenth of {f.speed:.3g} rad/s."
+    tenth = f"a tenth of {f.speed:.3g} {f.units.position}/s"
+    return f"The joint is hardly ever slow: {100 * f.slow:.0f} % of the rows are below {tenth}."
 
 
 def _temperature(f: MotionFacts) -> str:
@@ -51,12 +52,12 @@ def _slow_accelerations(f: MotionFacts) -> str:
     largest = max(abs(f.load[0]), abs(f.load[1]), 1e-12)
     if f.inertial > 0.15 * largest:
         return ""
-    shares = f"{f.inertial:.2g} {f.torque_unit} of torques up to {largest:.3g} {f.torque_unit}"
+    shares = f"{f.inertial:.2g} {f.units.torque} of torques up to {largest:.3g} {f.units.torque}"
     return f"The accelerations are slow: inertia accounts for {shares}."
 
 
 def _small_travel(f: MotionFacts) -> str:
-    return "" if f.span > 0.5 else f"The joint travels over {f.span:.2g} rad only."
+    return "" if f.span > f.units.large_travel else f"The joint travels over {f.span:.2g} {f.units.position} only."
 
 
 def _short(f: MotionFacts) -> str:
@@ -126,7 +127,7 @@ def sentence(effect_id: str, evidence: Evidence) -> str:
         verb = "explains" if len(evidence.imitators) == 1 else "together explain"
         part = "all" if evidence.kept <= NUMERICAL else f"{share:.3g} %"
         return f"At these motions {' and '.join(evidence.imitators)} {verb} {part} of what it does."
-    unit = evidence.facts.torque_unit
+    unit = evidence.facts.units.torque
     return (
         f"An effect{size} changes the torque by {evidence.remainder:.2g} {unit}, and the noise asks for "
         f"{evidence.least:.2g} {unit}."

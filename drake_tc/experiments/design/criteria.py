@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.experiments.check.visibility import Noise
 from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
@@ -57,10 +56,10 @@ class Parameters(Criterion):
     @property
     def unit_names(self) -> tuple[str, ...]:
         """Of the parameters; the drive's is that of 1/K."""
-        unit = EFFORT_UNIT[self.joint.context.drive]
-        own = [] if self.joint.gain_held else [f"N*m/{unit}"]
+        units = self.joint.context.units
+        own = [] if self.joint.gain_held else [units.of("N*m/effort")]
         for term in self.joint.declared:
-            own += [p.unit.replace("effort", unit) for p in term.effect.coefficients]
+            own += [units.of(p.unit) for p in term.effect.coefficients]
         return (*own, *(form.size.unit for form in self.forms))
 
     def columns(self, columns: BalanceColumns) -> FloatArray:

@@ -142,7 +142,7 @@ def _sliding(joint: DesignJoint, signals: Signals, step: float) -> FloatArray:
     """(T,) weight of each sample: 1 where a diagnosis takes it, 0 near reversals, with a smooth passage."""
     slow = max(joint.slowest, SLOW * joint.numbers.speed)
     speed, travel = signals.velocity**2, signals.travel**2
-    moving = speed / (speed + slow**2) * travel / (travel + LEAST_TRAVEL**2)
+    moving = speed / (speed + slow**2) * travel / (travel + LEAST_TRAVEL[joint.context.joint_type] ** 2)
     reach = max(1, round(REACH * joint.final_width / step))
     return np.asarray(minimum_filter1d(moving, 2 * reach + 1, mode="nearest"))
 

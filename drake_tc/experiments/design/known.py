@@ -77,6 +77,7 @@ def joint_from_logs(
         velocity=float(np.percentile(np.abs(s.velocity[rows]), 99.9)),
         acceleration=float(np.percentile(np.abs(s.acceleration[rows]), 99.9)),
         torque=1.05 * found.numbers.torque,
+        units=prepared.context.units,
     )
     return made, limits, prepared
 
@@ -89,7 +90,8 @@ def _load(prepared: Prepared, rig: Rig, joint: str) -> tuple[float, float, float
     s, rows = prepared.train.samples.signals, prepared.train.samples.rows
     q, tau = s.position[rows], s.load_torque[rows]
     basis = np.column_stack([s.acceleration[rows], np.sin(q), np.cos(q), np.ones(rows.size)])
-    if np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > 300.0:  # a small travel tells no gravity
+    slides = prepared.context.units.slides  # gravity does not follow its position
+    if slides or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > 300.0:  # a small travel tells no gravity
         basis = basis[:, [0, 3]]
         beta = np.linalg.lstsq(basis, tau, rcond=None)[0]
         return max(float(beta[0]), 0.0), 0.0, 0.0, float(beta[1])

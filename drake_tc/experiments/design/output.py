@@ -159,10 +159,11 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
             ("logs so far", "growing sinusoid", "designed motion"),
         )
         time, motion = design.motion(100.0)
+        unit = design.limits.units.position
         how = (
-            f"Move the joint to {motion[0, 0]:.4g} rad and let it rest. The motion begins and ends at rest and lasts "
-            f"{time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with a lead-in and a "
-            "lead-out."
+            f"Move the joint to {motion[0, 0]:.4g} {unit} and let it rest. The motion begins and ends at rest and "
+            f"lasts {time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with "
+            "a lead-in and a lead-out."
         )
         sections.append(
             PageSection(
@@ -190,9 +191,9 @@ def _plot_of(motion: FloatArray, step: float, limits: JointLimits, joint: str, n
     """The same of a motion (4, T)."""
     time = np.arange(motion.shape[1]) * step
     labels: Sequence[tuple[str, tuple[float, float]]] = (
-        ("q [rad]", limits.position),
-        ("velocity [rad/s]", (-limits.velocity, limits.velocity)),
-        ("acceleration [rad/s²]", (-limits.acceleration, limits.acceleration)),
+        (limits.units.text("q [rad]"), limits.position),
+        (limits.units.text("velocity [rad/s]"), (-limits.velocity, limits.velocity)),
+        (limits.units.text("acceleration [rad/s²]"), (-limits.acceleration, limits.acceleration)),
     )
     with page_style(name):
         figure = new_figure(9.0, 5.0)

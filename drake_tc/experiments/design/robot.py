@@ -9,13 +9,14 @@ Source: Swevers, Ganseman, Tukel, De Schutter and Van Brussel (1997) for Fourier
 columns and the minimum distance between links are added here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import BPoly
 
+from drake_tc.config.joint_units import JointType, JointUnits
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.collisions import Collisions
@@ -35,6 +36,7 @@ from drake_tc.experiments.design.run import Expected
 from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
+from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -49,7 +51,9 @@ LEAD_RATE_HZ = 10.0
 ACCELERATION_TIME = 0.4
 """Time in which a joint may reach its largest speed [s]: the acceleration limit where the robot file gives none."""
 UNKNOWN_SPAN = np.pi
-"""Travel of a joint without position limits, to both sides of its posture [rad]."""
+"""Travel of a joint that turns and has no position limits, to both sides of its posture [rad]."""
+UNKNOWN_SPEED: Mapping[JointType, float] = {"revolute": 2.0, "prismatic": 0.2}
+"""Largest speed of a joint without a limit of its speed [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,18 +153,24 @@ def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]
     """Of the robot file, narrowed by what is given (velocity, acceleration, jerk, bandwidth_hz).
 
     Raises:
-        ParamsError: Limits that are not possible.
+        ParamsError: Limits that are not possible, or a joint that slides without position limits.
     """
     for name, value in given.items():
         if value is not None and not value > 0.0:
             raise ParamsError(f"{name}: expected a positive limit, got {value:g}")
-    known = joint_limits(robot)
+    known, tags = joint_limits(robot), read_urdf(robot.urdf, robot.splits).joints
     out = []
-    for i in range(len(robot.joints)):
+    for i, name in enumerate(robot.joints):
+        kind: JointType = "prismatic" if tags[name].kind == "prismatic" else "revolute"
+        if kind == "prismatic" and not np.isfinite([known.lower[i], known.upper[i]]).all():
+            raise ParamsError(
+                f"joint {name} slides and has no position limits; state them in the URDF, or in the robot file as "
+                f"limits: {{{name}: {{lower: ..., upper: ...}}}} [m]"
+            )
         middle = float(robot.posture[i])
         low = float(known.lower[i]) if np.isfinite(known.lower[i]) else middle - UNKNOWN_SPAN
         high = float(known.upper[i]) if np.isfinite(known.upper[i]) else middle + UNKNOWN_SPAN
-        speed = float(known.velocity[i]) if np.isfinite(known.velocity[i]) else 2.0
+        speed = float(known.velocity[i]) if np.isfinite(known.velocity[i]) else UNKNOWN_SPEED[kind]
         speed = min(speed, given.get("velocity") or np.inf)
         effort = float(known.effort[i]) if np.isfinite(known.effort[i]) else np.inf
         limits = JointLimits(
@@ -170,6 +180,7 @@ def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]
             jerk=given.get("jerk") or np.inf,
             torque=min(effort, given.get("torque") or np.inf),
             bandwidth_hz=given.get("bandwidth_hz") or BANDWIDTH_HZ,
+            units=JointUnits(kind),
         )
         out.append(limits)
     return tuple(out)

@@ -13,6 +13,7 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
+from drake_tc.config.joint_units import TORQUE
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.criteria import Criterion
@@ -163,8 +164,8 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
             return np.asarray(mean * one + share * swing)
         share *= 0.93
     raise ParamsError(
-        f"joint {joint.name}: no motion about {mean:.3g} rad keeps the torque limit of {limits.torque:.3g} N*m; raise "
-        "it or move the position limits"
+        f"joint {joint.name}: no motion about {mean:.3g} {limits.units.position} keeps the torque limit of "
+        f"{limits.torque:.3g} {limits.units.text(TORQUE)}; raise it or move the position limits"
     )
 
 

@@ -56,9 +56,10 @@ def tracking_warning(joint: DesignJoint, limits: JointLimits, motion: FloatArray
     speed, acceleration = (float(np.abs(row).max()) for row in made[1:3])
     if speed <= FOLLOWED * limits.velocity and acceleration <= FOLLOWED * limits.acceleration:
         return ()
-    return (
+    text = (
         f"The position servo's stiffness and the inertia resonate: as its logs are fitted, the joint would reach "
         f"{speed:.3g} rad/s and {acceleration:.3g} rad/s² where the limits are {limits.velocity:.3g} rad/s and "
         f"{limits.acceleration:.3g} rad/s². Design the motion with --bandwidth {highest:.2g}, up to which the servo "
-        "follows its command.",
+        "follows its command."
     )
+    return (joint.context.units.text(text),)

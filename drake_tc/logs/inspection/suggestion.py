@@ -63,7 +63,8 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     document["load"] = _same(loads)
     if "unknown" in loads.values():
         notes.append(
-            "No torque was measured: `load: unknown` fits a pendulum to each such joint. With a URDF, `robot: FILE` and"
+            "No torque was measured: `load: unknown` fits a pendulum to each such joint, a mass and a constant force to"
+            " one that slides. With a URDF, `robot: FILE` and"
             " `load: {robot: fitted}` fit the links of the whole robot instead."
         )
     renamed = {column.canonical: column.name for column in used if column.canonical != column.name}

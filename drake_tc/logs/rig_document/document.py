@@ -6,6 +6,7 @@ from typing import Annotated, Literal, TypeAlias, get_args
 from pydantic import Field, ValidationInfo, field_validator
 
 from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.joint_units import JointType
 from drake_tc.config.keys import Keys, Number, PositiveNumber, key, one_of, saying
 from drake_tc.config.quoted import quoted
 from drake_tc.logs.rig_document.by_joint import EntryOrByJoint, PlainOrByJoint, joints_of
@@ -16,6 +17,7 @@ from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
 from drake_tc.logs.valid import Condition
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
+Type = Annotated[JointType, one_of(get_args(JointType))]
 Drive = Annotated[DriveKind, one_of(get_args(DriveKind))]
 NumberOrByJoint: TypeAlias = PlainOrByJoint[PositiveNumber]
 JointName = Annotated[str, Field(pattern=r"\S"), saying("a name (text)")]
@@ -47,6 +49,13 @@ class RigDocument(Keys):
         example="position_servo",
         default=...,
         expected=f"one of {', '.join(get_args(DriveKind))}",
+    )
+    joint_type: PlainOrByJoint[Type] | None = key(
+        "Whether the joint turns (`revolute`) or slides (`prismatic`). What is in rad, N·m, N·m·s/rad and kg m² for a "
+        "joint that turns is in m, N, N·s/m and kg for one that slides, and `torque` is then a force along the axis.",
+        example="prismatic",
+        absent="that of the URDF, with the key `robot`; `prismatic` where `units` has a unit such as mm or N for the "
+        "joint; else `revolute`",
     )
     columns: dict[str, ColumnName] | None = key(
         "Canonical column: name of the column in the log.",
@@ -102,7 +111,8 @@ class RigDocument(Keys):
         absent="identified from the logs",
     )
     gear_ratio: NumberOrByJoint | None = key(
-        "Turns of the motor for one turn of the joint; only with `torque_constant`.",
+        "Turns of the motor for one turn of the joint; only with `torque_constant`. Of a joint that slides, the angle "
+        "of the motor [rad] for 1 m: 2π over the lead of a screw, 1 over the radius of a pinion.",
         unit="–",
         example=100.0,
         absent="required with `torque_constant`",

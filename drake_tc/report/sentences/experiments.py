@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import assert_never
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.result.experiments import (
     CheckLoad,
     CoverRange,
@@ -14,6 +15,7 @@ from drake_tc.diagnosis.result.experiments import (
     TellApart,
     VarySignals,
 )
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import effect
 from drake_tc.report.words import joined, signal_name, signal_range
 
@@ -56,14 +58,17 @@ ISOLATES: Mapping[str, str] = {
 """What shows an effect of the library alone, as an instruction, by its id."""
 
 
-def experiment_sentence(experiment: NextExperiment) -> str:
-    """One or two sentences."""
+def next_experiment(joint: JointResult) -> str | None:
+    """The next experiment of a joint in its units; None where there is none to propose."""
+    return None if joint.next_experiment is None else experiment_sentence(joint.next_experiment, joint.units)
+
+
+def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING) -> str:
+    """One or two sentences, in the units of the joint."""
     match experiment:
         case TellApart(first, second):
-            return (
-                f"To tell {first} from {second}: {isolating(first)} (shows {first} alone); {isolating(second)} (shows "
-                f"{second} alone)."
-            )
+            one, other = (units.text(isolating(each)) for each in (first, second))
+            return f"To tell {first} from {second}: {one} (shows {first} alone); {other} (shows {second} alone)."
         case CheckLoad(measured) if measured:
             return (
                 "Check the torque sensor (scale, sign, zero) and the drive gain first: an error of one of them "
@@ -75,17 +80,18 @@ def experiment_sentence(experiment: NextExperiment) -> str:
                 "explains the residual equally well."
             )
         case CoverRange(beyond):
-            reached = signal_range(beyond.signal, *beyond.reached)
-            trained = signal_range(beyond.signal, *beyond.trained)
+            reached = signal_range(beyond.signal, *beyond.reached, units)
+            trained = signal_range(beyond.signal, *beyond.trained, units)
             return (
                 f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as in "
                 f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the effects "
                 "are extrapolated."
             )
         case SeparateLoads():
+            declare = "" if units.slides else ", or declare the mass for each log in load: {pendulum: ...}"
             return (
                 "The fitted load differs from run to run. If the joint carried different loads, run close-loop "
-                "separately for the runs of each load, or declare the mass for each log in load: {pendulum: ...}."
+                f"separately for the runs of each load{declare}."
             )
         case RepeatRun(run, start, end):
             return (

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import assert_never
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
     FreeRunDiverges,
@@ -36,15 +37,15 @@ NO_FREE_RUN: Mapping[FreeRunObstacle, str] = {
 }
 
 
-def note_sentences(notes: Sequence[Note]) -> tuple[str, ...]:
-    """One text a note, in their order; what several runs have in common is told once."""
+def note_sentences(notes: Sequence[Note], units: JointUnits = TURNING) -> tuple[str, ...]:
+    """One text a note, in their order and in the units of the joint; what runs have in common is told once."""
     out: list[str] = []
     for of_runs, group in groupby(notes, key=lambda note: isinstance(note, RunNote)):
         if of_runs:
             out += distinct_notes((n.run, _run_sentence(n)) for n in group if isinstance(n, RunNote))
         else:
             out += [note_sentence(note) for note in group]
-    return tuple(out)
+    return tuple(map(units.text, out))
 
 
 def note_sentence(note: Note) -> str:

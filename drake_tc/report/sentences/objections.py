@@ -2,6 +2,7 @@
 
 from typing import assert_never
 
+from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.selection.withdrawal import (
     BelowEncoderStep,
     BelowLeastAmplitude,
@@ -35,8 +36,12 @@ _OfValues = (
 )
 
 
-def why_withdrawn(objection: Objection) -> str:
-    """One or two sentences."""
+def why_withdrawn(objection: Objection, units: JointUnits = TURNING) -> str:
+    """One or two sentences, in the units of the joint."""
+    return units.text(_why(objection))
+
+
+def _why(objection: Objection) -> str:
     match objection:
         case FormOfKnownLoad(share, zero):
             return (

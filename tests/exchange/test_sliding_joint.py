@@ -1,0 +1,55 @@
+"""Exports of a joint that slides."""
+
+import pytest
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.account import sentences
+from drake_tc.exchange.isaaclab import to_isaaclab
+from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.projection import project
+from drake_tc.exchange.sdf import to_sdf
+from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.urdf import to_urdf
+
+STRIBECK = {"stribeck": 20.0, "stribeck_velocity": 0.01, "stribeck_exponent": 2.0}
+AXIS = ActuatorModel(
+    "z",
+    Drive("current", 0.01),
+    (EffectValue("coulomb", {"coulomb": 25.0}), EffectValue("stribeck", STRIBECK)),
+    "prismatic",
+)
+
+
+def projected(target):
+    return [project(AXIS, TARGETS[target])]
+
+
+def test_a_bench_has_a_sliding_joint():
+    assert '<joint name="z" type="slide" axis="1 0 0"' in to_mjcf(projected("mjcf"))
+    assert '<joint name="z" type="prismatic">' in to_urdf(projected("urdf"))
+    assert '<joint name="z" type="prismatic">' in to_sdf(projected("sdf"))
+
+
+def test_what_is_lost_is_told_in_newtons_and_metres():
+    said = " ".join(sentences(projected("urdf"), TARGETS["urdf"]))
+    assert "m/s; RMS error of the friction torque" in said and "100 N for 1 A" in said
+    assert "N m" not in said and "rad" not in said
+    assert "# efforts are forces: 100 N for one unit" in to_isaaclab(projected("isaaclab"))
+
+
+def test_a_file_in_which_the_joint_turns_is_refused(tmp_path):
+    urdf, mjcf = tmp_path / "own.urdf", tmp_path / "own.xml"
+    turning = '<robot name="r"><link name="a"/><link name="b"/><joint name="z" type="revolute"><parent link="a"/>'
+    urdf.write_text(turning + '<child link="b"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>')
+    mjcf.write_text('<mujoco><worldbody><body><joint name="z" type="hinge"/></body></worldbody></mujoco>')
+    with pytest.raises(ParamsError, match="joint 'z' is revolute, and the model's is prismatic"):
+        to_urdf(projected("urdf"), urdf)
+    with pytest.raises(ParamsError, match="joint 'z' is a hinge, and the model's is a slide"):
+        to_mjcf(projected("mjcf"), mjcf)
+
+
+def test_a_model_file_keeps_the_type(tmp_path):
+    save_models({"z": AXIS}, tmp_path / "z.yaml")
+    assert load_models(tmp_path / "z.yaml")["z"] == AXIS

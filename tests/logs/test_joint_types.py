@@ -1,0 +1,113 @@
+"""Joints that slide: what says so, and what contradicts it."""
+
+import re
+
+import pytest
+
+from drake_tc.errors import LogError, RigError
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.logs.rig_writing import rig_document
+from drake_tc.logs.units import allowed_units
+
+URDF = """<robot name="gantry"><link name="base"/><link name="carriage"/><link name="wrist"/>
+<joint name="x" type="prismatic"><parent link="base"/><child link="carriage"/><axis xyz="1 0 0"/></joint>
+<joint name="w" type="continuous"><parent link="carriage"/><child link="wrist"/><axis xyz="0 1 0"/></joint></robot>"""
+AXIS = {"joint": "z", "drive": "current", "load": "torque"}
+
+
+@pytest.fixture
+def gantry(tmp_path):
+    (tmp_path / "gantry.urdf").write_text(URDF)
+    (tmp_path / "robot.yaml").write_text("{name: g, urdf: gantry.urdf, base: base, fixed_base: true, joints: [x, w]}")
+
+    def rig(more=""):
+        path = tmp_path / "rig.yaml"
+        path.write_text(f"robot: robot.yaml\ndrive: current\nload: {{robot: fitted}}\n{more}\n")
+        return load_rig(path)
+
+    return rig
+
+
+def test_a_joint_turns_unless_something_says_that_it_slides():
+    assert parse_rig(AXIS).joint_type("z") == "revolute"
+    assert parse_rig(AXIS | {"joint_type": "prismatic"}).joint_type("z") == "prismatic"
+
+
+@pytest.mark.parametrize("units", [{"position": "mm"}, {"z/velocity": "-mm/s"}, {"torque": "N"}, {"position": "m"}])
+def test_a_unit_of_length_or_force_says_that_the_joint_slides(units):
+    rig = parse_rig(AXIS | {"units": units})
+    assert rig.joint_type("z") == "prismatic"
+    assert rig.units_of("z").torque == "N"
+
+
+def test_the_urdf_says_which_joints_slide(gantry):
+    rig = gantry()
+    assert dict(rig.joint_types) == {"x": "prismatic", "w": "revolute"}
+
+
+def test_a_unit_that_contradicts_the_urdf_is_refused(gantry):
+    with pytest.raises(RigError, match=r"units: position: 'deg' is a unit of a joint that turns, and x slides"):
+        gantry("units: {position: deg}")
+    assert gantry("units: {w/position: deg}").joint_type("w") == "revolute"
+
+
+def test_a_type_that_contradicts_the_urdf_is_refused(gantry):
+    with pytest.raises(RigError, match=r"joint_type: x is prismatic in the URDF of .*robot.yaml, got revolute"):
+        gantry("joint_type: {x: revolute}")
+
+
+def test_units_of_both_kinds_are_refused():
+    with pytest.raises(RigError, match="units: torque: 'N' is a unit of a joint that slides, and z turns"):
+        parse_rig(AXIS | {"joint_type": "revolute", "units": {"torque": "N"}})
+
+
+def test_a_pendulum_does_not_slide():
+    load = {"pendulum": {"mass": 1.0, "length": 0.3}}
+    with pytest.raises(RigError, match=re.escape("load: z slides (joint_type: prismatic), and a pendulum turns")):
+        parse_rig(AXIS | {"joint_type": "prismatic", "load": load})
+
+
+def test_an_unknown_type_is_refused():
+    with pytest.raises(RigError, match="joint_type"):
+        parse_rig(AXIS | {"joint_type": "linear"})
+
+
+def test_a_written_rig_keeps_the_type():
+    rig = parse_rig(AXIS | {"joint_type": "prismatic"})
+    assert rig_document(rig)["joint_type"] == "prismatic"
+    assert parse_rig(rig_document(rig)).joint_types == rig.joint_types
+    assert "joint_type" not in rig_document(parse_rig(AXIS))
+
+
+def test_gyros_have_no_lengths_and_torques_of_sensors_no_forces():
+    assert "m/s" not in allowed_units("imu_a/gyro_x")
+    assert "N" not in allowed_units("ft_a/tx")
+
+
+def log_of(tmp_path, factor=1.0, turn=False):
+    rows = ["time,z/position,z/current,z/torque"]
+    for k in range(600):
+        q = 0.1 * k / 600 if not turn or k < 300 else 0.1 * k / 600 + 6.283185
+        rows.append(f"{0.01 * k},{factor * q},{0.5 + 0.001 * (k % 7)},{1.0 + 0.01 * (k % 5)}")
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(rows))
+    return path
+
+
+def test_millimetres_that_are_taken_for_metres_are_refused(tmp_path):
+    path = log_of(tmp_path, factor=1000.0)
+    rig = parse_rig(AXIS | {"joint_type": "prismatic"})
+    with pytest.raises(LogError, match=re.escape("it looks like mm; set units: {position: mm}")):
+        load_runs([path], rig)
+    read = load_runs([path], parse_rig(AXIS | {"units": {"position": "mm"}}))[0]
+    assert read.columns["z/position"].max() == pytest.approx(0.1, rel=0.01)
+
+
+def test_a_joint_that_slides_has_no_turns_to_undo(tmp_path):
+    path = log_of(tmp_path, turn=True)
+    turned = load_runs([path], parse_rig(AXIS))[0]
+    slid = load_runs([path], parse_rig(AXIS | {"joint_type": "prismatic"}))[0]
+    assert any("whole turns" in note for note in turned.notes)
+    assert not any("whole turns" in note for note in slid.notes)
+    assert any("jumps by 6.28 m " in note for note in slid.notes)
