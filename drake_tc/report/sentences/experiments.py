@@ -75,12 +75,12 @@ def experiment_sentence(experiment: NextExperiment) -> str:
                 "explains the residual equally well."
             )
         case CoverRange(beyond):
-            reached = signal_range(beyond.signal, *beyond.reached)
-            trained = signal_range(beyond.signal, *beyond.trained)
+            reached = signal_range(beyond.signal, *beyond.reached, beyond.unit)
+            trained = signal_range(beyond.signal, *beyond.trained, beyond.unit)
             return (
                 f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as in "
-                f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the effects "
-                "are extrapolated."
+                f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the model "
+                "is extrapolated."
             )
         case SeparateLoads():
             return (
