@@ -21,7 +21,14 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency, loads_differ
-from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note, viscous_age_note
+from drake_tc.diagnosis.result.drive_notes import (
+    age_note,
+    drive_notes,
+    gain_note,
+    late_note,
+    scale_alternatives,
+    viscous_age_note,
+)
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -123,7 +130,10 @@ def diagnose_joint(
         *late_note(final_parameters, columns.samples),
         *_gear(columns, context),
     )
-    alternatives = tuple(pair for pair in alternatives if pair[0] in kept)
+    alternatives = (
+        *(pair for pair in scale_alternatives(rig, joint, final_parameters) if pair[0] in kept),
+        *(pair for pair in alternatives if pair[0] in kept),
+    )
     open_question = (unexplained.structured or unexplained.excess) and options.effects is None
     by_condition = consistency(columns, chosen, context.drive)
     return JointResult(
