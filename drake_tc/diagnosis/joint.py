@@ -22,11 +22,18 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.verdict import compared, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency, loads_differ
-from drake_tc.diagnosis.result.drive_notes import age_note, drive_notes, gain_note, late_note, viscous_age_note
+from drake_tc.diagnosis.result.drive_notes import (
+    age_note,
+    drive_notes,
+    gain_note,
+    late_note,
+    scale_alternatives,
+    viscous_age_note,
+)
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
-from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
+from drake_tc.diagnosis.result.outcome import effects_not_searched, found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.result.widening import parameters_of
@@ -125,7 +132,11 @@ def diagnose_joint(
         *late_note(final_parameters, columns.samples),
         *_gear(columns, context),
     )
-    alternatives = tuple(pair for pair in alternatives if pair[0] in kept)
+    alternatives = (
+        *(pair for pair in scale_alternatives(rig, joint, final_parameters) if pair[0] in kept),
+        *(pair for pair in alternatives if pair[0] in kept),
+    )
+    open_question = (unexplained.structured or unexplained.excess) and options.effects is None
     by_condition = consistency(columns, chosen, context.drive)
     return JointResult(
         joint=joint,
@@ -140,17 +151,20 @@ def diagnose_joint(
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),
         effects=effects,
-        rejected=rejected_effects(
-            columns,
-            held,
-            chosen,
-            context,
-            options.search,
-            stage.obstacles,
-            floor,
-            options.effects,
-            baseline,
-            {each.id for each in did_not_hold},
+        rejected=(
+            *(effects_not_searched(columns, held, chosen, context, baseline) if open_question else ()),
+            *rejected_effects(
+                columns,
+                held,
+                chosen,
+                context,
+                options.search,
+                stage.obstacles,
+                floor,
+                options.effects,
+                baseline,
+                {each.id for each in did_not_hold},
+            ),
         ),
         indistinguishable=alternatives,
         next_experiment=next_experiment(

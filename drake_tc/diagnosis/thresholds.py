@@ -33,6 +33,9 @@ HELD_CERTAIN = 0.90
 
 AGES = (0.25, 0.5, 0.75, 1.0)
 """Ages of an effort that are tried [sampling periods]; a controller that runs faster than the log holds it for less."""
+AGES_OF_COMMAND = (0.125, 0.25, 0.375)
+"""Ages of a position servo's command that are tried between those of a continuous one, 0, and of one that is recorded
+as it is written and held, 0.5 [sampling periods]. The servo's stiffness makes viscous friction of an error of them."""
 OF_HELD_EFFORT = 0.6
 """Delay in sampling periods that the hold of an effort explains: half a period, and a tenth for jitter."""
 BESIDE_TORQUE_SENSOR = 1.0
@@ -206,6 +209,10 @@ CERTAINLY_BETTER = 0.98
 """Share of block resamples from which on the chosen effect is the better one all the same."""
 UNTESTED_EFFORT = 1.1
 """Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
+
+LEAST_NOT_SEARCHED = 0.25
+"""Relative drop of the error of the final model, cross-validated and held out, from which on an effect is pointed out
+that no search looks for unasked."""
 
 # What is left
 

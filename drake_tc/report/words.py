@@ -64,9 +64,9 @@ def signal_name(name: str) -> str:
     return LABELS[name][0].split(",")[0] if name in LABELS else name.replace("_", " ")
 
 
-def signal_range(name: str, low: float, high: float, units: JointUnits) -> str:
-    """A signal's range with its unit, such as "24 to 59 °C"."""
-    scale = scale_for(max(abs(low), abs(high)), units.text(LABELS[name][1]))
+def signal_range(name: str, low: float, high: float, units: JointUnits, effort: str = "") -> str:
+    """A signal's range with its unit, such as "24 to 59 °C"; `effort` is the unit of an effort."""
+    scale = scale_for(max(abs(low), abs(high)), effort or units.text(LABELS[name][1]))
     return f"{scale.text(low)} to {scale.quantity(high)}"
 
 
@@ -172,16 +172,25 @@ def _near(joint: JointResult) -> str:
     best = max(joint.rejected, key=lambda each: each.heldout_gain, default=None)
     if best is None or not best.heldout_gain >= NEAR:
         return ", and no effect in the library has this form"
+    if best.reason == "not_searched":
+        return (
+            f"; {title_of(best.id)}, which no search looks for unasked, would lower the held-out error by "
+            f"{percent(best.heldout_gain)}: list {best.id} under declared in the rig file and run close-loop again"
+        )
     return (
         f"; of the effects that were not added, {title_of(best.id)} would lower the held-out error most (by "
         f"{percent(best.heldout_gain)})"
     )
 
 
+def _trained(beyond: BeyondTraining, units: JointUnits) -> str:
+    return signal_range(beyond.signal, *beyond.trained, units, beyond.unit)
+
+
 def _extrapolated(beyond: BeyondTraining, units: JointUnits) -> str:
     return (
         f"{percent(beyond.share)} of the remaining error lies where the {signal_name(beyond.signal)} is outside the "
-        f"range of the training runs ({signal_range(beyond.signal, *beyond.trained, units)}), so the effects are "
+        f"range of the training runs ({_trained(beyond, units)}), so the model is "
         "extrapolated there"
     )
 

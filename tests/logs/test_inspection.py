@@ -110,6 +110,19 @@ def test_a_rig_file_that_reads_the_log(tmp_path):
     assert trial(inspect_log(small)) == ""
 
 
+@pytest.mark.parametrize(
+    ("reach", "unit"), [((1000.0, 1030.0), f"{2 * np.pi / 2048:.10g}"), ((6.0, 7.5), "deg"), ((1.5, 1.6), "rad")]
+)
+def test_a_position_and_its_command_are_taken_to_have_one_unit(tmp_path, reach, unit):
+    """The command spans 2048 counts or more than two turns in rad, the position a little less."""
+    time = np.arange(500) / 100.0
+    position, goal = (np.round(size * np.sin(time), 0 if size > 100.0 else 3) for size in reach)
+    path = tmp_path / "run.csv"
+    pd.DataFrame({"time": time, "present_position": position, "goal_position": goal}).to_csv(path, index=False)
+    units = {column.canonical: column.unit for column in inspect_log(path).columns}
+    assert units["joint/position"] == units["joint/position_command"] == unit
+
+
 def test_counts_of_an_encoder(tmp_path):
     table = renamed()
     for name in ("q_meas", "q_ref"):

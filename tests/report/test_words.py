@@ -128,6 +128,16 @@ def test_structure_that_an_effect_not_added_would_explain_names_that_effect(join
     assert "no effect in the library" in plain(unexplained(replace(joint, unexplained=left, rejected=tried[1:])))
 
 
+def test_the_remaining_error_names_an_effect_that_no_search_looks_for(joint):
+    left = replace(QUIET, structured=True, fraction=0.77, depends_on=("command",))
+    tried = (RejectedEffect("drive_compression", "drive_compression", 0.47, 0.5, "not_searched"),)
+    said = plain(unexplained(replace(joint, unexplained=left, rejected=tried)))
+    assert said.endswith(
+        "; compression of the drive, which no search looks for unasked, would lower the held-out error by 47 %: list "
+        "drive_compression under declared in the rig file and run close-loop again."
+    )
+
+
 WARMER = BeyondTraining("temperature", ("warm",), (24.4, 30.7), (24.4, 59.2), 0.998)
 
 
@@ -137,9 +147,17 @@ def test_an_error_beyond_the_training_range_is_called_one_of_extrapolation(joint
     said = plain(unexplained(replace(joint, unexplained=left)))
     assert (
         "99.8 % of the remaining error lies where the temperature is outside the range of the training runs "
-        "(24.4 to 30.7 °C), so the effects are extrapolated there."
+        "(24.4 to 30.7 °C), so the model is extrapolated there."
     ) in said
     assert "no recorded signal" not in said
+
+
+def test_a_range_of_efforts_has_the_unit_of_the_drive(joint):
+    left = replace(
+        QUIET, structured=True, beyond=BeyondTraining("effort", ("fast",), (-2.8, 2.8), (-4.0, 4.8), 0.97, "A")
+    )
+    said = plain(unexplained(replace(joint, unexplained=left)))
+    assert "where the effort is outside the range of the training runs (-2.80 to 2.80 A)" in said.replace("−", "-")
 
 
 def test_structure_in_time_names_three_stretches_and_counts_the_rest(joint):
@@ -267,6 +285,7 @@ def test_parameters_that_move_come_first_with_all_their_values(joint):
         (RejectedEffect("delay", "delay", 0.3, 0.2, "imperfect_form"), "an error in their form"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "withdrawn"), "did not hold"),
         (RejectedEffect("delay", "delay", 0.3, 0.2, "not_chosen"), "compares whole sets of effects"),
+        (RejectedEffect("load_tilt", "load_tilt", 0.3, 0.3, "not_searched"), "list it under `declared`"),
     ],
 )
 def test_why_an_effect_was_not_added(rejected, said):

@@ -64,11 +64,16 @@ def _departures(sign: FloatArray, v: FloatArray, threshold: float) -> IntArray:
     While a joint stands still its friction follows the load, whatever the direction of the last motion was, so the
     bristles are wound anew when it moves on. It stood still where its mean speed over a stretch without resolved motion
     is below `STILL` of the resolved speed; a slow motion that noise takes below the threshold for some samples did not.
+    A mean speed against the direction of the motion before and after counts as below it: the bristles of a joint at
+    rest give way to a torque that turns, and spring back.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[1.0], np.abs(sign), [1.0]])))
     begins, ends = edges[::2], edges[1::2]
     travelled = np.concatenate([[0.0], np.cumsum(v)])
-    still = np.abs(travelled[ends] - travelled[begins]) < STILL * threshold * (ends - begins)
+    before, after = np.concatenate([[0.0], sign])[begins], np.concatenate([sign, [0.0]])[ends]
+    way = travelled[ends] - travelled[begins]
+    along = np.where(before * after > 0.0, before * way, np.abs(way))
+    still = along < STILL * threshold * (ends - begins)
     return np.asarray(ends[still & (ends < sign.size)])
 
 

@@ -55,10 +55,11 @@ class BeyondTraining:
     """Nearly all of the held-out residual lies where a signal goes beyond its range in the training runs.
 
     Attributes:
-        signal: Name of the signal, one of `structure.FEATURES`.
+        signal: Name of the signal, one of `structure.FEATURES` or "effort".
         runs: Held-out runs in which it goes beyond this range.
         trained, reached: Smallest and largest value in the training runs and in the held-out runs.
         share: Share of the held-out residual's energy outside the range of the training runs.
+        unit: Unit of the effort, which the drive decides; empty for other signals.
     """
 
     signal: str
@@ -66,6 +67,7 @@ class BeyondTraining:
     trained: tuple[float, float]
     reached: tuple[float, float]
     share: float
+    unit: str = ""
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def what_is_left(
     left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor, sensor=sensor)
     if left.structured or left.excess:
         effects = [t.effect for t in chosen.terms]
-        left = replace(left, beyond=beyond_training(splits[1], x, effects, min(floors), thresholds))
+        left = replace(left, beyond=beyond_training(splits, x, effects, context.drive, min(floors), thresholds))
     if left.structured:
         return left, min(floors), notes
     levels = floors

@@ -62,6 +62,17 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     return (*notes, _own_friction(found["viscous"]["viscous"], rig.drive_gain[joint] * damping / fitted_gain))
 
 
+def scale_alternatives(rig: Rig, joint: str, found: Parameters) -> tuple[tuple[str, str], ...]:
+    """Pairs (effect, "rotor_inertia"): effects that a wrong declared rotor inertia imitates exactly.
+
+    Without a declared drive gain, all torques, 1/K and the rotor inertia J may be multiplied by one factor. A torque
+    sensor that reads a share e too much and a rotor whose inertia is (1 + e) J leave the same balance.
+    """
+    if joint in rig.drive_gain or not rig.known(joint, "rotor_inertia") > 0.0:
+        return ()
+    return tuple((effect(key).id, "rotor_inertia") for key in found if key.partition(".")[0] in SCALE_ALONE)
+
+
 def gain_note(found: Parameters, drive: DriveKind) -> tuple[GainDeclaredWrong, ...]:
     """What an error of the declared drive gain is in the terms of the rig file.
 

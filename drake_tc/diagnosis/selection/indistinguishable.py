@@ -8,8 +8,10 @@ from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.joint import Search, best_shape, shape_screen, share_better
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
+from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.selection.shapes import PERIOD
+from drake_tc.diagnosis.selection.withdrawal import ImpossibleValues
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, JOINT, SAME_ERROR
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for
@@ -24,14 +26,15 @@ def indistinguishable(
 ) -> tuple[tuple[str, str], ...]:
     """Pairs (chosen, other): swapping the one for the other costs next to nothing.
 
-    Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in
-    fewer than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
+    Next to nothing: the cross-validated error rises by less than 2 % and the chosen effect is the better one in fewer
+    than 98 % of the block resamples, or the two predictions are the same up to a hundredth. An effect with more
     parameters is listed only if it fits better in 98 % of the block resamples: otherwise it contains the chosen one or
-    imitates it. A delay and a lag are also listed when the better one explains less than half a noise floor more,
-    which would not count as an effect, over all rows and in each run: a run that was made to tell them apart shall not
-    be diluted by those that cannot. Where the better one itself leaves what would count as an effect, neither is the
-    whole cause, and they are also listed if the other one leaves less than twice as much. A wave that was not seen to
-    repeat is not chosen, but is listed beside the curve over the position that stands for it.
+    imitates it. An effect whose values would be impossible in the other's place is no alternative. A delay and a lag
+    are also listed when the better one explains less than half a noise floor more, which would not count as an effect,
+    over all rows and in each run: a run that was made to tell them apart shall not be diluted by those that cannot.
+    Where the better one itself leaves what would count as an effect, neither is the whole cause, and they are also
+    listed if the other one leaves less than twice as much. A wave that was not seen to repeat is not chosen, but is
+    listed beside the curve over the position that stands for it.
 
     Args:
         columns: Training rows.
@@ -63,11 +66,17 @@ def indistinguishable(
             swapped = refine(columns, swapped, evaluations=30)
             if larger and share_better(found.chosen, swapped) < CERTAINLY_BETTER:
                 continue
-            if _same(found.chosen, swapped) or (
+            same = _same(found.chosen, swapped) or (
                 late and _within_resolution(_errors(found.chosen, columns), _errors(swapped, columns), floor)
-            ):
+            )
+            if same and not _impossible(swapped, context, columns):
                 pairs.append((term.effect.id, member.id))
     return tuple(dict.fromkeys(pairs))
+
+
+def _impossible(swapped: Fit, context: Context, columns: Columns) -> bool:
+    """Whether the effect that was put in another's place, the last term, has values that break a law."""
+    return isinstance(objection_to_values(swapped, swapped.terms[-1], context, columns), ImpossibleValues)
 
 
 def _same(chosen: Fit, other: Fit) -> bool:

@@ -266,7 +266,8 @@ def _of_another_delay(problem: JointProblem, found: Search, thresholds: SearchTh
     d dq_d/dt + (J/K) d^2q/dt^2 to first order; a lag T of the effort makes it larger by T de/dt. A loaded servo trails
     in proportion to its speed, so de/dt is nearly a multiple of d^2q/dt^2, and viscous friction takes up d dq/dt. The
     lag alone can therefore fit so well that neither of the two causes enters the beam. Two causes in place of one do
-    not correct its form, so the second one need not explain a tenth of what the first explains.
+    not correct its form, so the second one need not explain a tenth of what the first explains. A set with a curve in
+    the form of the known load is not taken: such a curve is no cause of its own and would be withdrawn.
     """
     late = {t.effect.key for t in found.chosen.terms if t.effect.id in LATE} - problem.known
     if problem.context.drive != "position_servo" or not late:
@@ -274,5 +275,7 @@ def _of_another_delay(problem: JointProblem, found: Search, thresholds: SearchTh
     rest = [effect for effect in problem.effects if effect.key not in late]
     of_any_share = replace(thresholds, least_of_first=0.0)
     other = select(replace(problem, effects=rest), found.baseline, of_any_share, progress)
+    if any(looks_like_known_load(other.chosen, t, problem.columns) for t in other.chosen.terms):
+        return found
     better = compare(problem, found.chosen, other.chosen)
     return other if better.is_real(problem.floor, np.zeros(1), of_any_share) else found

@@ -6,23 +6,35 @@ of it, which adds up to T/2. A log does not tell how its columns lie within one 
 
     0.6 T of an effort that may be held (a tenth for jitter), T beside a torque sensor,
     T/2 beyond the hold of a position servo's command, beside a torque sensor
+    T/2 of a position servo's command that was not taken to be held, on a slow clock
 
 is taken for the age of the recorded effort and no cause is named, unless the rig file says that the samples are points
-of a continuous curve. The half period of an effort that is stated to be held is already in the fit. Where no delay was
-found, the effort of a current or voltage drive is taken to be older if the model then fits better in 90 % of the block
-resamples: half a period that is not taken into account biases friction and inertia, and other effects imitate it.
+of a continuous curve. The half period of an effort that is stated to be held is already in the fit. A command that is
+held and recorded a time s after it was written acts T/2 - s later than a continuous one. Where no delay was found, the
+effort is taken to be older if the model then fits better in 90 % of the block resamples: half a period that is not
+taken into account biases friction and inertia, and other effects imitate it. For a position servo this is tried on a
+slow clock only, and between the ages 0 and T/2, of which one was already chosen.
 Joints whose links are fitted are left out: a delay of theirs is sought for all joints together.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
 
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.thresholds import AGES, BESIDE_TORQUE_SENSOR, HELD_CERTAIN, OF_HELD_EFFORT
+from drake_tc.diagnosis.thresholds import (
+    AGES,
+    AGES_OF_COMMAND,
+    BESIDE_TORQUE_SENSOR,
+    HELD_CERTAIN,
+    HELD_FROM_PERIOD,
+    OF_HELD_EFFORT,
+)
 from drake_tc.effects.base import Context, DriveEffect
 
 
@@ -32,7 +44,9 @@ def most_of_sampling(stated: bool | None, context: Context, samples: Samples) ->
         return 0.0
     sensor = context.load == "torque"
     if context.drive == "position_servo":
-        return BESIDE_TORQUE_SENSOR - HELD if sensor and samples.effort_age == HELD else 0.0
+        if samples.effort_age == HELD:
+            return BESIDE_TORQUE_SENSOR - HELD if sensor else 0.0
+        return HELD - samples.effort_age if samples.signals.period >= HELD_FROM_PERIOD else 0.0
     if context.load == "links":
         return 0.0
     return (BESIDE_TORQUE_SENSOR if sensor else OF_HELD_EFFORT) - samples.effort_age
@@ -68,11 +82,45 @@ def age_of_samples(
     """
     context = plain.context
     late = any(t.effect.id in LATE for t in chosen)
-    if stated is not None or late or context.drive == "position_servo" or context.load == "links":
+    if stated is not None or late or context.load == "links":
+        return None
+    ages = _ages(context, plain.train.samples)
+    if not ages:
         return None
     without = fit(plain.train, chosen)
-    aged = (prepare(sampled_late=age) for age in AGES if age <= most_of_sampling(stated, context, plain.train.samples))
-    best, joint = min(((fit(each.train, chosen), each) for each in aged), key=lambda pair: pair[0].cv_rms)
+    tried = {age: _aged(prepare, age, chosen) for age in ages}
+    if context.drive == "position_servo":
+        tried |= _between(tried, prepare, chosen)
+    best, joint = min(tried.values(), key=lambda pair: pair[0].cv_rms)
     if best.block_sse.size != without.block_sse.size:
         return None
     return joint if better_share(without.block_sse - best.block_sse) >= HELD_CERTAIN else None
+
+
+def _aged(prepare: Callable[..., Prepared], age: float, chosen: Sequence[Term]) -> tuple[Fit, Prepared]:
+    """The joint with an effort that is `age` sampling periods older, and the fit of the chosen terms to it."""
+    joint = prepare(sampled_late=age)
+    return fit(joint.train, chosen), joint
+
+
+def _between(
+    tried: Mapping[float, tuple[Fit, Prepared]], prepare: Callable[..., Prepared], chosen: Sequence[Term]
+) -> dict[float, tuple[Fit, Prepared]]:
+    """The age at which the parabola through the squared errors of three equally spaced ages is least, and its fit."""
+    ages = sorted(tried)
+    low, mid, high = (tried[age][0].cv_rms ** 2 for age in ages)
+    bend = low - 2.0 * mid + high
+    step = ages[1] - ages[0]
+    if not bend > 0.0:
+        return {}
+    age = float(np.clip(ages[1] + 0.5 * step * (low - high) / bend, ages[0] - step, ages[2] + step))
+    return {age: _aged(prepare, age, chosen)}
+
+
+def _ages(context: Context, samples: Samples) -> list[float]:
+    """Ages to try [sampling periods], beyond that which the effort is taken to have."""
+    if context.drive == "position_servo":
+        if samples.signals.period < HELD_FROM_PERIOD:
+            return []
+        return [age - samples.effort_age for age in AGES_OF_COMMAND]
+    return [age for age in AGES if age <= most_of_sampling(None, context, samples)]

@@ -70,8 +70,19 @@ def numbers(series: pd.Series) -> FloatArray | None:
     return values if np.isfinite(values).any() else None
 
 
-def describe(name: str, values: FloatArray | None, told: Meaning | None, time_unit: str) -> Column:
-    """A column by its name and values (T,), which are None where it holds no numbers."""
+def describe(
+    name: str, values: FloatArray | None, told: Meaning | None, time_unit: str, beside: FloatArray | None = None
+) -> Column:
+    """What a column seems to be.
+
+    Args:
+        name: In the file.
+        values: (T,); None where it holds no numbers.
+        told: What its name tells.
+        time_unit: Unit of the time.
+        beside: (S,) values of a column that has the same unit: a position beside its command, or the other way round.
+            The unit is then that of both together.
+    """
     if values is None:
         return Column(name, "", "", "holds no numbers", np.nan, np.nan, 0.0, 1.0)
     finite = values[np.isfinite(values)]
@@ -79,12 +90,15 @@ def describe(name: str, values: FloatArray | None, told: Meaning | None, time_un
     step, missing = grid_step(values), 1.0 - finite.size / values.size
     if told is None:
         return Column(name, "", "", "the name is not recognised", low, high, step, missing)
-    whole = bool((finite == np.round(finite)).all())
+    both = finite if beside is None else np.concatenate([finite, beside[np.isfinite(beside)]])
+    whole = bool((both == np.round(both)).all())
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.unit:
         unit, why = told.unit, f"its name states {told.unit}"
     elif told.quantity != "time":
-        unit, why = ("rpm", "") if "rpm" in told.by else _unit(told.quantity, low, high, whole=whole)
+        unit, why = (
+            ("rpm", "") if "rpm" in told.by else _unit(told.quantity, float(both.min()), float(both.max()), whole=whole)
+        )
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
     by = "canonical name" if name == canonical else f"called {told.by}"
     return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)

@@ -22,6 +22,9 @@ SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 RATES = (5.0, 20_000.0)
 """Rates that logs of joints have [Hz]."""
 
+SAME_UNIT = {"position": "position_command", "position_command": "position"}
+"""Quantities of a joint that a log has in one unit."""
+
 
 @dataclass(frozen=True)
 class Inspection:
@@ -65,7 +68,10 @@ def inspect_log(path: Path) -> Inspection:
     meanings = _distinct({name: meaning(name) for name, values in numbers.items() if values is not None}, notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name])
-    columns = tuple(describe(name, values, meanings.get(name), unit) for name, values in numbers.items())
+    columns = tuple(
+        describe(name, values, meanings.get(name), unit, _beside(name, meanings, numbers))
+        for name, values in numbers.items()
+    )
     if time_name is None:
         notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
     rig = suggested_rig(columns, meanings, notes)
@@ -84,6 +90,16 @@ def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str
         if other != name:
             notes.append(f"Columns {other!r} and {name!r} seem to be the same; {other!r} is taken.")
     return {name: told for (_, _), name in taken.items() if (told := found[name]) is not None}
+
+
+def _beside(name: str, meanings: Mapping[str, Meaning], numbers: Mapping[str, FloatArray | None]) -> FloatArray | None:
+    """The command (T,) of a position, or the position of a command, if neither name states a unit; else None."""
+    told = meanings.get(name)
+    other = None if told is None else SAME_UNIT.get(told.quantity)
+    if told is None or told.unit or other is None:
+        return None
+    partner = next((n for n, m in meanings.items() if (m.joint, m.quantity, m.unit) == (told.joint, other, "")), None)
+    return None if partner is None else numbers[partner]
 
 
 def _clock(time: FloatArray | None) -> tuple[str, float, int, float]:

@@ -80,12 +80,12 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
                 "explains the residual equally well."
             )
         case CoverRange(beyond):
-            reached = signal_range(beyond.signal, *beyond.reached, units)
-            trained = signal_range(beyond.signal, *beyond.trained, units)
+            reached = signal_range(beyond.signal, *beyond.reached, units, beyond.unit)
+            trained = signal_range(beyond.signal, *beyond.trained, units, beyond.unit)
             return (
                 f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as in "
-                f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the effects "
-                "are extrapolated."
+                f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the model "
+                "is extrapolated."
             )
         case SeparateLoads():
             declare = "" if units.slides else ", or declare the mass for each log in load: {pendulum: ...}"

@@ -67,3 +67,20 @@ def test_what_is_left_of_the_motion_stays_resolved():
     q = 0.3 * (1.0 - np.cos(0.2 * TIME)) + 1e-3 * np.sin(2 * np.pi * 30.0 * TIME)
     v = np.gradient(q, PERIOD)
     assert speed_at_rest(q, v, WHOLE, PERIOD) <= 0.02 * np.percentile(np.abs(v), 95.0)
+
+
+def test_a_joint_whose_bristles_spring_back_at_rest_does_not_slide():
+    """It moves, rests while the torque turns, gives way by 0.1 mrad against its last direction, and moves on.
+
+    Until it has moved by 1 mrad again it only winds up.
+    """
+    resolution = Resolution(0.0, 1e-6, 0.1, 1e-4)
+    v = np.full(4000, -0.02)
+    v[1000:1300] = 3.5e-4  # below the resolved speed, and above a fifth of it
+    v[1300:1400] = -1e-3  # the torque rises until the joint breaks away
+    q = np.cumsum(v) * PERIOD
+    assert 0.2 * resolution.least_speed < 3.5e-4 < resolution.least_speed < 1e-3
+    moving = direction_of_motion(q, v, [slice(0, 4000)], resolution)[2]
+    assert not moving[1300:1400].any()
+    assert moving[:1000].any()
+    assert moving[1500:].all()

@@ -1,5 +1,7 @@
 """An error of effects that extrapolate is told from a missing effect and from an event."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,8 @@ def found(samples: Samples, gain, effects=THERMAL, hottest: float = 60.0):
     x[0, :, column], x[1, :, column] = np.linspace(24.0, 30.0, size), warming
     noise = FLOOR * np.random.default_rng(2).standard_normal(size)
     after = noise * np.vectorize(gain)(warming)
-    return beyond_training(DataSplit(samples, after, after), (x[0], x[1]), effects, FLOOR, OPTIONS)
+    split = DataSplit(samples, after, after)
+    return beyond_training((split, split), (x[0], x[1]), effects, "current", FLOOR, OPTIONS)
 
 
 def hot(celsius: float) -> float:
@@ -72,3 +75,19 @@ def test_the_signal_that_explains_the_error_is_named(samples):
     beyond = found(samples, hot, (effect("stribeck"), *THERMAL))
     assert beyond is not None
     assert beyond.signal == "temperature"
+
+
+def test_an_error_where_the_efforts_are_larger_than_any_before(samples):
+    """A drive that gives way above 80 % of its effort, which only the held-out run reaches: no effect is needed."""
+    effort = samples.signals.effort[samples.rows]
+    most = 0.8 * np.abs(effort).max()
+    large = np.abs(effort) > 1.1 * most
+    x = np.random.default_rng(1).standard_normal((2, samples.rows.size, len(FEATURES)))
+    noise = FLOOR * np.random.default_rng(2).standard_normal(samples.rows.size)
+    after = np.where(large, 20.0, 1.0) * noise
+    small = replace(samples, signals=replace(samples.signals, effort=np.clip(samples.signals.effort, -most, most)))
+    splits = (DataSplit(small, noise, noise), DataSplit(samples, after, after))
+    beyond = beyond_training(splits, (x[0], x[1]), (), "current", FLOOR, OPTIONS)
+    assert beyond is not None
+    assert (beyond.signal, beyond.unit, beyond.runs) == ("effort", "A", ("warm",))
+    assert np.ptp(beyond.trained) < 0.95 * np.ptp(beyond.reached)

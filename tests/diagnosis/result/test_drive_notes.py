@@ -6,7 +6,7 @@ import pytest
 
 from drake_tc.diagnosis.notes import GainBesideEffects, LoadWithRotor, PayloadFromRatio, SizeByRotorInertia
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.drive_notes import drive_notes, viscous_age_note
+from drake_tc.diagnosis.result.drive_notes import drive_notes, scale_alternatives, viscous_age_note
 from drake_tc.diagnosis.timing_notes import ViscousByAge
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
@@ -40,6 +40,20 @@ def test_what_scales_the_torques_alone_says_what_its_size_rests_on() -> None:
     rig = parse_rig({"joint": "joint", "drive": "position_servo"})
     notes = drive_notes(rig, "joint", found(0.1, "viscous", "torque_sensor_gain"), 0.1)
     assert notes == (SizeByRotorInertia((effect("torque_sensor_gain").title,)),)
+
+
+@pytest.mark.parametrize(
+    ("described", "pairs"),
+    [
+        ({"declared": {"rotor_inertia": 0.1}}, (("torque_sensor_gain", "rotor_inertia"),)),
+        ({"declared": {"rotor_inertia": 0.1}, "drive_gain": DECLARED}, ()),
+        ({}, ()),
+    ],
+)
+def test_a_wrong_declared_rotor_inertia_looks_like_a_gain_of_the_torque_sensor(described, pairs) -> None:
+    rig = parse_rig({"joint": "joint", "drive": "position_servo", **described})
+    assert scale_alternatives(rig, "joint", found(0.1, "viscous", "torque_sensor_gain")) == pairs
+    assert scale_alternatives(rig, "joint", found(0.1, "viscous", "stribeck")) == ()
 
 
 @pytest.mark.parametrize(

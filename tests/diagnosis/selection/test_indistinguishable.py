@@ -10,7 +10,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection import indistinguishable as module
 from drake_tc.diagnosis.selection.joint import Search, share_better
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER
-from drake_tc.effects.base import Parameter, Signature, TorqueEffect
+from drake_tc.effects.base import Parameter, Plausible, Signature, TorqueEffect
 from drake_tc.effects.library import LIBRARY, effect
 
 from ..rigs import Joint, Problem, floor_of, problem
@@ -64,6 +64,22 @@ def ties_with(p: Problem, library) -> tuple[tuple[str, str], ...]:
 
 def test_two_identical_columns_are_a_tie(biased):
     assert ties_with(biased, [Twin(), Stranger()]) == (("torque_sensor_bias", "twin"),)
+
+
+@pytest.mark.parametrize(("sign", "listed"), [(1.0, False), (-1.0, True)])
+def test_an_effect_with_impossible_values_is_no_alternative(biased, sign, listed):
+    value = fit(biased.columns, [*biased.declared, Term(Twin())]).beta[-1]
+
+    class Positive(Twin):
+        """The twin with a range; its value is that of the twin times -sign."""
+
+        id = "positive" if listed else "negative"
+        coefficients = (Parameter("level", "N*m", plausible=Plausible(0.0, 10.0, "it only adds")),)
+
+        def columns(self, signals, shape):
+            return sign * np.sign(value) * np.ones((len(signals), 1))
+
+    assert (ties_with(biased, [Positive()]) == (("torque_sensor_bias", Positive.id),)) == listed
 
 
 def test_a_nested_superset_is_no_tie(biased):
