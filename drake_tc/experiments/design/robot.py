@@ -272,8 +272,7 @@ def _described(robot: Robot, limits: tuple[JointLimits, ...], options: RobotOpti
     text = _sentences(goal, spread / found.default, options.noise)
     made = RobotDesign(
         robot.joints, limits, search.bases, best[1], found.repeats, rows, (*text, *search.collision.sentences), best[0],
-        found.start_value,
-        search.collision.pairs, options.distance, found.sinusoids,
+        found.start_value, search.collision.pairs, options.distance, found.sinusoids,
     )  # fmt: skip
     motions = made.motion(LEAD_RATE_HZ)[1]
     if search.collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):
@@ -294,9 +293,8 @@ def _sentences(goal: RobotGoal, ratios: FloatArray, noise: RobotNoise | None) ->
         f"growing sinusoids of all joints within the same limits (median): {', '.join(listed)}."
     )
     worse = [f"Growing sinusoids identify the {name} better." for name, median in medians.items() if median > 1.0]
-    known = "The intervals assume the noise of the given logs."
     unknown = (
         f"The intervals assume a noise of {100.0 * NOISE_SHARE:g} % of each effort limit and {PER_SECOND:g} "
         "independent samples per second, because no log was given; only their ratio is a prediction."
     )
-    return (gain, *worse, unknown if noise is None else known)
+    return (gain, *worse, unknown if noise is None else "The intervals assume the noise of the given logs.")
