@@ -36,6 +36,8 @@ REASONS: dict[Withdrawal, str] = {
 }
 NEAR = 0.25
 """Smallest held-out gain at which the sentence on the remaining error names an effect that was not added."""
+MOSTLY = 0.5
+"""Share of the held-out error that effects leave, above which the report says that they may stand for another cause."""
 NO_FLOOR = "there is no noise floor, because the logs show neither noise nor steps of the sensors"
 
 
@@ -219,6 +221,13 @@ def ranked_effects(result: CloseLoopResult) -> Sequence[tuple[str, str, float]]:
     return sorted(found, key=lambda each: -each[2])
 
 
+def _mostly_unexplained(joint: JointResult) -> bool:
+    """Whether effects were found, but leave more than noise and most of the held-out error, within the trained range."""
+    before, after = joint.before.heldout, joint.after.heldout
+    unsure = joint.verdict in ("unexplained_structure", "unexplained_residual") and joint.unexplained.beyond is None
+    return bool(joint.effects) and unsure and MOSTLY * before < after <= before
+
+
 def warnings(joint: JointResult) -> Sequence[str]:
     """What the reader must not overlook, one sentence each."""
     out = [
@@ -240,6 +249,13 @@ def warnings(joint: JointResult) -> Sequence[str]:
         )
     if joint.effects and joint.after.heldout > joint.before.heldout:
         out.append("The held-out error did not fall: do not use the model after without looking at the plots.")
+    if _mostly_unexplained(joint):
+        share = percent(joint.after.heldout / joint.before.heldout)
+        out.append(
+            f"With the effects found, {share} of the held-out error is left. While so much is unexplained, an effect "
+            "can take the place of the cause that is missing: confirm its kind and its parameters by another "
+            "experiment."
+        )
     before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
     if before is not None and after is not None and np.isfinite(before) and after > 1.02 * before:
         out.append(

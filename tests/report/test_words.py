@@ -238,6 +238,22 @@ def test_a_gain_whose_interval_is_wider_than_itself_is_not_identified(joint, hig
     assert any("do not identify the drive gain" in w and "0.0450 to 0.145" in w for w in found) == said
 
 
+@pytest.mark.parametrize("verdict", ["unexplained_structure", "unexplained_residual"])
+def test_effects_that_leave_most_of_the_error_are_said_to_be_doubtful(joint, verdict):
+    half = with_errors(identified(joint, 0.09, 0.11), 0.02, 0.011, 0.002)
+    doubtful = replace(half, verdict=verdict)
+    (said,) = warnings(doubtful)
+    assert plain(said).startswith("With the effects found, 55 % of the held-out error is left.")
+    beyond = replace(QUIET, beyond=BeyondTraining("temperature", ("held",), (20.0, 30.0), (30.0, 50.0), 0.9))
+    for sound in (
+        replace(half, verdict="effects_found"),
+        replace(doubtful, effects=()),
+        with_errors(doubtful, 0.02, 0.009, 0.002),
+        replace(doubtful, unexplained=beyond),
+    ):
+        assert not warnings(sound)
+
+
 def test_what_must_not_be_overlooked(joint):
     sound = with_errors(identified(joint, 0.09, 0.11), 0.02, 0.004, 0.002)
     assert "held-out error did not fall" in warnings(with_errors(sound, 0.004, 0.0041, 0.002))[0]
