@@ -222,7 +222,7 @@ def ranked_effects(result: CloseLoopResult) -> Sequence[tuple[str, str, float]]:
 
 
 def _mostly_unexplained(joint: JointResult) -> bool:
-    """Whether effects were found, but leave more than noise and most of the held-out error, within the trained range."""
+    """Whether the effects found leave more than noise, and most of the held-out error, within the trained range."""
     before, after = joint.before.heldout, joint.after.heldout
     unsure = joint.verdict in ("unexplained_structure", "unexplained_residual") and joint.unexplained.beyond is None
     return bool(joint.effects) and unsure and MOSTLY * before < after <= before
