@@ -123,7 +123,7 @@ def test_an_entry_point_that_cannot_be_loaded_is_one_line(python, tmp_path):
 
 def test_looked_for_is_the_library_unless_told_otherwise():
     class Known:
-        load = "torque"
+        load, joint_type = "torque", "revolute"
 
     assert looked_for(Known()) == LIBRARY
     assert looked_for(Known(), LIBRARY[:2]) == LIBRARY[:2]
