@@ -125,7 +125,8 @@ def test_looked_for_is_the_library_unless_told_otherwise():
     class Known:
         load, joint_type = "torque", "revolute"
 
-    assert looked_for(Known()) == LIBRARY
+    left_out = [each.key for each in LIBRARY if each not in looked_for(Known())]
+    assert left_out == ["payload.sliding", "cable_spring.beside_weight", "presliding_hysteresis.sliding"]
     assert looked_for(Known(), LIBRARY[:2]) == LIBRARY[:2]
     assert replace(DiagnosisOptions(), effects=None).effects is None
     assert Path(PACKAGE, "pyproject.toml").exists()
