@@ -142,8 +142,8 @@ class JointKeys(Keys):
         expected="{kind:, gain:}",
     )
     joint_type: Annotated[JointType, one_of(get_args(JointType))] | None = key(
-        "Whether the joint turns (`revolute`) or slides (`prismatic`). Of one that slides all is in m, N and kg in "
-        "place of rad, N·m and kg m².",
+        "Whether the joint turns (`revolute`) or slides (`prismatic`). The quantities of a prismatic joint are in "
+        "m, N and kg in place of rad, N·m and kg m².",
         example="prismatic",
         absent="`revolute`",
     )

@@ -34,19 +34,19 @@ def design_command(
     joint: Annotated[list[str] | None, typer.Option(help="Joint; repeat. Default: all joints of the rig.")] = None,
     duration: Annotated[float, typer.Option(help="Length of the experiment [s].")] = 30.0,
     rate: Annotated[float, typer.Option(help="Rate of trajectory.csv [Hz].")] = 200.0,
-    position: Annotated[tuple[float, float] | None, typer.Option(help="Position limits LOW HIGH [rad].")] = None,
-    velocity: Annotated[float | None, typer.Option(help="Velocity limit [rad/s].")] = None,
-    acceleration: Annotated[float | None, typer.Option(help="Acceleration limit [rad/s^2].")] = None,
-    jerk: Annotated[float | None, typer.Option(help="Jerk limit [rad/s^3].")] = None,
-    torque: Annotated[float | None, typer.Option(help="Motor torque limit [N m].")] = None,
+    position: Annotated[tuple[float, float] | None, typer.Option(help="Position limits LOW HIGH [rad or m].")] = None,
+    velocity: Annotated[float | None, typer.Option(help="Velocity limit [rad/s or m/s].")] = None,
+    acceleration: Annotated[float | None, typer.Option(help="Acceleration limit [rad/s^2 or m/s^2].")] = None,
+    jerk: Annotated[float | None, typer.Option(help="Jerk limit [rad/s^3 or m/s^3].")] = None,
+    torque: Annotated[float | None, typer.Option(help="Motor torque or force limit [N m or N].")] = None,
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
     criterion: Annotated[
         str | None,
         typer.Option(
             help="Optimality criterion for the goal parameters: D (determinant of the Fisher information), E (its"
-            " smallest eigenvalue) or, for the motion of a whole robot, intervals (widths of the intervals over those"
-            " after growing sinusoids). Default: intervals for a whole robot, otherwise D."
+            " smallest eigenvalue) or, for the motion of a whole robot, intervals (widths of the intervals relative to"
+            " those after growing sinusoids). Default: intervals for a whole robot, otherwise D."
         ),
     ] = None,
     distance: Annotated[float, typer.Option(help="Smallest allowed distance between links of a robot [m].")] = 0.01,

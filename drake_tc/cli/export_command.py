@@ -247,6 +247,9 @@ def _document(
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
+    from drake_tc.config.joint_units import JointUnits
+
+    units = {each.joint: JointUnits(each.joint_type) for each in projections}
     return {
         "name": "export",
         "to": to.value,
@@ -259,5 +262,5 @@ def _document(
             }
             for each in projections
         },
-        "free_runs": [{**asdict(row), "unit": "rad"} for row in errors],
+        "free_runs": [{**asdict(row), "unit": units[row.joint].position} for row in errors],
     }

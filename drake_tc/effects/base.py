@@ -126,8 +126,7 @@ class Effect(ABC):
     def unavailable(self, context: Context) -> Obstacle | None:
         """What stands in the way of looking for this effect: the rig, a missing signal, or one that hardly changes."""
         if context.joint_type not in self.joint_types:
-            motion = "slides" if context.joint_type == "prismatic" else "turns"
-            return Obstacle("cannot_be_looked_for", f"the joint {motion}")
+            return Obstacle("cannot_be_looked_for", f"the joint is {context.joint_type}")
         if self.depends_on_position and not context.position_recorded:
             statement = "the position was not recorded, and the integral of the velocity has no known zero"
             return Obstacle("not_recorded", statement)

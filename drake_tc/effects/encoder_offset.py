@@ -13,7 +13,7 @@ OFFSET_RANGE = Plausible(
     0.35,
     "a joint zeroed by eye or on the wrong spline tooth is off by at most some 20 degrees",
     sliding=Plausible(
-        -0.05, 0.05, "an axis zeroed by eye or one turn of its screw beside is off by at most some 50 mm"
+        -0.05, 0.05, "an axis that was zeroed by eye, or one turn of its screw away, is off by at most some 50 mm"
     ),
 )
 

@@ -46,12 +46,12 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
     root = top(document)
     if into is None:
         _add_bench(root, projections)
-    joints = named(document, "joint", into)
+    joints, default_types = named(document, "joint", into), _default_types(document)
     for projection in projections:
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         element = joints[projection.joint]
-        _check_type(element, projection, into)
+        _check_type(element, projection, into, default_types)
         numbers = _numbers_of_damping(root)
         _joint(element, put_actuator(root, projection, into), numbers, timestep(root))
         if projection.terms.backlash:
@@ -59,11 +59,22 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
     return to_text(document)
 
 
-def _check_type(element: minidom.Element, projection: Projection, into: Path | None) -> None:
-    """Refuse a joint that states another type than the model's; one that states none has that of its class."""
+def _check_type(
+    element: minidom.Element, projection: Projection, into: Path | None, default_types: Sequence[str]
+) -> None:
+    """Refuse a joint of another type than the model's, unless the joint has its type from a class of defaults."""
     stated, own = element.getAttribute("type"), "slide" if projection.joint_type == "prismatic" else "hinge"
+    if not stated and not default_types:
+        stated = "hinge"
     if stated in ("hinge", "slide") and stated != own:
         raise ParamsError(f"{into}: joint {projection.joint!r} is a {stated}, and the model's is a {own}")
+
+
+def _default_types(document: minidom.Document) -> list[str]:
+    """Types of joints that the classes of defaults state; without one, a joint that states none is a hinge."""
+    defaults = document.getElementsByTagName("default")
+    joints = [joint for each in defaults for joint in each.getElementsByTagName("joint")]
+    return [joint.getAttribute("type") for joint in joints if joint.getAttribute("type")]
 
 
 def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None:

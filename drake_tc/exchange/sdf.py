@@ -6,6 +6,7 @@ from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.urdf import check_type
 from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, text, to_text
 
 BENCH = '<sdf version="1.9">\n  <model name="drake_tc_bench">\n    <link name="base"/>\n  </model>\n</sdf>\n'
@@ -20,7 +21,7 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
             weight.
 
     Raises:
-        ParamsError: a file that cannot be used, or that lacks a joint.
+        ParamsError: a file that cannot be used, that lacks a joint, or in which a joint is of another type.
     """
     document = parsed(BENCH) if into is None else read_xml(into, "sdf")
     if into is None:
@@ -31,6 +32,7 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
     for projection in projections:
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
+        check_type(joints[projection.joint].getAttribute("type"), projection, into)
         axis, terms = child(joints[projection.joint], "axis"), projection.terms
         dynamics = child(axis, "dynamics")
         _set(child(dynamics, "damping"), terms.damping)

@@ -101,8 +101,8 @@ def _check_length(span: float, speed: float, rig: Rig, name: str, path: Path) ->
     suffix = name.rpartition("/")[2]
     what = f"spans {span:.4g} m" + (f" at up to {speed:.4g} m/s" if speed else "")
     raise LogError(
-        f"{path}: column {rig.columns.get(name, name)!r} {what}, no joint that slides does: it looks like mm; set "
-        f"units: {{{suffix}: mm}} in the rig file (or {suffix}: m if it is right)"
+        f"{path}: column {rig.columns.get(name, name)!r} {what}, more than a prismatic joint does: it looks like mm; "
+        f"set units: {{{suffix}: mm}} in the rig file (or {suffix}: m if it is right)"
     )
 
 
@@ -116,8 +116,8 @@ def check_speed(velocity: FloatArray, rig: Rig, joint: str, path: Path) -> None:
     if rig.units_of(joint).slides:
         if fastest > FASTEST_AXIS and not scale_of(name, rig.units).stated:
             raise LogError(
-                f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} m/s, no joint that slides does: "
-                "it looks like mm/s; set units: {velocity: mm/s} in the rig file (or velocity: m/s if it is right)"
+                f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} m/s, more than a prismatic "
+                "joint does: it looks like mm/s; set units: {velocity: mm/s} in the rig file (or m/s if it is right)"
             )
         return
     if fastest > FASTEST_UNSTATED and not scale_of(name, rig.units).stated:

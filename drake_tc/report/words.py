@@ -176,8 +176,8 @@ def _near(joint: JointResult) -> str:
         return ", and no effect in the library has this form"
     if best.reason == "not_searched":
         return (
-            f"; {title_of(best.id)}, which no search looks for unasked, would lower the held-out error by "
-            f"{percent(best.heldout_gain)}: list {best.id} under declared in the rig file and run close-loop again"
+            f"; {title_of(best.id)}, which is fitted only if the rig file declares it, would lower the held-out error "
+            f"by {percent(best.heldout_gain)}: list {best.id} under declared and run close-loop again"
         )
     return (
         f"; of the effects that were not added, {title_of(best.id)} would lower the held-out error most (by "
@@ -253,8 +253,7 @@ def warnings(joint: JointResult) -> Sequence[str]:
         share = percent(joint.after.heldout / joint.before.heldout)
         out.append(
             f"With the effects found, {share} of the held-out error is left. While so much is unexplained, an effect "
-            "can take the place of the cause that is missing: confirm its kind and its parameters by another "
-            "experiment."
+            "may imitate the missing cause: confirm its kind and its parameters by another experiment."
         )
     before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
     if before is not None and after is not None and np.isfinite(before) and after > 1.02 * before:

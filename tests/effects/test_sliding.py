@@ -40,8 +40,8 @@ def test_what_needs_a_turn_is_not_looked_for_on_a_joint_that_slides():
 
 
 def test_an_effect_of_the_other_type_of_joint_says_why_not():
-    assert effect("payload").unavailable(AXIS).statement == "the joint slides"
-    assert effect("payload.sliding").unavailable(TURNING).statement == "the joint turns"
+    assert effect("payload").unavailable(AXIS).statement == "the joint is prismatic"
+    assert effect("payload.sliding").unavailable(TURNING).statement == "the joint is revolute"
 
 
 @pytest.mark.parametrize("lead", [2e-3, 5e-3, 10e-3, 20e-3])

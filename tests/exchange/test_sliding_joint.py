@@ -4,6 +4,8 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.cli.export_command import Target, _document
+from drake_tc.diagnosis.result.export_trial import ExportErrors
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.account import sentences
 from drake_tc.exchange.isaaclab import to_isaaclab
@@ -48,6 +50,32 @@ def test_a_file_in_which_the_joint_turns_is_refused(tmp_path):
         to_urdf(projected("urdf"), urdf)
     with pytest.raises(ParamsError, match="joint 'z' is a hinge, and the model's is a slide"):
         to_mjcf(projected("mjcf"), mjcf)
+
+
+def test_an_sdf_file_in_which_the_joint_turns_is_refused(tmp_path):
+    own = tmp_path / "own.sdf"
+    model = '<sdf version="1.9"><model name="m"><joint name="z" type="{}"><axis/></joint></model></sdf>'
+    own.write_text(model.format("revolute"))
+    with pytest.raises(ParamsError, match="joint 'z' is revolute, and the model's is prismatic"):
+        to_sdf(projected("sdf"), own)
+    own.write_text(model.format("prismatic"))
+    assert "<friction>" in to_sdf(projected("sdf"), own)
+
+
+def test_a_joint_without_a_type_is_a_hinge_unless_a_class_of_defaults_states_another_one(tmp_path):
+    own = tmp_path / "own.xml"
+    text = '<mujoco>{}<worldbody><body><joint name="z"/></body></worldbody></mujoco>'
+    own.write_text(text.format(""))
+    with pytest.raises(ParamsError, match="joint 'z' is a hinge, and the model's is a slide"):
+        to_mjcf(projected("mjcf"), own)
+    own.write_text(text.format('<default><joint type="slide"/></default>'))
+    assert 'joint="z" gear="100"' in to_mjcf(projected("mjcf"), own)
+
+
+def test_free_runs_of_an_export_are_told_in_metres():
+    errors = [ExportErrors("z", "held", 1e-3, 2e-3, None)]
+    (row,) = _document(Target.mjcf, projected("mjcf"), errors, None)["free_runs"]
+    assert row["unit"] == "m"
 
 
 def test_a_model_file_keeps_the_type(tmp_path):

@@ -196,7 +196,7 @@ def test_a_rotor_whose_inertia_is_fitted_takes_part_unless_a_link_imitates_it(ar
     assert rotors and "turn/rotor_inertia" not in rotors
     assert len(design.expected) == len(plain.expected) + len(rotors)
     assert all(0.0 < rows[name].after < 10.0 for name in rotors)
-    assert f"{len(rotors)} rotor inertias" in design.sentences[0]
+    assert f"rotor inertias ({len(rotors)})" in design.sentences[0]
 
 
 def goal_of(arm, **changes):

@@ -25,7 +25,7 @@ def axis(tmp_path):
 
 
 def test_a_joint_that_slides_without_limits_is_not_moved_blindly(axis):
-    with pytest.raises(ParamsError, match="joint x slides and has no position limits"):
+    with pytest.raises(ParamsError, match="joint x is prismatic and has no position limits"):
         robot_limits(axis(""))
 
 

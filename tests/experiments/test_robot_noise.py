@@ -11,6 +11,7 @@ from optional import skip_without_robots
 from drake_tc.benchmarks.blind_arm.arms import REFERENCE, arm_named
 from drake_tc.benchmarks.blind_arm.cases import simulated_arm, sound_case, write_files
 from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_run
+from drake_tc.errors import ParamsError
 from drake_tc.experiments.design import request as requests
 from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
 from drake_tc.experiments.design.robot import RobotOptions
@@ -90,3 +91,13 @@ def test_a_report_with_the_goal_parameters_asks_for_a_motion_of_all_joints(recor
     assert not whole_robot(request(folder, after=after, goal=None))
     assert whole_robot(request(folder, goal=None))
     assert not whole_robot(request(folder, joints=("elbow_joint",)))
+
+
+def test_the_noise_of_all_joints_of_the_robot_is_needed(recorded):
+    folder, _ = recorded
+    rig = load_rig(folder / "rig.yaml")
+    robot = load_robot(rig.robot)
+    with pytest.raises(
+        ParamsError, match=f"{robot.joints[-1]} missing; the noise of all joints of the robot is needed"
+    ):
+        robot_noise(replace(rig, joints=rig.joints[:-1]), robot, [])

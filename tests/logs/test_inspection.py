@@ -211,6 +211,7 @@ def invoke_inspect(capsys):
     [
         ("z_pos_mm", "z", "position", "mm"),
         ("z_vel [mm/s]", "z", "velocity", "mm/s"),
+        ("z_pos_cm", "z", "position", "cm"),
         ("z_force_N", "z", "torque", "N"),
         ("load_cell [N]", "", "torque", "N"),
         ("theta_m", "", "motor_position", ""),
@@ -220,3 +221,36 @@ def test_names_of_a_linear_axis(name, joint, quantity, unit):
     told = meaning(name)
     assert told is not None
     assert (told.joint, told.quantity, told.unit) == (joint, quantity, unit)
+
+
+def test_a_load_cell_that_names_no_joint_belongs_to_the_only_one(tmp_path):
+    time = np.arange(500) / 100.0
+    axis = 0.1 * np.sin(time)
+    columns = {"t": time, "z_pos_mm": 1e3 * axis, "z_cmd_mm": 1e3 * axis + 1.0, "load_cell_N": 40.0 + axis}
+    path = tmp_path / "run.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    rig = inspect_log(path).rig
+    assert (rig["joint"], rig["load"]) == ("z", "torque")
+    assert rig["columns"]["z/torque"] == "load_cell_N" and rig["units"]["z/torque"] == "N"
+    other = tmp_path / "other.csv"
+    pd.DataFrame(columns | {"x_pos_mm": 1e3 * axis, "x_cmd_mm": 1e3 * axis}).to_csv(other, index=False)
+    assert inspect_log(other).rig["load"] == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [
+        (("position", "current [A]", "force [N]"), {"position": "m", "torque": "N"}),
+        (("position [m]", "current [A]", "force"), {"position": "m", "torque": "N"}),
+        (("pos_mm", "cmd", "load_cell"), {"position": "mm", "position_command": "mm", "torque": "N"}),
+    ],
+)
+def test_one_unit_of_length_or_force_tells_those_of_the_other_columns(tmp_path, names, units):
+    """A rig file without them would take the joint for one that turns, and 180 mm for degrees."""
+    time = np.arange(500) / 100.0
+    columns = {"time": time, **{name: 180.0 * np.sin(time) for name in names}}
+    path = tmp_path / "run.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    rig = inspect_log(path).rig
+    assert rig["units"] == {f"joint/{name}": unit for name, unit in units.items()}
+    assert parse_rig(rig).joint_type("joint") == "prismatic"

@@ -1,5 +1,6 @@
 """Every kind of objection, note and experiment has a sentence, with its figures and their units."""
 
+import re
 from dataclasses import replace
 from html import unescape
 from typing import get_args
@@ -7,6 +8,7 @@ from typing import get_args
 import pytest
 
 from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
     DriveNote,
@@ -74,10 +76,10 @@ from drake_tc.diagnosis.timing_notes import (
     RecordedLate,
     ViscousByAge,
 )
-from drake_tc.effects.library import LIBRARY, MULTI_JOINT
+from drake_tc.effects.library import LIBRARY, MULTI_JOINT, effect
 from drake_tc.report.html import render
 from drake_tc.report.report_json import joint_json
-from drake_tc.report.sentences.experiments import ISOLATES, experiment_sentence
+from drake_tc.report.sentences.experiments import ISOLATES, ISOLATES_PRISMATIC, experiment_sentence
 from drake_tc.report.sentences.notes import note_sentence, note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.rejection import why_rejected
@@ -253,3 +255,14 @@ def test_console_json_and_page_say_the_same(joint, result, capsys, tmp_path):
     for rejected in made.rejected:
         assert why_rejected(rejected) in page
         assert why_rejected(rejected) in [each["why"] for each in entry["rejected"]]
+
+
+def test_experiments_of_a_prismatic_joint_name_no_turns_and_no_hanging_link():
+    """Speeds and amplitudes are those of linear axes: 0.5 m/s would not be a creeping motion."""
+    slides = JointUnits("prismatic", "current")
+    assert "from 0.1 to 50 mm/s" in experiment_sentence(TellApart("stribeck", "delay"), slides)
+    assert set(ISOLATES_PRISMATIC) <= set(ISOLATES)
+    for name in ISOLATES:
+        if "prismatic" in effect(name).joint_types or name in ISOLATES_PRISMATIC:
+            text = experiment_sentence(TellApart(name, name), slides)
+            assert not re.search(r"\brad\b|\bturn\b|let the link hang|0\.5 m/s", text), text

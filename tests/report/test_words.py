@@ -133,8 +133,8 @@ def test_the_remaining_error_names_an_effect_that_no_search_looks_for(joint):
     tried = (RejectedEffect("drive_compression", "drive_compression", 0.47, 0.5, "not_searched"),)
     said = plain(unexplained(replace(joint, unexplained=left, rejected=tried)))
     assert said.endswith(
-        "; compression of the drive, which no search looks for unasked, would lower the held-out error by 47 %: list "
-        "drive_compression under declared in the rig file and run close-loop again."
+        "; compression of the drive, which is fitted only if the rig file declares it, would lower the held-out error "
+        "by 47 %: list drive_compression under declared and run close-loop again."
     )
 
 

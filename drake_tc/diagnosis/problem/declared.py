@@ -10,12 +10,30 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context, Effect, SensorEffect, TorqueEffect
-from drake_tc.effects.library import effect
+from drake_tc.effects.library import all_effects, effect
 from drake_tc.errors import IdentificationError, RigError
 from drake_tc.logs.loads import unknown_form
 from drake_tc.logs.rig import Rig
 
 ALWAYS = ("viscous", "coulomb")
+
+
+def on_joint(name: str, rig: Rig, joint: str) -> str:
+    """A declared effect as joints of this type have it: its name, or the key of its form for the type.
+
+    Raises:
+        RigError: Joints of this type do not have the effect.
+    """
+    kind, member = rig.joint_type(joint), effect(name)
+    if kind in member.joint_types:
+        return name
+    form = next((each.key for each in all_effects() if each.id == member.id and kind in each.joint_types), None)
+    if form is None:
+        raise RigError(
+            f"{rig.source or 'rig'}: declared: {name}: {joint} is {kind}, and only {' and '.join(member.joint_types)} "
+            "joints have this effect; leave it out"
+        )
+    return form
 
 
 def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
@@ -30,6 +48,7 @@ def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
         name, _, parameter = key.partition(".")
         if value is None or name in (*ALWAYS, "rotor_inertia"):
             continue
+        name = on_joint(name, rig, joint)
         known = [p.name for p in effect(name).parameters]
         if parameter and parameter not in known:
             raise RigError(
@@ -81,7 +100,7 @@ def require_positions(rig: Rig, joint: str, context: Context) -> None:
     Raises:
         IdentificationError: Names the effect.
     """
-    names = {key.partition(".")[0] for key in rig.declared[joint]}
+    names = {on_joint(key.partition(".")[0], rig, joint) for key in rig.declared[joint]}
     for name in sorted(names):
         if effect(name).depends_on_position and not context.position_recorded:
             raise IdentificationError(
@@ -93,7 +112,8 @@ def require_positions(rig: Rig, joint: str, context: Context) -> None:
 def declared_terms(rig: Rig, joint: str) -> list[str]:
     """Ids fitted with the baseline: viscous, Coulomb, and what is declared without a value that can be held."""
     known = known_values(rig, joint)
-    names = [key.partition(".")[0] for key, value in rig.declared[joint].items() if value is None or key not in known]
+    open_keys = [key for key, value in rig.declared[joint].items() if value is None or key not in known]
+    names = [on_joint(key.partition(".")[0], rig, joint) for key in open_keys]
     in_load = unknown_form(rig.load[joint]) is not None  # an unknown load has an inertia of its own
     fitted = [
         n

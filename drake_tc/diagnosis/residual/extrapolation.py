@@ -13,7 +13,7 @@ from drake_tc.diagnosis.residual.structure import FEATURES, beyond_range
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import ResidualThresholds
-from drake_tc.effects.base import EFFORT_UNIT, DriveKind, Effect
+from drake_tc.effects.base import DriveKind, Effect
 from drake_tc.types import FloatArray
 
 CURVES_OVER = {name: name for name in ("velocity", "acceleration", "position", "temperature")} | {
@@ -42,7 +42,7 @@ def beyond_training(
         x: Features (N, 8) of the training rows, (M, 8) of the held-out ones.
         effects: Those of the final model. The signals on which one of them depends are tested, and the effort, because
             every model has a drive gain.
-        drive: Kind of drive, which decides the unit of the effort.
+        drive: Kind of drive, which decides the unit of the effort, together with the type of the joint.
         floor: Noise floor [effort].
         options: Uses `most_floors` and `least_beyond`.
     """
@@ -59,6 +59,6 @@ def beyond_training(
         if share >= options.least_beyond and near <= options.most_floors * floor and far >= 2.0 * near:
             runs = [held.samples.runs[k] for k in np.unique(held.samples.run[beyond])]
             trained, reached = ((float(part.min()), float(part.max())) for part in (train, now))
-            unit = EFFORT_UNIT[drive] if name == EFFORT else ""
+            unit = held.samples.units.on(drive).effort if name == EFFORT else ""
             found.append((beyond.mean() - share, BeyondTraining(name, tuple(runs), trained, reached, share, unit)))
     return min(found, key=lambda each: each[0])[1] if found else None

@@ -59,7 +59,7 @@ class BeyondTraining:
         runs: Held-out runs in which it goes beyond this range.
         trained, reached: Smallest and largest value in the training runs and in the held-out runs.
         share: Share of the held-out residual's energy outside the range of the training runs.
-        unit: Unit of the effort, which the drive decides; empty for other signals.
+        unit: Unit of the effort, which drive and type of joint decide; empty for other signals.
     """
 
     signal: str

@@ -164,8 +164,8 @@ def robot_limits(robot: Robot, **given: float | None) -> tuple[JointLimits, ...]
         kind: JointType = "prismatic" if tags[name].kind == "prismatic" else "revolute"
         if kind == "prismatic" and not np.isfinite([known.lower[i], known.upper[i]]).all():
             raise ParamsError(
-                f"joint {name} slides and has no position limits; state them in the URDF, or in the robot file as "
-                f"limits: {{{name}: {{lower: ..., upper: ...}}}} [m]"
+                f"joint {name} is prismatic and has no position limits; state them in the URDF, or in the robot file "
+                f"as limits: {{{name}: {{lower: ..., upper: ...}}}} [m]"
             )
         middle = float(robot.posture[i])
         low = float(known.lower[i]) if np.isfinite(known.lower[i]) else middle - UNKNOWN_SPAN
@@ -287,7 +287,7 @@ def _described(robot: Robot, limits: tuple[JointLimits, ...], options: RobotOpti
 def _sentences(goal: RobotGoal, ratios: FloatArray, noise: RobotNoise | None) -> tuple[str, ...]:
     """What the motion gains over the sinusoids, by group, and which noise the intervals assume."""
     medians = {name: float(np.median(ratios[group])) for name, group in goal.groups.items()}
-    listed = [f"{medians[name]:.2g} for {group.size} {name}" for name, group in goal.groups.items()]
+    listed = [f"{medians[name]:.2g} for the {name} ({group.size})" for name, group in goal.groups.items()]
     gain = (
         f"The 95 % intervals after the designed motion are {float(np.median(ratios)):.2g} times as wide as those after "
         f"growing sinusoids of all joints within the same limits (median): {', '.join(listed)}."

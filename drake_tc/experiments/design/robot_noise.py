@@ -21,6 +21,7 @@ from drake_tc.diagnosis.problem.shared.causes import columns_over
 from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
 from drake_tc.diagnosis.run import in_order
+from drake_tc.errors import ParamsError
 from drake_tc.estimation.coupled_gears import motor_turns
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads
 from drake_tc.experiments.check.joint import joint_effects
@@ -40,9 +41,16 @@ def robot_noise(rig: Rig, robot: Robot, runs: Sequence[Run]) -> RobotNoise:
         runs: The logs so far, as read.
 
     Raises:
+        ParamsError: The rig file does not list all joints of the robot.
         LogError: A column that the robot's model needs is missing.
         IdentificationError: Logs that do not identify the declared models.
     """
+    missing = [name for name in robot.joints if name not in rig.joints]
+    if missing:
+        raise ParamsError(
+            f"{rig.source or 'rig'}: joints: {', '.join(missing)} missing; the noise of all joints of the robot is "
+            "needed: list all of them, or design without logs"
+        )
     logs = robot_logs(rig, runs)
     known = _of_known_links(rig, runs) if logs is None or logs.links is None else _of_fitted_links(rig, runs, logs)
     values = np.array([known[name] for name in robot.joints])

@@ -28,6 +28,9 @@ from drake_tc.types import FloatArray
 Progress = Callable[[str, float], None]
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0)
 """Sizes that are tried, in units of the given or the typical one."""
+ONLY_REVOLUTE = frozenset(("payload", "presliding_hysteresis", "position_dependent_friction", "torque_ripple"))
+"""Effects that the simulator has for revolute joints only: a payload hangs from the axis, and the lengths of waves and
+of presliding are those of gears in rad."""
 NOTHING = "(nothing)"
 REFUSED = "(refused)"
 RAN_AWAY = "(ran away)"
@@ -174,6 +177,11 @@ def _require_possible(twin: Twin, effect_id: str) -> None:
     reasons = [e.reason for e in twin.effects.effects if e.id == effect_id]
     if reasons and all("cannot be looked for" in reason for reason in reasons):
         raise ParamsError(f"joint {twin.joint}: {effect_id}: {reasons[0]} A rehearsal would never find it")
+    if twin.rig.units_of(twin.joint).slides and effect(effect_id).id in ONLY_REVOLUTE:
+        raise ParamsError(
+            f"joint {twin.joint}: {effect_id}: the simulator has this effect for revolute joints only, and the "
+            f"joint is prismatic; the same holds for {', '.join(sorted(ONLY_REVOLUTE - {effect(effect_id).id}))}"
+        )
     declared = twin.rig.declared[twin.joint]
     if effect_id in declared:
         raise ParamsError(f"joint {twin.joint}: {effect_id} is declared in the rig file, and is part of every model")

@@ -15,6 +15,7 @@ from drake_tc.benchmarks.blind.balance import clean_log
 from drake_tc.benchmarks.blind.measurement import CLEAN_COLUMNS, coloured_noise, measured
 from drake_tc.benchmarks.blind.physics import Record
 from drake_tc.benchmarks.blind.spec import Joint, RigSpec, Sensors
+from drake_tc.config.joint_units import JointType
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.joint import JointEffects, joint_effects
@@ -27,8 +28,10 @@ from drake_tc.logs.rig import Rig
 
 SMOOTHING = 0.03
 """Width of the kernel that frees references and loads of their noise [s]."""
-BREAK_AWAY, HEAT_CAPACITY, BANDWIDTH = 1.5e-4, 40.0, 27.0
-"""Of the simulated joint: break-away length [rad], heat capacity [J/K], outer loop of a current drive [rad/s]."""
+BREAK_AWAY: Mapping[JointType, float] = {"revolute": 1.5e-4, "prismatic": 1.5e-5}
+"""Break-away length of the simulated joint [rad or m]."""
+HEAT_CAPACITY, BANDWIDTH = 40.0, 27.0
+"""Of the simulated joint: heat capacity [J/K], outer loop of a current drive [rad/s]."""
 LEAST_INERTIA = 0.02
 """Rotor over whole inertia where the rig file declares none."""
 
@@ -199,14 +202,15 @@ def _own_rig(rig: Rig, joint: str) -> Rig:
 
 
 def _link(prepared: Prepared, load: object) -> tuple[float, float]:
-    """(inertia [kg m^2], m g l [N m]) of the link: declared, or what the measured torque follows."""
+    """(inertia [kg m^2], m g l [N m]) of the link: declared, or what the measured torque follows; (mass [kg], 0)."""
     if isinstance(load, Pendulum):
         return load.inertia, load.weight
     s, rows = prepared.train.samples.signals, prepared.train.samples.rows
-    basis = np.column_stack([s.acceleration[rows], np.sin(s.position[rows])])
-    beta = np.linalg.lstsq(basis, s.load_torque[rows], rcond=None)[0]
+    slides = prepared.context.units.slides  # its weight does not follow the position, and is replayed
+    follows = np.ones(rows.size) if slides else np.sin(s.position[rows])
+    beta = np.linalg.lstsq(np.column_stack([s.acceleration[rows], follows]), s.load_torque[rows], rcond=None)[0]
     whole = float(s.rotor_inertia) + max(float(beta[0]), 0.0)
-    return max(float(beta[0]), 0.05 * whole, 1e-6), max(float(beta[1]), 0.0)
+    return max(float(beta[0]), 0.05 * whole, 1e-6), 0.0 if slides else max(float(beta[1]), 0.0)
 
 
 def _spec_of(prepared: Prepared, found: JointEffects, load: object, link: tuple[float, float]) -> RigSpec:
@@ -219,7 +223,7 @@ def _spec_of(prepared: Prepared, found: JointEffects, load: object, link: tuple[
         servo_damping=0.0,
         viscous=numbers.viscous,
         coulomb=numbers.coulomb,
-        breakaway=BREAK_AWAY,
+        breakaway=BREAK_AWAY[prepared.context.joint_type],
         rotor_inertia=rotor,
         link_inertia=link[0],
         gravity=link[1],

@@ -1,7 +1,7 @@
 """What a log holds, column by column, and the rig file that it suggests."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from drake_tc.logs.inspection.suggestion import suggested_rig
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.units import joint_type_of_unit
 from drake_tc.types import FloatArray
 
 SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
@@ -24,6 +25,12 @@ RATES = (5.0, 20_000.0)
 
 SAME_UNIT = {"position": "position_command", "position_command": "position"}
 """Quantities of a joint that a log has in one unit."""
+SLIDING = dict.fromkeys(("position", "position_command", "motor_position"), "m") | {
+    "velocity": "m/s",
+    "torque": "N",
+    "torque_command": "N",
+}
+"""SI units of a joint that slides."""
 
 
 @dataclass(frozen=True)
@@ -65,19 +72,54 @@ def inspect_log(path: Path) -> Inspection:
     table = read_table(path)
     notes = [str(note) for note in table.attrs.get("notes", ())]
     numbers = {str(name): in_numbers(table[name]) for name in table.columns}
-    meanings = _distinct({name: meaning(name) for name, values in numbers.items() if values is not None}, notes)
+    found = {name: meaning(name) for name, values in numbers.items() if values is not None}
+    meanings = _distinct(_of_the_only_joint(found), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name])
     columns = tuple(
         describe(name, values, meanings.get(name), unit, _beside(name, meanings, numbers))
         for name, values in numbers.items()
     )
+    columns = _in_units_of_their_joints(columns, meanings)
     if time_name is None:
         notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
     rig = suggested_rig(columns, meanings, notes)
     rate = 1.0 / period if period > 0 else float("nan")
     held = topics(path) if is_bag(path) else ()
     return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held)
+
+
+def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, Meaning]) -> tuple[Column, ...]:
+    """The columns, where those without a unit in their names are in m, m/s and N if the joint slides.
+
+    The name of another column of the joint says so. A position and its command have one unit.
+    """
+    stated = {(told.joint, told.quantity): told.unit for told in meanings.values() if told.unit}
+    sliding = {joint for (joint, _), unit in stated.items() if joint_type_of_unit(unit) == "prismatic"}
+    out = []
+    for column in columns:
+        told = meanings.get(column.name)
+        if told is not None and not told.unit and told.joint in sliding and told.quantity in SLIDING:
+            unit = stated.get((told.joint, SAME_UNIT.get(told.quantity, "")), SLIDING[told.quantity])
+            why = f"called {told.by}; another column of the joint has a unit of length or force"
+            column = replace(column, unit=unit, why=why)
+        out.append(column)
+    return tuple(out)
+
+
+def _of_the_only_joint(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:
+    """The meanings, where columns that name no joint belong to the only joint whose motion the log has."""
+    moving = {told.joint for told in found.values() if told is not None and told.quantity in ("position", "velocity")}
+    if len(moving) != 1 or "" in moving:
+        return dict(found)
+    (joint,) = moving
+    has = {told.quantity for told in found.values() if told is not None and told.joint == joint}
+    return {
+        name: replace(told, joint=joint)
+        if told is not None and not told.joint and told.quantity != "time" and told.quantity not in has
+        else told
+        for name, told in found.items()
+    }
 
 
 def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:

@@ -70,6 +70,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("nm", "n_m", "n*m", "n·m", "n m"), "N*m"),
         "mrad": "mrad",
         "mm": "mm",
+        "cm": "cm",
         "um": "um",
         **dict.fromkeys(("mm_s", "mm_per_s", "mm/s"), "mm/s"),
         **dict.fromkeys(("m_s", "m_per_s", "m/s"), "m/s"),

@@ -5,6 +5,7 @@ from typing import Any
 
 from drake_tc.logs.inspection.column import SI, Column
 from drake_tc.logs.inspection.names import Meaning
+from drake_tc.logs.units import SENSOR_SUFFIXES
 
 DRIVES = (
     ("position_servo", "position_command"),
@@ -13,8 +14,8 @@ DRIVES = (
     ("torque", "torque_command"),
 )
 """What a drive is commanded with, in the order in which it is looked for."""
-PLAIN = ("s", "rad", *SI.values())
-"""Units that need not be said."""
+PLAIN = ("s", "rad", *(unit for name, unit in SI.items() if name not in SENSOR_SUFFIXES))
+"""Units that need not be said: those of a revolute joint. Units of a prismatic one tell its type."""
 OPTIONAL = ("motor_position", "temperature", "supply_voltage")
 """Channels that are used where they are."""
 
@@ -63,9 +64,9 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     document["load"] = _same(loads)
     if "unknown" in loads.values():
         notes.append(
-            "No torque was measured: `load: unknown` fits a pendulum to each such joint, a mass and a constant force to"
-            " one that slides. With a URDF, `robot: FILE` and"
-            " `load: {robot: fitted}` fit the links of the whole robot instead."
+            "No torque was measured: `load: unknown` fits a pendulum to each such joint that turns, and a mass with a"
+            " constant force to each one that slides. With a URDF, `robot: FILE` and `load: {robot: fitted}` fit the"
+            " links of the whole robot instead."
         )
     renamed = {column.canonical: column.name for column in used if column.canonical != column.name}
     units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}

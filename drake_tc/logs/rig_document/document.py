@@ -51,8 +51,8 @@ class RigDocument(Keys):
         expected=f"one of {', '.join(get_args(DriveKind))}",
     )
     joint_type: PlainOrByJoint[Type] | None = key(
-        "Whether the joint turns (`revolute`) or slides (`prismatic`). What is in rad, N·m, N·m·s/rad and kg m² for a "
-        "joint that turns is in m, N, N·s/m and kg for one that slides, and `torque` is then a force along the axis.",
+        "Whether the joint turns (`revolute`) or slides (`prismatic`). The units of a prismatic joint are m, N, N·s/m "
+        "and kg in place of rad, N·m, N·m·s/rad and kg m², and its `torque` is the force along the axis.",
         example="prismatic",
         absent="that of the URDF, with the key `robot`; `prismatic` where `units` has a unit such as mm or N for the "
         "joint; else `revolute`",
@@ -111,8 +111,8 @@ class RigDocument(Keys):
         absent="identified from the logs",
     )
     gear_ratio: NumberOrByJoint | None = key(
-        "Turns of the motor for one turn of the joint; only with `torque_constant`. Of a joint that slides, the angle "
-        "of the motor [rad] for 1 m: 2π over the lead of a screw, 1 over the radius of a pinion.",
+        "Turns of the motor for one turn of the joint; only with `torque_constant`. For a prismatic joint, the angle "
+        "of the motor [rad] for 1 m: 2π divided by the lead of a screw, or 1 divided by the radius of a pinion.",
         unit="–",
         example=100.0,
         absent="required with `torque_constant`",

@@ -12,9 +12,8 @@ from drake_tc.logs.loads import Load, Pendulum, RobotLoad, RobotMethod, UnknownF
 LoadWord: TypeAlias = Literal["torque", "unknown"]
 WORDS: Mapping[LoadWord, str] = {
     "torque": "The column `<joint>/torque` of the log: the torque on the link's side of the gear.",
-    "unknown": "A pendulum of which nothing is known: its inertia, weight, zero and a constant torque are fitted; of a "
-    "joint that slides, a mass and a constant force. "
-    "No torque column is needed.",
+    "unknown": "A pendulum of which nothing is known: its inertia, weight, zero and a constant torque are fitted; for "
+    "a prismatic joint, a mass and a constant force. No torque column is needed.",
 }
 """Kinds of load that are one word, and what they mean."""
 

@@ -56,6 +56,17 @@ ISOLATES: Mapping[str, str] = {
     "encoder_eccentricity": "turn at constant speed over a whole turn, or compare with a second encoder",
 }
 """What shows an effect of the library alone, as an instruction, by its id."""
+ISOLATES_PRISMATIC: Mapping[str, str] = {
+    "stribeck": "creep at constant speeds from 0.1 to 50 mm/s in both directions",
+    "presliding_hysteresis": "reverse slowly and often with amplitudes from 0.1 to 10 mm",
+    "torque_ripple": "move slowly at constant speed over the whole range, unloaded",
+    "payload": "add fast small motions at several positions",
+    "torque_sensor_gain": "load the link with known forces and read the force sensor",
+    "encoder_offset": "move the joint to a stop or mark of known position and read the encoder",
+    "encoder_ripple": "move at two constant speeds over the whole range: the error of the encoder keeps its place",
+    "servo_gain": "load the link with known forces and read the effort that holds them, approached from both sides",
+}
+"""The same of a prismatic joint, where the instruction differs."""
 
 
 def next_experiment(joint: JointResult) -> str | None:
@@ -67,7 +78,7 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
     """One or two sentences, in the units of the joint."""
     match experiment:
         case TellApart(first, second):
-            one, other = (units.text(isolating(each)) for each in (first, second))
+            one, other = (isolating(each, units) for each in (first, second))
             return f"To tell {first} from {second}: {one} (shows {first} alone); {other} (shows {second} alone)."
         case CheckLoad(measured) if measured:
             return (
@@ -123,9 +134,11 @@ def _vary(signals: list[str]) -> str:
     )
 
 
-def isolating(effect_id: str) -> str:
+def isolating(effect_id: str, units: JointUnits = TURNING) -> str:
     """What shows an effect alone; an effect of another package says it itself, or is asked by its signature."""
+    if units.slides and effect_id in ISOLATES_PRISMATIC:
+        return ISOLATES_PRISMATIC[effect_id]
     if effect_id in ISOLATES:
-        return ISOLATES[effect_id]
+        return units.text(ISOLATES[effect_id])
     known = effect(effect_id)
-    return known.isolated_by or f"vary {known.signature.x.replace('_', ' ')} alone, all else held"
+    return units.text(known.isolated_by or f"vary {known.signature.x.replace('_', ' ')} alone, all else held")

@@ -32,8 +32,8 @@ def why_rejected(rejected: RejectedEffect) -> str:
             return "the search chose it, but it did not hold; the reason is listed among the effects that did not hold"
         case "not_searched":
             return (
-                "no search looks for it unasked, because it resembles a commoner effect; list it under `declared` in "
-                "the rig file to have it fitted"
+                "it is fitted only if the rig file declares it, because it resembles a more common effect; list it "
+                "under `declared` in the rig file"
             )
         case "not_chosen":
             return (

@@ -7,8 +7,9 @@ from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig
 
 
-def rig(declared):
-    return parse_rig({"joint": "knee", "drive": "current", "declared": declared}, "rig.yaml")
+def rig(declared, joint_type="revolute"):
+    entries = {"joint": "knee", "joint_type": joint_type, "drive": "current", "declared": declared}
+    return parse_rig(entries, "rig.yaml")
 
 
 def test_values_of_friction_are_held_and_those_of_drives_are_fitted_anew():
@@ -22,3 +23,19 @@ def test_values_of_friction_are_held_and_those_of_drives_are_fitted_anew():
 def test_a_parameter_that_the_effect_does_not_have_is_refused():
     with pytest.raises(RigError, match="stribeck: no parameter 'velocity'; did you mean 'stribeck_velocity'"):
         known_values(rig({"stribeck": {"velocity": 0.1}}), "knee")
+
+
+def test_a_prismatic_joint_has_the_forms_of_its_type():
+    """A payload that slides has a weight and a mass, not the moment of a pendulum."""
+    found = rig({"payload": {"payload_mass": 12.0, "payload_weight": 40.0}, "presliding_hysteresis": None}, "prismatic")
+    assert known_values(found, "knee") == {"payload.sliding": {"payload_weight": 40.0, "payload_mass": 12.0}}
+    assert declared_terms(found, "knee") == ["viscous", "coulomb", "presliding_hysteresis.sliding"]
+    with pytest.raises(RigError, match=r"payload.*: no parameter 'payload_moment'"):
+        known_values(rig({"payload": {"payload_moment": 3.0}}, "prismatic"), "knee")
+
+
+def test_an_effect_of_revolute_joints_is_refused_for_a_prismatic_one():
+    said = "declared: load_tilt: knee is prismatic, and only revolute joints have this effect; leave it out"
+    with pytest.raises(RigError, match=said):
+        declared_terms(rig({"load_tilt": None}, "prismatic"), "knee")
+    assert declared_terms(rig({"load_tilt": None}), "knee") == ["viscous", "coulomb", "load_tilt"]

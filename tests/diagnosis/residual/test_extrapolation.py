@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.extrapolation import beyond_training
@@ -77,8 +78,18 @@ def test_the_signal_that_explains_the_error_is_named(samples):
     assert beyond.signal == "temperature"
 
 
-def test_an_error_where_the_efforts_are_larger_than_any_before(samples):
+@pytest.mark.parametrize(
+    ("units", "drive", "unit"),
+    [
+        (JointUnits("revolute", "current"), "current", "A"),
+        (JointUnits("revolute", "position_servo"), "position_servo", "rad"),
+        (JointUnits("prismatic", "position_servo"), "position_servo", "m"),
+        (JointUnits("prismatic", "torque"), "torque", "N"),
+    ],
+)
+def test_an_error_where_the_efforts_are_larger_than_any_before(samples, units, drive, unit):
     """A drive that gives way above 80 % of its effort, which only the held-out run reaches: no effect is needed."""
+    samples = replace(samples, units=units)
     effort = samples.signals.effort[samples.rows]
     most = 0.8 * np.abs(effort).max()
     large = np.abs(effort) > 1.1 * most
@@ -87,7 +98,7 @@ def test_an_error_where_the_efforts_are_larger_than_any_before(samples):
     after = np.where(large, 20.0, 1.0) * noise
     small = replace(samples, signals=replace(samples.signals, effort=np.clip(samples.signals.effort, -most, most)))
     splits = (DataSplit(small, noise, noise), DataSplit(samples, after, after))
-    beyond = beyond_training(splits, (x[0], x[1]), (), "current", FLOOR, OPTIONS)
+    beyond = beyond_training(splits, (x[0], x[1]), (), drive, FLOOR, OPTIONS)
     assert beyond is not None
-    assert (beyond.signal, beyond.unit, beyond.runs) == ("effort", "A", ("warm",))
+    assert (beyond.signal, beyond.unit, beyond.runs) == ("effort", unit, ("warm",))
     assert np.ptp(beyond.trained) < 0.95 * np.ptp(beyond.reached)
