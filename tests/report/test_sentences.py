@@ -37,6 +37,7 @@ from drake_tc.diagnosis.notes import (
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining
 from drake_tc.diagnosis.result.experiments import (
     CheckLoad,
+    CheckScale,
     CoverRange,
     FindPeriodicSource,
     NextExperiment,
@@ -115,6 +116,7 @@ OBJECTIONS = [
 ]
 EXPERIMENTS = [
     (TellApart("stribeck", "delay"), ["To tell stribeck from delay: creep at", "(shows stribeck alone)"]),
+    (CheckScale(), ["Hang known weights on the link", "no motion can tell torque_sensor_gain from"]),
     (CheckLoad(measured=False), ["the declared load (mass, length, zero) and the drive gain"]),
     (CheckLoad(measured=True), ["the torque sensor (scale, sign, zero) and the drive gain"]),
     (

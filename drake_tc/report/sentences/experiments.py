@@ -6,6 +6,7 @@ from typing import assert_never
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.result.experiments import (
     CheckLoad,
+    CheckScale,
     CoverRange,
     FindPeriodicSource,
     NextExperiment,
@@ -80,6 +81,12 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
         case TellApart(first, second):
             one, other = (isolating(each, units) for each in (first, second))
             return f"To tell {first} from {second}: {one} (shows {first} alone); {other} (shows {second} alone)."
+        case CheckScale():
+            weighed = isolating("torque_sensor_gain", units)
+            return (
+                f"{weighed[:1].upper()}{weighed[1:]}. Without a declared drive gain, no motion can tell "
+                "torque_sensor_gain from a wrong declared rotor_inertia."
+            )
         case CheckLoad(measured) if measured:
             return (
                 "Check the torque sensor (scale, sign, zero) and the drive gain first: an error of one of them "

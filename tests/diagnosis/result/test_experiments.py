@@ -5,6 +5,7 @@ from dataclasses import replace
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.experiments import (
     CheckLoad,
+    CheckScale,
     CoverRange,
     FindPeriodicSource,
     RepeatRun,
@@ -24,6 +25,8 @@ def test_what_is_open_asks_for_an_experiment_effects_first():
     everything = replace(STRUCTURED, confined_to=(STRETCH,), period_hz=4.0)
     pairs = (("encoder_ripple", "delay"), ("delay", "encoder_ripple"))
     assert next_experiment(pairs, everything, ["looks_like_known_load"]) == TellApart("encoder_ripple", "delay")
+    scale = ("torque_sensor_gain", "rotor_inertia")
+    assert next_experiment((scale, *pairs), everything) == CheckScale()
     refused = ["implausible", "looks_like_known_load"]
     for measured in (False, True):
         assert next_experiment((), everything, refused, load_measured=measured) == CheckLoad(measured)
