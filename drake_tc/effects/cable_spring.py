@@ -46,7 +46,7 @@ class CableSpring(EquationEffect):
         Parameter("spring_preload", "N*m", description="-k q_0", plausible=SPRING_PRELOAD_RANGE),
     )
     signature = Signature(
-        x="position", split="", look_for="a straight line over the angle, the same in both directions"
+        x="position", split="", look_for="a straight line over the position, the same in both directions"
     )
 
     def obstacle(self, context: Context) -> str:

@@ -45,7 +45,9 @@ class LinearPositionFriction(EquationEffect):
         Parameter("half_travel", "rad", default=1.0, description="half of their range, h > 0", plausible=TRAVEL_RANGE),
     )
     signature = Signature(
-        x="position", split="direction", look_for="a straight line over the angle, mirrored between the two directions"
+        x="position",
+        split="direction",
+        look_for="a straight line over the position, mirrored between the two directions",
     )
 
     def unexcited(self, context: Context) -> str:

@@ -55,7 +55,7 @@ class PositionDependentFriction(EquationEffect):
         ),
     )
     signature = Signature(
-        x="position", split="direction", look_for="a wave over the angle, mirrored between the two directions"
+        x="position", split="direction", look_for="a wave over the position, mirrored between the two directions"
     )
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

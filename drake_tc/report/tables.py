@@ -42,7 +42,7 @@ class ErrorRow:
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """Rows, and the two levels beside which they are read."""
+    """Rows, and the two levels beside which they are read; `load` is what the effort becomes by the drive gain."""
 
     rows: Sequence[ErrorRow]
     floor: str
@@ -50,6 +50,7 @@ class ErrorTable:
     explainable: str
     explainable_torque: str
     gain: str
+    load: str
 
 
 def error_table(joint: JointResult) -> ErrorTable:
@@ -81,6 +82,7 @@ def error_table(joint: JointResult) -> ErrorTable:
         explainable=scale.quantity(explainable),
         explainable_torque=torque.quantity(explainable / gain),
         gain=f"{significant(gain, 4)} {joint.units.text(f'{pretty_unit(joint.unit)}/(N·m)')}",
+        load="force" if joint.units.slides else "torque",
     )
 
 

@@ -82,6 +82,7 @@ def test_the_reports_have_no_unit_of_a_joint_that_turns(rippled):
     page = re.sub(r"<(script|style)[^>]*>.*?</\1>", "", render(rippled), flags=re.DOTALL)
     texts = re.sub(r"<[^>]+>", " ", page).replace("rad/m", "")
     assert TURNING.findall(texts) == []
+    assert "after, as force" in texts and "errors as force" in texts and "over the angle" not in texts
     document = json.dumps(result_json(rippled), ensure_ascii=False).replace("rad/m", "")
     assert TURNING.findall(document) == []
 
