@@ -258,4 +258,4 @@ def test_a_group_that_sinusoids_identify_better_is_named(arm, value):
     ratios[goal.groups["friction coefficients"]] = value
     text = _sentences(goal, ratios, None)
     assert "Growing sinusoids identify the friction coefficients better." in text
-    assert f"{value:.2g} for 6 friction coefficients" in text[0]
+    assert f"{value:.2g} for the friction coefficients (6)" in text[0]
