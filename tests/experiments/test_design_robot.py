@@ -81,7 +81,7 @@ def test_the_slope_of_the_distance_is_that_of_finite_differences(arm):
 
 
 def test_a_designed_motion_keeps_limits_and_distances_and_identifies_more(arm):
-    design = design_robot(arm, robot_limits(arm), QUICK)
+    design = design_robot(arm, robot_limits(arm), replace(QUICK, starts=4))  # one start may end in a poor optimum
     time, motions = design.motion(50.0)
     assert set(motions) == {"turn", "bend", "fold"} and time[-1] > 10.0
     limits = joint_limits(arm)
@@ -95,7 +95,7 @@ def test_a_designed_motion_keeps_limits_and_distances_and_identifies_more(arm):
     lead = np.flatnonzero((time > 5.0) & (time < time[-1] - 5.0))[::7]
     assert min(distance(arm, each) for each in q[lead]) > 0.0
     ratio = np.median([e.after / e.default for e in design.expected])
-    assert ratio < 0.8, ratio
+    assert ratio < 0.6, ratio
     assert design.value >= design.start_value - 1e-9
 
 
