@@ -58,6 +58,12 @@ def test_names(name, joint, quantity):
         ("q (3)", "joint_3", "position", ""),
         ("q_ma", "ma", "position", ""),
         ("t_ms", "", "time", ""),
+        ("z_pos_mm", "z", "position", "mm"),
+        ("z_vel [mm/s]", "z", "velocity", "mm/s"),
+        ("z_pos_cm", "z", "position", "cm"),
+        ("z_force_N", "z", "torque", "N"),
+        ("load_cell [N]", "", "torque", "N"),
+        ("theta_m", "", "motor_position", ""),
     ],
 )
 def test_units_in_names(name, joint, quantity, unit):
@@ -204,23 +210,6 @@ def invoke_inspect(capsys):
         return SimpleNamespace(code=code, out=captured.out, err=captured.err)
 
     return call
-
-
-@pytest.mark.parametrize(
-    ("name", "joint", "quantity", "unit"),
-    [
-        ("z_pos_mm", "z", "position", "mm"),
-        ("z_vel [mm/s]", "z", "velocity", "mm/s"),
-        ("z_pos_cm", "z", "position", "cm"),
-        ("z_force_N", "z", "torque", "N"),
-        ("load_cell [N]", "", "torque", "N"),
-        ("theta_m", "", "motor_position", ""),
-    ],
-)
-def test_names_of_a_linear_axis(name, joint, quantity, unit):
-    told = meaning(name)
-    assert told is not None
-    assert (told.joint, told.quantity, told.unit) == (joint, quantity, unit)
 
 
 def test_a_load_cell_that_names_no_joint_belongs_to_the_only_one(tmp_path):
