@@ -16,6 +16,7 @@ from drake_tc.diagnosis.notes import (
     SizeByRotorInertia,
 )
 from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.experiments import SAME_SCALE
 from drake_tc.diagnosis.timing_notes import (
     DelayBySampling,
     HeldEffort,
@@ -70,7 +71,7 @@ def scale_alternatives(rig: Rig, joint: str, found: Parameters) -> tuple[tuple[s
     """
     if joint in rig.drive_gain or not rig.known(joint, "rotor_inertia") > 0.0:
         return ()
-    return tuple((effect(key).id, "rotor_inertia") for key in found if key.partition(".")[0] in SCALE_ALONE)
+    return (SAME_SCALE,) if SAME_SCALE[0] in {key.partition(".")[0] for key in found} else ()
 
 
 def gain_note(found: Parameters, drive: DriveKind) -> tuple[GainDeclaredWrong, ...]:
