@@ -33,7 +33,7 @@ from drake_tc.diagnosis.result.drive_notes import (
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
-from drake_tc.diagnosis.result.outcome import effects_not_searched, found_effects, rejected_effects, stabilities
+from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.result.widening import parameters_of
@@ -42,7 +42,7 @@ from drake_tc.diagnosis.searches import Stage, of_its_gear, searched
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
-from drake_tc.diagnosis.selection.joint import Search
+from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
@@ -136,7 +136,6 @@ def diagnose_joint(
         *(pair for pair in scale_alternatives(rig, joint, final_parameters) if pair[0] in kept),
         *(pair for pair in alternatives if pair[0] in kept),
     )
-    open_question = (unexplained.structured or unexplained.excess) and options.effects is None
     by_condition = consistency(columns, chosen, context.drive)
     return JointResult(
         joint=joint,
@@ -151,20 +150,17 @@ def diagnose_joint(
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),
         effects=effects,
-        rejected=(
-            *(effects_not_searched(columns, held, chosen, context, baseline) if open_question else ()),
-            *rejected_effects(
-                columns,
-                held,
-                chosen,
-                context,
-                options.search,
-                stage.obstacles,
-                floor,
-                options.effects,
-                baseline,
-                {each.id for each in did_not_hold},
-            ),
+        rejected=rejected_effects(
+            columns,
+            held,
+            chosen,
+            context,
+            options.search,
+            stage.obstacles,
+            floor,
+            options.effects,
+            baseline,
+            {each.id for each in did_not_hold},
         ),
         indistinguishable=alternatives,
         next_experiment=next_experiment(

@@ -22,13 +22,14 @@ from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Ter
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.engine import Progress
-from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.joint import search
+from drake_tc.diagnosis.selection.joint_problem import Search, candidates
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Effect, TorqueEffect
 from drake_tc.effects.elasticity import Elasticity
-from drake_tc.effects.library import looked_for
+from drake_tc.effects.library import UNCOMMON, looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.errors import IdentificationError
@@ -75,11 +76,20 @@ def searched(
     """
     library = [each for each in looked_for(prepared.context, options.effects) if each.id not in without]
     usable, obstacles = candidates(library, prepared.context, prepared.declared)
+    uncommon, _ = candidates(UNCOMMON if options.effects is None else (), prepared.context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
         subsample = columns.changed(samples=columns.samples.subsample(SEARCHED_SAMPLES), target=None)
     found = search(
-        subsample, prepared.terms, usable, prepared.context, prepared.floor, options.search, progress, executor
+        subsample,
+        prepared.terms,
+        usable,
+        prepared.context,
+        prepared.floor,
+        options.search,
+        progress,
+        executor,
+        uncommon=uncommon,
     )
     return Stage(prepared, subsample, tuple(obstacles), found)
 

@@ -210,9 +210,8 @@ CERTAINLY_BETTER = 0.98
 UNTESTED_EFFORT = 1.1
 """Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
 
-LEAST_NOT_SEARCHED = 0.25
-"""Relative drop of the error of the final model, cross-validated and held out, from which on an effect is pointed out
-that no search looks for unasked."""
+LEAST_UNCOMMON = 0.25
+"""Relative drop of the cross-validated error of the model found from which on an uncommon effect is looked for."""
 
 # What is left
 

@@ -107,22 +107,22 @@ LIBRARY: tuple[Effect, ...] = (
 )
 """Effects that a search looks for unasked, in the order in which ties are broken."""
 
-SPECIAL: tuple[Effect, ...] = (
+UNCOMMON: tuple[Effect, ...] = (
     LoadStribeck(),
     DriveCompression(),
     WindingHeat(),
     LoadTilt(),
     StaticFriction(),
 )
-"""Effects that a model may list but that no search looks for unasked: each resembles a commoner one in LIBRARY."""
+"""Effects that a search looks for only where LIBRARY leaves much unexplained: each resembles a more common one."""
 
 MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
 """Effects that are looked for only where the links of a robot are fitted together with its joints."""
 
-BUILT_IN: tuple[Effect, ...] = (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
+BUILT_IN: tuple[Effect, ...] = (*LIBRARY, *UNCOMMON, *MULTI_JOINT, *UNKNOWN_LOADS)
 """Every effect of this package."""
 
-PLACE = {effect.key: number for number, effect in enumerate(LIBRARY)}
+PLACE = {effect.key: number for number, effect in enumerate((*LIBRARY, *UNCOMMON))}
 
 
 def register_effect(effect: Effect | type[Effect]) -> None:
@@ -177,11 +177,11 @@ def looked_for(context: Context, effects: Sequence[Effect] | None = None) -> tup
 
 
 def place(key: str) -> int:
-    """Where an effect stands in the library, those of other packages last; 0 for what no search looks for unasked."""
+    """Where an effect stands in the library, those of other packages last; 0 for what is only ever declared."""
     if key in PLACE:
         return PLACE[key]
     names = EFFECTS.names()
-    return len(LIBRARY) + names.index(key) if key in names else 0
+    return len(PLACE) + names.index(key) if key in names else 0
 
 
 def effect(key: str) -> Effect:

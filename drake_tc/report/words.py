@@ -97,8 +97,14 @@ def headline(joint: JointResult) -> str:
         return f"The declared model explains the data: its held-out error is {error}. {capital(NO_FLOOR)}."
     if joint.verdict == "no_missing_effect":
         return f"The declared model explains the data: its held-out error of {scale.quantity(after)} is {above}."
-    with_them = "With it" if len(joint.effects) == 1 else "With them"
-    found = f"Missing in the model: {names}. {with_them}, {change}." if joint.effects else ""
+    one = len(joint.effects) == 1
+    if mostly_unexplained(joint):
+        fits = "fits" if one else "fit"
+        return (
+            f"The cause of most of the error was not found. Of the effects in the library, {names} {fits} best: with "
+            f"{'it' if one else 'them'}, {change}. {capital(unexplained(joint))}"
+        )
+    found = f"Missing in the model: {names}. With {'it' if one else 'them'}, {change}." if joint.effects else ""
     if joint.verdict == "effects_found":
         return found
     if found:
@@ -174,11 +180,6 @@ def _near(joint: JointResult) -> str:
     best = max(joint.rejected, key=lambda each: each.heldout_gain, default=None)
     if best is None or not best.heldout_gain >= NEAR:
         return ", and no effect in the library has this form"
-    if best.reason == "not_searched":
-        return (
-            f"; {title_of(best.id)}, which is fitted only if the rig file declares it, would lower the held-out error "
-            f"by {percent(best.heldout_gain)}: list {best.id} under declared and run close-loop again"
-        )
     return (
         f"; of the effects that were not added, {title_of(best.id)} would lower the held-out error most (by "
         f"{percent(best.heldout_gain)})"
@@ -221,7 +222,7 @@ def ranked_effects(result: CloseLoopResult) -> Sequence[tuple[str, str, float]]:
     return sorted(found, key=lambda each: -each[2])
 
 
-def _mostly_unexplained(joint: JointResult) -> bool:
+def mostly_unexplained(joint: JointResult) -> bool:
     """Whether the effects found leave more than noise, and most of the held-out error, within the trained range."""
     before, after = joint.before.heldout, joint.after.heldout
     unsure = joint.verdict in ("unexplained_structure", "unexplained_residual") and joint.unexplained.beyond is None
@@ -249,7 +250,7 @@ def warnings(joint: JointResult) -> Sequence[str]:
         )
     if joint.effects and joint.after.heldout > joint.before.heldout:
         out.append("The held-out error did not fall: do not use the model after without looking at the plots.")
-    if _mostly_unexplained(joint):
+    if mostly_unexplained(joint):
         share = percent(joint.after.heldout / joint.before.heldout)
         out.append(
             f"With the effects found, {share} of the held-out error is left. While so much is unexplained, an effect "

@@ -13,10 +13,10 @@ from drake_tc.actuation.constant_parts import split_parts
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.effects.base import DriveEffect, SensorEffect
-from drake_tc.effects.library import LIBRARY, SPECIAL
+from drake_tc.effects.library import LIBRARY, UNCOMMON
 from drake_tc.errors import ParamsError
 
-EFFECTS = [e for e in (*LIBRARY, *SPECIAL) if not isinstance(e, SensorEffect)]
+EFFECTS = [e for e in (*LIBRARY, *UNCOMMON) if not isinstance(e, SensorEffect)]
 SERVO = (
     EffectValue("rotor_inertia", {"rotor_inertia": 0.3}),
     EffectValue("viscous", {"viscous": 6.0}),

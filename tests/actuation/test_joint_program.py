@@ -11,7 +11,7 @@ from drake_tc.actuation.joint_program import JointInput, JointOutput, JointProgr
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.effects.base import SensorEffect
-from drake_tc.effects.library import LIBRARY, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
 
 TICK = 1e-3
 INPUTS = ("command", "position", "velocity", "load_torque", "temperature", "supply_voltage")
@@ -50,7 +50,7 @@ def test_the_record_has_every_effect_that_acts():
     # simulated in tests/effects/test_identify_back.py
     elsewhere = {"effort_bias", "payload.pendulum", "payload.own_arm", "position_dependent_friction.linear"}
     elsewhere |= {"payload.sliding", "presliding_hysteresis.sliding", "cable_spring.beside_weight"}
-    assert {e.key for e in (*LIBRARY, *SPECIAL) if not isinstance(e, SensorEffect)} <= keys | elsewhere
+    assert {e.key for e in (*LIBRARY, *UNCOMMON) if not isinstance(e, SensorEffect)} <= keys | elsewhere
     torques = RECORD["outputs"][..., 0]
     assert np.all(np.ptp(torques, axis=1) > 0.05)  # no case that rests
     assert np.isfinite(RECORD["outputs"]).all()

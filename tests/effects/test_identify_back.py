@@ -20,10 +20,10 @@ from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import best_shape
+from drake_tc.diagnosis.selection.joint_problem import best_shape
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.effects.base import DriveKind, plain_signals
-from drake_tc.effects.library import LIBRARY, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.diagram import Table
 from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
@@ -147,7 +147,7 @@ test_servo_gain.py, test_break_away.py and tests/diagnosis/test_sliding_joint.py
 
 
 def test_every_effect_of_the_library_has_a_case():
-    assert {e.key for e in (*LIBRARY, *SPECIAL)} - ELSEWHERE == set(CASES)
+    assert {e.key for e in (*LIBRARY, *UNCOMMON)} - ELSEWHERE == set(CASES)
 
 
 def motion(drive: DriveKind, bench: BenchScenario, speed: float) -> Table:

@@ -1,4 +1,4 @@
-"""The special effects against closed forms, and a model that goes through a position loop."""
+"""Uncommon effects of the motor against closed forms, and a model that goes through a position loop."""
 
 import numpy as np
 import pytest
@@ -9,16 +9,16 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.position_loop import PositionLoop, through_loop
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.drive_compression import DriveCompression
-from drake_tc.effects.library import LIBRARY, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
 from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
 from drake_tc.effects.winding_heat import WindingHeat
 from drake_tc.errors import ParamsError
 
 
-def test_special_effects_are_known_to_models_but_not_searched():
-    assert not {e.id for e in SPECIAL} & {e.id for e in LIBRARY}
-    for member in SPECIAL:
+def test_uncommon_effects_are_known_to_models_and_not_among_the_common_ones():
+    assert not {e.id for e in UNCOMMON} & {e.id for e in LIBRARY}
+    for member in UNCOMMON:
         assert effect(member.id) is member
 
 

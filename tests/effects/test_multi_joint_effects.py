@@ -5,13 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.effects.base import TorqueEffect, plain_signals
-from drake_tc.effects.library import LIBRARY, MULTI_JOINT, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
 from drake_tc.effects.run_in_friction import RunInFriction
 from drake_tc.effects.viscous_power import ViscousPower
 
 
 def test_they_are_known_to_models_but_not_searched_for_one_joint():
-    assert not {e.id for e in MULTI_JOINT} & {e.id for e in (*LIBRARY, *SPECIAL)}
+    assert not {e.id for e in MULTI_JOINT} & {e.id for e in (*LIBRARY, *UNCOMMON)}
     for member in MULTI_JOINT:
         assert effect(member.id) is member
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 from drake_tc.effects.base import Context
-from drake_tc.effects.library import LIBRARY, MULTI_JOINT, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
 from drake_tc.effects.plausibility import implausible, plausible_range
 
-EVERY = (*LIBRARY, *SPECIAL, *MULTI_JOINT)
+EVERY = (*LIBRARY, *UNCOMMON, *MULTI_JOINT)
 RIG = Context(
     drive="current",
     load="torque",

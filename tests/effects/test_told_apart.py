@@ -13,7 +13,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import best_shape
+from drake_tc.diagnosis.selection.joint_problem import best_shape
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig

@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 
 from drake_tc.actuation.model import EffectValue
 from drake_tc.effects.base import Context, plain_signals
-from drake_tc.effects.library import LIBRARY, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
 from drake_tc.effects.splines import spline_columns, spline_curve
 from drake_tc.effects.unknown_load import PENDULUM, UNKNOWN_LOADS
 
@@ -54,7 +54,7 @@ def test_splines_are_those_of_scipy_and_stay_level_beyond_the_ends() -> None:
 
 
 def test_no_search_meets_them_and_effects_of_the_same_form_step_aside() -> None:
-    assert not {e.id for e in UNKNOWN_LOADS} & {e.id for e in (*LIBRARY, *SPECIAL)}
+    assert not {e.id for e in UNKNOWN_LOADS} & {e.id for e in (*LIBRARY, *UNCOMMON)}
     unknown = Context("position_servo", "unknown", frozenset(), {"rotor_inertia": 0.1, "drive_gain": 1.0})
     for key in ("payload", "payload.pendulum", "rotor_inertia", "cable_spring", "encoder_offset", "elasticity"):
         assert "the load is unknown" in effect(key).obstacle(unknown), key

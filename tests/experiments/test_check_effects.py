@@ -13,7 +13,8 @@ from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import candidates, search
+from drake_tc.diagnosis.selection.joint import search
+from drake_tc.diagnosis.selection.joint_problem import candidates
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.experiments.check.consistency import findings

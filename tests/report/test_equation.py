@@ -11,13 +11,13 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, Signals, TorqueEffect, plain_signals
-from drake_tc.effects.library import LIBRARY, MULTI_JOINT, SPECIAL, effect
+from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
 from drake_tc.effects.splines import spline_columns
 from drake_tc.effects.unknown_load import UNKNOWN_LOADS
 from drake_tc.report.equation import equations, model_equations
 from drake_tc.report.numbers import interval
 
-EVERY = (*LIBRARY, *SPECIAL, *MULTI_JOINT, *UNKNOWN_LOADS)
+EVERY = (*LIBRARY, *UNCOMMON, *MULTI_JOINT, *UNKNOWN_LOADS)
 WITH_MEMORY = ("presliding_hysteresis", "winding_heat", "winding_temperature", "elasticity", "backlash")
 """Their equations need a state or stand for another signal; tests of their own hold them."""
 T = 400

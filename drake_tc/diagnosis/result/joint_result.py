@@ -30,12 +30,10 @@ Rejection = Literal[
     "not_recorded",
     "not_excited",
     "untested",
-    "not_searched",
 ]
 """Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`).
 
-An effect is untested that was tried on training runs whose efforts are too small to show it. One that is not searched
-is in the library, but a search tries it only where the rig file declares it.
+An effect is untested that was tried on training runs whose efforts are too small to show it.
 """
 
 

@@ -12,18 +12,16 @@ from drake_tc.diagnosis.result.joint_result import FoundEffect, RejectedEffect, 
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.selection.comparison import Comparison, explained_by
 from drake_tc.diagnosis.selection.engine import compare
-from drake_tc.diagnosis.selection.joint import (
+from drake_tc.diagnosis.selection.joint_problem import (
     JointProblem,
     Search,
     best_shape,
     candidates,
-    shape_screen,
     share_better,
 )
-from drake_tc.diagnosis.selection.shape_refinement import refine
-from drake_tc.diagnosis.thresholds import JOINT, LEAST_NOT_SEARCHED, UNTESTED_EFFORT, SearchThresholds
+from drake_tc.diagnosis.thresholds import JOINT, UNTESTED_EFFORT, SearchThresholds
 from drake_tc.effects.base import Context, Effect
-from drake_tc.effects.library import SPECIAL, looked_for
+from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.types import FloatArray
 
@@ -133,33 +131,6 @@ def rejected_effects(
         if name not in best and name not in taken:
             best[name] = RejectedEffect(key, name, 0.0, 0.0, obstacle.reason, obstacle.statement)
     return tuple(sorted(best.values(), key=lambda r: -r.train_gain))
-
-
-def effects_not_searched(
-    columns: Columns, held: Columns, chosen: Fit, context: Context, baseline: Fit
-) -> tuple[RejectedEffect, ...]:
-    """Effects that no search looks for unasked and with which the model explains much of what is left.
-
-    Each is tried beside the final model and beside the declared one, because the final model may hold an imitation of
-    it. The error of the better one is compared with that of the final model.
-
-    Args:
-        columns: Training rows.
-        held: Held-out rows.
-        chosen: The final model.
-        context: What the logs offer.
-        baseline: The declared model.
-    """
-    taken = {t.effect.id for t in chosen.terms} | set(context.declared)
-    usable, _ = candidates(SPECIAL, context, sorted(taken))
-    screen, base, out = shape_screen(columns), rms(predict(held, chosen)), []
-    for member in usable:
-        tried = [best_shape(columns, fitted, member, context, screen) for fitted in (chosen, baseline)]
-        best = refine(columns, min(tried, key=lambda each: each.cv_rms), evaluations=30)
-        gains = [1.0 - rms(predict(held, best)) / base, 1.0 - best.cv_rms / chosen.cv_rms]
-        if min(gains) >= LEAST_NOT_SEARCHED:
-            out.append(RejectedEffect(member.key, member.id, gains[0], gains[1], "not_searched"))
-    return tuple(out)
 
 
 def _reason(

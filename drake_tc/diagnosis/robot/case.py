@@ -23,7 +23,8 @@ from drake_tc.diagnosis.problem.shared.correction import corrected
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.engine import Progress
-from drake_tc.diagnosis.selection.joint import Search, candidates, search
+from drake_tc.diagnosis.selection.joint import search
+from drake_tc.diagnosis.selection.joint_problem import Search, candidates
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.link_load import LinkLoad, link_load

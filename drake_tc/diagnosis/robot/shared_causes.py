@@ -33,7 +33,7 @@ from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import RobotCase, own_search
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
-from drake_tc.diagnosis.selection.joint import Search
+from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared, substituted
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE_BESIDE, NEAR_NOISE, SHARED, SearchThresholds
 from drake_tc.logs.record import Run

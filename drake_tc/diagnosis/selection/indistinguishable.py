@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.selection.joint import Search, best_shape, shape_screen, share_better
+from drake_tc.diagnosis.selection.joint_problem import Search, best_shape, shape_screen, share_better
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.shape_refinement import refine

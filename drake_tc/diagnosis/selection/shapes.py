@@ -12,6 +12,8 @@ PERIOD = "cycles_per_turn"
 """The shape parameter whose fit has many maxima next to each other: it is moved in small steps."""
 STEP, STEP_OF_PERIOD = 0.15, 0.004
 """First steps of the logarithm of a shape parameter."""
+LARGEST_COST = 1e100
+"""Stands for the infinite cost of a model that cannot be fitted."""
 MOST_SEARCHES = 4
 """Searches of one refinement that end on a bound. LEAST_FALL: of the cost, for which another one is begun."""
 LEAST_FALL = 0.01
@@ -92,7 +94,7 @@ def _simplex_search(
 
     zero = np.zeros(start.size)
     found = minimize(
-        lambda x: cost(within(x)),
+        lambda x: min(cost(within(x)), LARGEST_COST),  # the simplex subtracts costs
         zero,
         method="Nelder-Mead",
         options={

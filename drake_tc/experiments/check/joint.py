@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.selection.joint import candidates
+from drake_tc.diagnosis.selection.joint_problem import candidates
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, imitators

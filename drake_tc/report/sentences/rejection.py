@@ -30,11 +30,6 @@ def why_rejected(rejected: RejectedEffect) -> str:
             return "what it explains is small beside the chosen effects, and is more likely an error in their form"
         case "withdrawn":
             return "the search chose it, but it did not hold; the reason is listed among the effects that did not hold"
-        case "not_searched":
-            return (
-                "it is fitted only if the rig file declares it, because it resembles a more common effect; list it "
-                "under `declared` in the rig file"
-            )
         case "not_chosen":
             return (
                 "beside the chosen effects it passes the thresholds, but the search, which compares whole sets of "

@@ -9,10 +9,9 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.estimates import estimates
-from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, predict
-from drake_tc.diagnosis.result.outcome import effects_not_searched, found_effects, rejected_effects, stabilities
-from drake_tc.diagnosis.selection.joint import Search
+from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
+from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect
 from drake_tc.effects.obstacle import Obstacle
@@ -122,25 +121,3 @@ def test_a_saturation_is_untested_where_held_out_runs_ask_for_more(made, factor,
     faster = replace(held.samples, signals=replace(signals, effort=signals.effort * factor * largest[0] / largest[1]))
     found = rejected_effects(p.columns, Columns(faster), chosen, p.context, JOINT, [], floor_of(p))
     assert {r.id: r.reason for r in found}["saturation"] == reason
-
-
-def test_an_effect_that_no_search_looks_for_is_pointed_out_where_it_explains_much():
-    """A drive that compresses its current; the model found has a saturation, which imitates that a little."""
-    giving_way = replace(RIG, torque_noise=0.02, extra=None)
-    runs = [record(giving_way, f"run{k}", float(k), k) for k in range(3)]
-    most = max(np.abs(run.columns["joint/current"]).max() for run in runs)
-    bent = []
-    for run in runs:
-        arrives = run.columns["joint/current"]
-        asked = arrives / (1.0 - np.abs(arrives) / (5.0 * most))
-        bent.append(replace(run, columns={**run.columns, "joint/current": asked}))
-    rig = rig_of(giving_way)
-    prepared = prepare_joint(bent[:2], bent[2:], rig, "joint")
-    plain = fit(prepared.train, prepared.terms)
-    limited = fit(prepared.train, [*prepared.terms, Term(effect("saturation"), {"limit": most})])
-    found = effects_not_searched(prepared.train, prepared.held, limited, prepared.context, plain)
-    assert [each.id for each in found] == ["drive_compression"]
-    assert found[0].reason == "not_searched"
-    assert found[0].heldout_gain > 0.5
-    right = fit(prepared.train, [*prepared.terms, Term(effect("drive_compression"), {"half_effort": 5.0 * most})])
-    assert effects_not_searched(prepared.train, prepared.held, right, prepared.context, plain) == ()

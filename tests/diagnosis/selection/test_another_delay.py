@@ -12,7 +12,8 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection.engine import select
-from drake_tc.diagnosis.selection.joint import JointProblem, Search, _of_another_delay
+from drake_tc.diagnosis.selection.joint import _of_another_delay
+from drake_tc.diagnosis.selection.joint_problem import JointProblem, Search
 from drake_tc.diagnosis.selection.known_load import looks_like_known_load
 from drake_tc.diagnosis.thresholds import JOINT as THRESHOLDS
 from drake_tc.effects.library import effect

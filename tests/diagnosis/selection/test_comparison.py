@@ -13,7 +13,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.selection.comparison import compared, effective_samples, effective_samples_for
 from drake_tc.diagnosis.selection.engine import compare
-from drake_tc.diagnosis.selection.joint import JointProblem, share_better
+from drake_tc.diagnosis.selection.joint_problem import JointProblem, share_better
 from drake_tc.diagnosis.thresholds import FITTED_LINKS, JOINT, SHARED
 from drake_tc.effects.library import effect
 

@@ -8,7 +8,7 @@ import pytest
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection import indistinguishable as module
-from drake_tc.diagnosis.selection.joint import Search, share_better
+from drake_tc.diagnosis.selection.joint_problem import Search, share_better
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER
 from drake_tc.effects.base import Parameter, Plausible, Signature, TorqueEffect
 from drake_tc.effects.library import LIBRARY, effect

@@ -10,7 +10,8 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.selection import shape_refinement
 from drake_tc.diagnosis.selection.engine import select
-from drake_tc.diagnosis.selection.joint import JointProblem, best_shape, candidates, search
+from drake_tc.diagnosis.selection.joint import search
+from drake_tc.diagnosis.selection.joint_problem import JointProblem, best_shape, candidates
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.selection.shapes import ShapeScreen
 from drake_tc.diagnosis.thresholds import JOINT

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import best_shape
+from drake_tc.diagnosis.selection.joint_problem import best_shape
 from drake_tc.diagnosis.selection.lag_or_noise import Backwards, is_noise
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.effects.base import plain_signals

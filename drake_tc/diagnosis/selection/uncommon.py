@@ -1,0 +1,54 @@
+"""Effects that a search looks for only where the common ones leave much that one of them explains.
+
+Each resembles a more common effect and would be named in its place now and then if both were always tried. Where the
+model of common effects is wrong, however, these imitate the cause: a torque constant that falls with the current looks
+like gear friction that depends on the direction of power, and two thirds of the error remain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.selection.engine import Progress, select
+from drake_tc.diagnosis.selection.joint_problem import JointProblem, Search, best_shape
+from drake_tc.diagnosis.selection.shape_refinement import refine
+from drake_tc.diagnosis.thresholds import LEAST_UNCOMMON, SearchThresholds
+from drake_tc.effects.base import Effect
+
+
+def with_uncommon_effects(
+    problem: JointProblem, found: Search, uncommon: Sequence[Effect], thresholds: SearchThresholds, progress: Progress
+) -> tuple[JointProblem, Search]:
+    """The problem and its search with those uncommon effects that explain a quarter of what is left, else as they are.
+
+    The new search is taken where it chose one of them and leaves a quarter less than the old one.
+
+    Args:
+        problem: One joint's, with common effects.
+        found: What the search of these chose.
+        uncommon: Effects that can be looked for.
+        thresholds: What counts as real.
+        progress: Told how far it is.
+    """
+    most = (1.0 - LEAST_UNCOMMON) * found.chosen.cv_rms
+    if most < problem.noise:
+        return problem, found
+    telling = [effect for effect in uncommon if _least_error(problem, found, effect) <= most]
+    if not telling:
+        return problem, found
+    wider = replace(problem, effects=[*problem.effects, *telling])
+    other = select(wider, found.baseline, thresholds, progress)
+    names = {effect.key for effect in telling}
+    if other.chosen.cv_rms <= most and any(term.effect.key in names for term in other.chosen.terms):
+        return wider, other
+    return problem, found
+
+
+def _least_error(problem: JointProblem, found: Search, effect: Effect) -> float:
+    """Cross-validated RMS [effort] with the effect beside the model found, or beside the declared one.
+
+    The model found may hold an imitation of the effect.
+    """
+    parents: tuple[Fit, ...] = (found.chosen, found.baseline)
+    tried = [best_shape(problem.columns, parent, effect, problem.context, problem.screen) for parent in parents]
+    return refine(problem.columns, min(tried, key=lambda each: each.cv_rms), evaluations=30).cv_rms
