@@ -167,6 +167,7 @@ NOTES = [
     (GearBetweenEncoders(None, (2e-4, 1e-4, 3e-4)), ["encoder show a compliance of 0.2 mrad/(N*m)"]),
     (Sticking(6.0, 5.5, 6.5, 4.0, 12), ["at 6 N*m", "5.5 to 6.5, 12 events", "at 4 N*m", "static_excess 2 N*m."]),
     (NoiseOfRecordedEffort("current", 4.96), ["noise of the recorded current", "5.0 times"]),
+    (NoiseOfRecordedEffort("position_servo", 4.96), ["recorded goal scatters", "5.0 times"]),
     (CorrelatedTorqueNoise(2.5, 0.04), ["about 40 ms", "2.5 times"]),
     (
         GapCrossings(0.0884),

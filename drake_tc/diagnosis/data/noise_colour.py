@@ -90,14 +90,15 @@ def channel_density(samples: Samples, frequency: FloatArray) -> FloatArray:
     return np.asarray(total / max(sum(part.size for part in parts), 1))
 
 
-def left_by_effort_noise(samples: Samples, residual: FloatArray) -> float:
-    """RMS [effort] that white noise of a recorded current or voltage leaves on the rows, as the module says.
+def left_by_effort_noise(samples: Samples, residual: FloatArray, floor: float) -> float:
+    """RMS [effort] that white noise of a recorded current, voltage or goal leaves on the rows, as the module says.
 
-    0 where the floor of all fits has it already, and for a position servo.
+    At most what the residual has beyond the other sensors' noise. 0 where the floor of all fits has it already.
 
     Args:
         samples: Rows of one split.
-        residual: (N,) of the final model [effort].
+        residual: (N,) of a model [effort].
+        floor: RMS of what the other sensors' noise leaves [effort].
     """
     resolution = samples.resolution
     variance = max(resolution.effort_noise**2 - resolution.effort_step**2 / 12.0, 0.0)
@@ -108,7 +109,8 @@ def left_by_effort_noise(samples: Samples, residual: FloatArray) -> float:
     edge = (gain >= LEAST_GAIN) & (gain <= EDGE_GAIN)
     held = float(np.sum(left[edge]) / np.sum(gain[edge])) if edge.any() else 0.0
     density = min(2.0 * variance * samples.signals.period, held)
-    return float(np.sqrt(density * np.trapezoid(gain, frequency)))
+    most = max(float(np.mean(residual**2)) - floor**2, 0.0)
+    return float(np.sqrt(min(density * np.trapezoid(gain, frequency), most)))
 
 
 def correlated_noise(samples: Samples, residual: FloatArray) -> CorrelatedNoise | None:

@@ -27,6 +27,9 @@ REPLAY_WIDER = 3.0
 SPEED_OF_NOISE = 5.0
 """Speed over the noise of the filtered velocity, above which the joint resolvably moves."""
 
+THIRD_DIFFERENCE = 20.0
+"""Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
+
 SPEED_PHASES = (0.0, 0.25, 0.5, 0.75)
 """Offsets of the grid, in steps, over which the replayed rounding of a velocity is averaged.
 
@@ -46,8 +49,7 @@ class Resolution:
         torque_correlation_time: Declared correlation time of the torque noise [s]; 0 for white noise.
         torque_is_declared: Whether the rig file declares the torque noise, so that the log is not asked for its colour.
         effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
-        effort_noise: White noise of one sample of a recorded current, voltage or torque command; 0 of a position servo
-            whose load is known.
+        effort_noise: White noise of one sample of a recorded current, voltage, torque command or position command.
         effort_tells_load: Whether the effort tells the load (unknown, fitted links), so that its noise is in the floor
             of all fits. Elsewhere it counts in what is left (`noise_colour.left_by_effort_noise`).
         velocity_step: Step of the recorded velocity of a speed-only log [rad/s]; 0 where there is none.
@@ -134,7 +136,18 @@ def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
     """Standard deviation of the white part of a channel (T,), from its third differences; 0 where not recorded."""
     third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
     third = third[np.isfinite(third)]
-    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if third.size else 0.0
+    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(THIRD_DIFFERENCE)) if third.size else 0.0
+
+
+def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
+    """RMS over time of a channel's (T,) white part, which may be larger in faster motion; 0 where not recorded.
+
+    A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
+    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing.
+    """
+    third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
+    third = third[np.isfinite(third)]
+    return float(np.sqrt(np.mean(third**2) / THIRD_DIFFERENCE)) if third.size else 0.0
 
 
 def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
-from drake_tc.diagnosis.data.resolution import Resolution, sample_noise
+from drake_tc.diagnosis.data.resolution import Resolution, sample_noise, scatter
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.rig import Rig
@@ -37,6 +37,8 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     tells_load = unknown or (isinstance(load, RobotLoad) and load.fitted)
     if tells_load or rig.drive[channels.joint] != "position_servo":
         effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
+    else:
+        effort_noise = scatter(channels.raw(command), channels.segments)
     if declared.torque_noise is not None:
         torque_noise = 0.0 if unknown else declared.torque_noise
     elif not (unknown or isinstance(load, Pendulum)):

@@ -113,15 +113,17 @@ class Columns:
         target: FloatArray | None = None,
         declared_gain: float | None = None,
         fitted_inertia: float = 0.0,
+        effort_noise: float = 0.0,
     ) -> None:
         """Columns over `samples`; `gain` [effort/(N m)] in which all residuals are told, None for each fit's own.
 
         With a gain of its own a drive effect could make its residual small by making the gain small. `floor` then also
         weighs the noise that each fit's coefficients let through. `target` replaces tau + J qddot (N,). With a
         `declared_gain` K_0 [effort/(N m)] fits hold the drive at it unless one of their effects says that it is wrong.
-        `fitted_inertia` [kg m^2] is what the effects of the known model add to the declared rotor inertia.
+        `fitted_inertia` [kg m^2] is what the effects of the known model add to the declared rotor inertia, and
+        `effort_noise` [effort] is the RMS of noise of the recorded effort after the filters that `floor` does not hold.
         """
-        self.declared_gain, self.fitted_inertia = declared_gain, fitted_inertia
+        self.declared_gain, self.fitted_inertia, self.effort_noise = declared_gain, fitted_inertia, effort_noise
         self.samples = samples
         self.gain = gain
         self.floor = floor
@@ -239,7 +241,7 @@ class Columns:
 
     def changed(self, **arguments: Any) -> "Columns":
         """These columns with other arguments of the constructor; without what has been computed."""
-        names = ("samples", "gain", "floor", "target", "declared_gain", "fitted_inertia")
+        names = ("samples", "gain", "floor", "target", "declared_gain", "fitted_inertia", "effort_noise")
         return Columns(**{name: arguments.get(name, getattr(self, name)) for name in names})
 
     def with_model(
@@ -269,11 +271,18 @@ class Columns:
         if self.floor is None or self.gain is None:
             return 1.0
         found = BalanceCoefficients.of(terms, beta, self.samples.signals.rotor_inertia)
-        own = self.floor.torque(found.stiffness, found.viscous, found.inertia, self._effort_noise(terms))
-        declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous, self.fitted_inertia)
+        share = self._effort_share(terms)
+        own = np.hypot(
+            self.floor.torque(found.stiffness, found.viscous, found.inertia, share),
+            found.stiffness * np.sqrt(share) * self.effort_noise,
+        )
+        declared = np.hypot(
+            self.floor.torque(1.0 / self.gain, self.samples.signals.viscous, self.fitted_inertia),
+            self.effort_noise / self.gain,
+        )
         return float(np.clip(declared / max(own, 1e-300), *NOISE_RATIOS))
 
-    def _effort_noise(self, terms: Sequence[Term]) -> float:
+    def _effort_share(self, terms: Sequence[Term]) -> float:
         """Share of the variance of the effort's white noise that passes the filters among the drive effects.
 
         1 where the effort is the target: the residual before its smoothing then counts for a lag (`noise_smoothed`).

@@ -7,6 +7,7 @@ from functools import partial
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.noise_colour import left_by_effort_noise
 from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
@@ -156,11 +157,14 @@ def prepare_joint(
         plain = at_reverse_regression(first, plain)
     first, other, plain = _with_sensor_errors(first, other, plain, context)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
+    floor = noise_floor(first, plain)
+    if servo:
+        first = first.changed(effort_noise=left_by_effort_noise(first.samples, plain.residual, floor))
     return Prepared(
         train=first,
         held=other,
         terms=plain.terms,
-        floor=noise_floor(first, plain),
+        floor=floor,
         context=with_torque_span(context, first),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

@@ -45,7 +45,7 @@ def what_is_left(
     x = (first, second)
     gap_left_out = splits[0].samples.open_within > 0.0
     thresholds = _residual_options(options.residual, chosen, gap_left_out=gap_left_out)
-    floors = [float(np.hypot(floor, left_by_effort_noise(s.samples, s.after))) for s in splits]
+    floors = [float(np.hypot(floor, left_by_effort_noise(s.samples, s.after, floor))) for s in splits]
     ratio = floors[1] / floor
     notes: tuple[NoiseNote, ...] = ()
     if ratio > CORRELATED_NOISE_NOTED:

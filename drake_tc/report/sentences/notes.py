@@ -63,6 +63,12 @@ def note_sentence(note: Note) -> str:
                 f"events), and slides at {sliding:.3g} N*m. Rows at rest take no part in the fit; a model file can "
                 f"list static_friction with static_excess {level - sliding:.3g} N*m."
             )
+        case NoiseOfRecordedEffort("position_servo", ratio):
+            return (
+                "The recorded goal scatters from sample to sample, as it does if the instants at which it is written "
+                f"and logged drift against each other. With this scatter, the noise floor is {ratio:.1f} times that of "
+                "the sensors."
+            )
         case NoiseOfRecordedEffort(drive, ratio):
             name = {"current": "current", "voltage": "voltage"}.get(drive, "torque command")
             return (

@@ -141,4 +141,5 @@ def test_noise_of_a_recorded_current_counts_as_far_as_the_balance_holds_it(sense
     fitted = fit(columns, TERMS)
     left = (columns.target - columns.design(TERMS) @ fitted.beta) * fitted.gain
     k = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-    assert_allclose(left_by_effort_noise(samples, left), (1.0 - sensed) * size * np.sqrt(k @ k), atol=0.02 * size)
+    assert left_by_effort_noise(samples, left, 2.0 * float(np.std(left))) == 0.0
+    assert_allclose(left_by_effort_noise(samples, left, 0.0), (1.0 - sensed) * size * np.sqrt(k @ k), atol=0.02 * size)
