@@ -33,6 +33,7 @@ from drake_tc.diagnosis.result.drive_notes import (
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.late_command import late_command
 from drake_tc.diagnosis.result.outcome import found_effects, rejected_effects, stabilities
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
@@ -130,6 +131,7 @@ def diagnose_joint(
         *age_note(columns.samples, context.drive),
         *viscous_age_note(rig.command_hold, columns.samples, final_parameters, context.drive),
         *late_note(final_parameters, columns.samples),
+        *(late_command(columns, chosen) if context.drive == "position_servo" else ()),
         *_gear(columns, context),
     )
     alternatives = (

@@ -9,6 +9,7 @@ from typing import Literal
 from drake_tc.diagnosis.timing_notes import (
     DelayBySampling,
     HeldEffort,
+    LateCommand,
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
@@ -251,6 +252,7 @@ DriveNote = (
     | PositionRecordedLate
     | HeldEffort
     | ViscousByAge
+    | LateCommand
     | ServoDamping
 )
 """On the drive that the rig file describes."""

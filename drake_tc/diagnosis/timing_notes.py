@@ -61,3 +61,18 @@ class ViscousByAge:
 
     shift: float
     period: float
+
+
+@dataclass(frozen=True)
+class LateCommand:
+    """A delay of the command alone that fits hardly worse than the delay of the loop that was found.
+
+    Attributes:
+        delay: Of the command [s]. viscous: friction beside it [N m s/rad]. found: the same beside the loop's delay.
+        ratio: Its error over that of the delay that was found.
+    """
+
+    delay: float
+    viscous: float
+    found: float
+    ratio: float

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.notes import (
 from drake_tc.diagnosis.timing_notes import (
     DelayBySampling,
     HeldEffort,
+    LateCommand,
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
@@ -73,6 +74,13 @@ def drive_sentence(note: DriveNote) -> str:
                 f"The logs do not show how old the command is within one sampling period ({_ms(period)}). The viscous "
                 f"friction may therefore be wrong by up to {shift:.3g} N*m*s/rad, which its 95 % interval does not "
                 "include. If you know whether the command is held between samples, state command_hold in the rig file."
+            )
+        case LateCommand(delay, viscous, found, ratio):
+            larger = f"{100.0 * (ratio - 1.0):.0f} % larger" if ratio > 1.005 else "no larger"
+            return (
+                f"The delay may also act on the command alone, as that of a bus does. It is then {_ms(delay)}, the "
+                f"viscous friction is {viscous:.3g} N*m*s/rad instead of {found:.3g}, and the error is {larger}. The "
+                "95 % intervals do not include this."
             )
         case ServoDamping(viscous, servo, exceeds) if exceeds:
             return (
