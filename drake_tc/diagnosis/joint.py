@@ -18,7 +18,9 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.problem.sensor_errors import errors_in, weighed
 from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
+from drake_tc.diagnosis.residual.age_of_command import may_be_age_of_command
 from drake_tc.diagnosis.residual.band import shared_band
+from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
 from drake_tc.diagnosis.residual.verdict import compared, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
 from drake_tc.diagnosis.result.consistency import consistency, loads_differ
@@ -47,6 +49,7 @@ from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
+from drake_tc.diagnosis.timing_notes import UnknownAge
 from drake_tc.effects.base import Context
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
@@ -132,6 +135,7 @@ def diagnose_joint(
         *viscous_age_note(rig.command_hold, columns.samples, final_parameters, context.drive),
         *late_note(final_parameters, columns.samples),
         *(late_command(columns, chosen) if context.drive == "position_servo" else ()),
+        *_unknown_age(unexplained, splits[1], floor, context),
         *_gear(columns, context),
     )
     alternatives = (
@@ -196,6 +200,11 @@ def diagnose_joint(
 def _sticking(columns: Columns, chosen: Fit, context: Context) -> tuple[Sticking, ...]:
     found = None if context.load in ("robot", "links", "unknown") else sticking(columns, chosen)
     return () if found is None else (found,)
+
+
+def _unknown_age(left: Unexplained, held: DataSplit, floor: float, context: Context) -> tuple[UnknownAge, ...]:
+    open_question = context.drive == "position_servo" and (left.structured or left.excess)
+    return (UnknownAge(held.samples.signals.period),) if open_question and may_be_age_of_command(held, floor) else ()
 
 
 def _open_gap(samples: Samples) -> tuple[GapCrossings, ...]:

@@ -13,6 +13,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    UnknownAge,
     ViscousByAge,
 )
 from drake_tc.effects.context import DriveKind
@@ -253,6 +254,7 @@ DriveNote = (
     | HeldEffort
     | ViscousByAge
     | LateCommand
+    | UnknownAge
     | ServoDamping
 )
 """On the drive that the rig file describes."""

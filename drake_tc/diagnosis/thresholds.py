@@ -215,6 +215,9 @@ LEAST_UNCOMMON = 0.25
 
 # What is left
 
+MOST_WHERE_SLOW = 0.25
+"""Share of the residual's energy in the slower half of the command's samples, up to which it grows with the speed."""
+
 
 @dataclass(frozen=True)
 class ResidualThresholds:

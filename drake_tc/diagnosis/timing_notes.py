@@ -76,3 +76,10 @@ class LateCommand:
     viscous: float
     found: float
     ratio: float
+
+
+@dataclass(frozen=True)
+class UnknownAge:
+    """What is left may come from a command of unknown age within one sampling period [s]."""
+
+    period: float

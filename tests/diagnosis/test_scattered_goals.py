@@ -1,5 +1,6 @@
 """Goals that are written and logged by two clocks: a sample is one goal or the next, and nothing is missing."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.notes import NoiseOfRecordedEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.timing_notes import UnknownAge
 from drake_tc.logs.record import Run
 
 from .rigs import WAVES, sines
@@ -20,14 +22,18 @@ FINE = 1e-3
 SERVO = Servo(period=FINE, duration=30.0, stiffness=12.0, inertia=0.008, viscous=0.25, coulomb=0.05, length=0.15)
 
 
+def goals(shift: float) -> np.ndarray:
+    """(T,) of the servo's clock, each held for `WRITTEN`."""
+    return np.repeat(sines(np.arange(0.0, SERVO.duration, WRITTEN), WAVES, shift)[0], round(WRITTEN / FINE))
+
+
 def run(shift: float, period: float, late: float) -> Run:
     """The servo under goals that act `late` seconds after they are held, logged every `period`.
 
     The logger reads goals of up to a tenth of its period before or after the instant at which one is written.
     """
     rng = np.random.default_rng([int(10 * shift), round(1e4 * period)])
-    goals = sines(np.arange(0.0, SERVO.duration, WRITTEN), WAVES, shift)[0]
-    held = np.repeat(goals, round(WRITTEN / FINE))
+    held = goals(shift)
     wait = round(late / FINE)
     acting = np.concatenate([np.full(wait, held[0]), held[: held.size - wait]])
     every = round(period / FINE)
@@ -39,9 +45,12 @@ def run(shift: float, period: float, late: float) -> Run:
 
 
 def diagnosed(period: float, late: float = 0.0) -> JointResult:
+    return of_runs([run(shift, period, late) for shift in (0.0, 0.4, 0.7)])
+
+
+def of_runs(runs: Sequence[Run]) -> JointResult:
     """With a declared rotor inertia: a fitted one would take the form of a delay."""
     rig = replace(rig_of(SERVO), declared={JOINT: {"rotor_inertia": SERVO.inertia}})
-    runs = [run(shift, period, late) for shift in (0.0, 0.4, 0.7)]
     return diagnose_joint(runs[:2], runs[2:], rig, JOINT, DiagnosisOptions())
 
 
@@ -58,3 +67,18 @@ def test_an_effect_is_found_beside_it():
     found = diagnosed(0.01, late=0.04)
     assert [each.id for each in found.effects] == ["delay"]
     assert found.effects[0].parameters["delay"].value == pytest.approx(0.04, abs=WRITTEN)
+
+
+def test_a_clock_that_drifts_is_pointed_out():
+    """The log's period is 0.2 ms longer than that of the goals, so that their age wanders through 10 ms in 0.5 s."""
+    fine = replace(SERVO, period=2e-4)
+    every, runs = round((WRITTEN + fine.period) / fine.period), []
+    for shift in (0.0, 0.4, 0.7):
+        held = np.repeat(goals(shift), round(FINE / fine.period))
+        at = np.arange(every, held.size - every, every)
+        logged = replace(SERVO, period=every * fine.period, duration=at.size * every * fine.period)
+        encoder = logged.encoder(simulated(fine, held)[at], np.random.default_rng(round(10 * shift)))
+        runs.append(logged.run(f"run{shift}", {f"{JOINT}/position": encoder, f"{JOINT}/position_command": held[at]}))
+    found = of_runs(runs)
+    assert found.effects == ()
+    assert any(isinstance(note, UnknownAge) for note in found.notes)

@@ -76,6 +76,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    UnknownAge,
     ViscousByAge,
 )
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, effect
@@ -157,6 +158,7 @@ NOTES = [
     (GainDeclaredWrong("position_servo", 0.1, 0.12, 1.2), ["0.1 rad per N*m", "Check proportional_gain."]),
     (LateCommand(0.0274, 0.744, 1.07, 1.083), ["then 27.4 ms", "0.744 N*m*s/rad instead of 1.07", "8 % larger"]),
     (LateCommand(0.0274, 0.744, 1.07, 1.001), ["the error is no larger"]),
+    (UnknownAge(0.01), ["half a sampling period (5 ms)", "time stamps"]),
     (DelayBySampling("lag", 0.02, 0.002), ["Up to 2 ms", "of the lag of 20 ms"]),
     (OlderEffort("torque", 0.001, 0.002), ["the torque of the drive that acts", "is 1 ms older", "period (2 ms)"]),
     (RecordedLate("current", 0.008), ["current seems to act 8 ms before", "Check its time stamps"]),

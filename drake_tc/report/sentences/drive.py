@@ -20,6 +20,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    UnknownAge,
     ViscousByAge,
 )
 from drake_tc.effects.context import EFFORT_UNIT, DriveKind
@@ -81,6 +82,13 @@ def drive_sentence(note: DriveNote) -> str:
                 f"The delay may also act on the command alone, as that of a bus does. It is then {_ms(delay)}, the "
                 f"viscous friction is {viscous:.3g} N*m*s/rad instead of {found:.3g}, and the error is {larger}. The "
                 "95 % intervals do not include this."
+            )
+        case UnknownAge(period):
+            return (
+                f"The remaining error may come from the instants of sampling. It is no larger than the speed of the "
+                f"command times half a sampling period ({_ms(0.5 * period)}), and most of it lies where the command is "
+                "fast, as if the clocks of command and log drifted against each other. Log the command and the "
+                "position at the same instants, or each with its own time stamps."
             )
         case ServoDamping(viscous, servo, exceeds) if exceeds:
             return (
