@@ -20,6 +20,7 @@ LONGEST_TEST = 400
 FLOOR = {
     "errors": 0,
     "types": 0,
+    "gravity": 0,
     "port_methods": 0,
     "array_stage": 0,
     "front_door": 0,
@@ -58,9 +59,9 @@ FLOOR = {
 ALONE = {
     "config": {"errors", "types"},
     "simulator_files": {"config", "errors"},
-    "logs": {"config", "errors", "types", "extensions", "simulator_files"},
+    "logs": {"config", "errors", "types", "gravity", "extensions", "simulator_files"},
     "filtering": {"errors", "types", "port_methods", "array_stage", "kernels"},
-    "kernels": {"errors", "types"},
+    "kernels": {"errors", "types", "gravity"},
 }
 """Packages that may import nothing but these."""
 

@@ -20,6 +20,7 @@ from pydrake.systems.primitives import ConstantValueSource
 from scipy.integrate import solve_ivp
 
 from drake_tc.benchmarks.tsid_timing import diagram_timing
+from drake_tc.gravity import GRAVITY
 from drake_tc.loops.advancing import Progress
 from drake_tc.loops.whole_body.ground import add_ground, touching_points
 from drake_tc.loops.whole_body.ground_spec import APPROXIMATIONS, Approximation, GroundSpec, SoleSpec
@@ -31,7 +32,6 @@ from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.types import FloatArray
 
-GRAVITY = 9.81
 MASS, LOW, HIGH = 20.0, 0.02, 0.3
 """Of the foot [kg], and the heights of its centre of mass [m]."""
 GYRATION = (0.05, 0.05, 0.02)

@@ -5,6 +5,7 @@ from typing import Any
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 
@@ -12,7 +13,6 @@ WEIGHT_RANGE = Plausible(
     -1.0, 1.0, "a mass pulls with no more than the largest forces of drive and load together", "torque"
 )
 MASS_RANGE = Plausible(0.0, 2000.0, "a mass is positive, and axes of machine tools carry up to two tonnes")
-GRAVITY = 9.81
 MARGIN = 1.5
 """Over the weight that a mass can have, for the error of both estimates."""
 

@@ -25,6 +25,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant
 from drake_tc.estimation.torque_tables import kernel_tables
+from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
@@ -32,8 +33,6 @@ from drake_tc.types import FloatArray, IntArray
 BaseSource = Literal["imu", "fixed"]
 AngularAcceleration = Literal["gyro", "neglected", "zero"]
 _ESTIMATE = Kernel("joint_torque", "estimate")
-GRAVITY = 9.81
-"""[m/s^2]; Drake's own."""
 
 
 class Estimate(NamedTuple):

@@ -14,9 +14,9 @@ from drake_tc.benchmarks.blind.amplitudes import draw_cause
 from drake_tc.benchmarks.blind.spec import Joint, RigSpec
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
+from drake_tc.gravity import GRAVITY
 
 Values: TypeAlias = Mapping[str, float]
-GRAVITY = 9.81
 NEAR_AXIS = 0.02
 """Where a payload of a given size hangs, as a share of the pendulum's length; its own inertia is then negligible."""
 

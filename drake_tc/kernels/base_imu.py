@@ -33,7 +33,8 @@ import math
 
 import numpy as np
 
-from drake_tc.kernels.base_options import GRAVITY, Options
+from drake_tc.gravity import GRAVITY
+from drake_tc.kernels.base_options import Options
 from drake_tc.kernels.base_sample import Sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, Memory
 from drake_tc.kernels.compiling import helper

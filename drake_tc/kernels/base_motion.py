@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.base_attitude import Attitude
 from drake_tc.kernels.base_contacts import LEAST_LOAD, Loads, Slip, slipping
 from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_options import FLAT, GRAVITY, Options
+from drake_tc.kernels.base_options import FLAT, Options
 from drake_tc.kernels.base_sample import Sample
 from drake_tc.kernels.base_state import DROPPED, LIMITED, STARTED, Memory
 from drake_tc.kernels.base_velocity import Velocity, VelocityProblem, solve_velocity

@@ -5,7 +5,6 @@ from typing import NamedTuple
 from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, helper
 from drake_tc.types import FloatArray
 
-GRAVITY = 9.81
 FLAT, MAKE, BREAK, STIFFNESS, ORIGIN, STEP, MIDDLE, HALF_PLANES = 0, 1, 2, 3, 4, 6, 8, 10
 """Columns of a contact's row: 1 for a sole, 0 for a point; loads at which it is made and lost [N]; stiffness of a soft
 sole [N/m], 0 of a rigid one; first node and step of its table [m] (2 each); middle of the sole [m] (2); then rows

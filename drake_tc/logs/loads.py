@@ -8,10 +8,9 @@ import numpy as np
 
 from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import LogError
+from drake_tc.gravity import GRAVITY
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
-
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)

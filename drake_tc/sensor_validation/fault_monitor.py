@@ -11,7 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.estimation.plant import IMU_SUFFIX, build_plant
-from drake_tc.estimation.torque_model import GRAVITY
+from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.calls import RAISE_FLAGS, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods

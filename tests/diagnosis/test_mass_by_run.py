@@ -11,7 +11,8 @@ from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.errors import LogError, RigError
-from drake_tc.logs.loads import GRAVITY, Pendulum
+from drake_tc.gravity import GRAVITY
+from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import rig_document

@@ -10,7 +10,8 @@ import numpy as np
 import yaml
 
 from drake_tc.errors import ParamsError
-from drake_tc.logs.loads import GRAVITY, Pendulum
+from drake_tc.gravity import GRAVITY
+from drake_tc.logs.loads import Pendulum
 from drake_tc.types import FloatArray
 
 WEIGHT_MARGIN = 1.05

@@ -8,14 +8,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
+from drake_tc.gravity import GRAVITY
 from drake_tc.loops.torque.design import LoopDesign
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import TorqueLoopSpec
 from drake_tc.robot.joint_axis import PRISMATIC, joint_axes
 from drake_tc.robot.plant import make_plant
-
-GRAVITY = 9.81
-"""[m/s^2]; Drake's own."""
 
 
 def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str, JointLoop]:

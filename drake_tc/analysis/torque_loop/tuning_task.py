@@ -17,6 +17,7 @@ from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
+from drake_tc.gravity import GRAVITY
 from drake_tc.loops.torque.design import LoopDesign
 from drake_tc.loops.torque.references import references
 from drake_tc.loops.torque.scenario import Scenario
@@ -127,7 +128,7 @@ def _dynamics(robot: Robot, motion: FloatArray, spec: TorqueLoopSpec) -> tuple[F
 def _torque_noise(robot: Robot, terms: DynamicsTerms, scratch: Any, spec: TorqueLoopSpec) -> FloatArray:
     """(n,) [N m]: the F/T sensors' noise through J^T, and the accelerometer's as a gravity that trembles."""
     suite, n = sensor_suite(spec), len(robot.joints)
-    weight = np.abs(terms.forces(scratch, np.zeros(n))) / 9.81
+    weight = np.abs(terms.forces(scratch, np.zeros(n))) / GRAVITY
     variance = (weight * float(np.max(_noise(suite.accel, 3)))) ** 2 if robot.imu else np.zeros(n)
     if robot.force_torque:
         jacobian = terms.jacobian(scratch)

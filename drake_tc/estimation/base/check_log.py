@@ -7,6 +7,7 @@ import numpy as np
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.log import SensorLog
 from drake_tc.estimation.base.rig import BaseRig
+from drake_tc.gravity import GRAVITY
 from drake_tc.logs.plausible import DEGREES, derivative
 from drake_tc.robot.robot import position_range
 from drake_tc.robot.urdf_tree import read_urdf
@@ -14,7 +15,6 @@ from drake_tc.types import FloatArray
 
 SHORTEST, LONGEST = 1e-4, 0.1
 """Periods that a base can be estimated with [s]."""
-GRAVITY = 9.81
 OFF = 0.3
 """Share by which the median of |accel| may be off gravity: nobody falls or jumps half of the time."""
 BEYOND = 1.0

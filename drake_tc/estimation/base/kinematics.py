@@ -24,6 +24,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import ContactSpec
+from drake_tc.gravity import GRAVITY
 from drake_tc.robot.mounts import ForceTorqueMount, Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
@@ -74,7 +75,7 @@ class BaseKinematics:
         self.tree = tree.places, tree.constants, tree.frames, tree.frame_bodies
         loads = [_load(plant, robot, contact, frame) for contact, frame in zip(contacts, frames, strict=False)]
         self.between = np.array([[*load.transform.ravel(), *_weighs(load).ravel()] for load in loads])
-        self.weight = 9.81 * float(plant.CalcTotalMass(plant.CreateDefaultContext()))
+        self.weight = GRAVITY * float(plant.CalcTotalMass(plant.CreateDefaultContext()))
         whole = make_plant(robot, 0.0)
         whole_joints = [whole.GetJointByName(name) for name in robot.joints]
         self.state_size = whole.num_multibody_states()

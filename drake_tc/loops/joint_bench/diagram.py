@@ -24,11 +24,10 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.actuation.wiring import add_actuators
+from drake_tc.gravity import GRAVITY
 from drake_tc.types import FloatArray
 
 JOINT = "joint"
-GRAVITY = 9.81
-"""[m/s^2]; the moment m g l and the inertia are what counts, not m and l apart."""
 
 
 @dataclass(frozen=True)
