@@ -134,9 +134,7 @@ def final_widths(acceleration: FloatArray, noise: float, light: CommonKernel, *,
 
 def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
     """Standard deviation of the white part of a channel (T,), from its third differences; 0 where not recorded."""
-    third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
-    third = third[np.isfinite(third)]
-    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(THIRD_DIFFERENCE)) if third.size else 0.0
+    return 1.4826 * float(np.median(np.abs(_third_differences(values, segments))))
 
 
 def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
@@ -145,9 +143,14 @@ def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
     A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
     h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing.
     """
-    third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(1)])
+    return float(np.sqrt(np.mean(_third_differences(values, segments) ** 2)))
+
+
+def _third_differences(values: FloatArray, segments: Sequence[slice]) -> FloatArray:
+    """(N,) of the recorded samples within the stretches, as large as one sample of white noise; a zero if none."""
+    third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(0)])
     third = third[np.isfinite(third)]
-    return float(np.sqrt(np.mean(third**2) / THIRD_DIFFERENCE)) if third.size else 0.0
+    return np.asarray(third / np.sqrt(THIRD_DIFFERENCE)) if third.size else np.zeros(1)
 
 
 def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
