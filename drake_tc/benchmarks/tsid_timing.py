@@ -17,7 +17,7 @@ from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.robust.formulation import MeasureName, Use
-from drake_tc.tsid.tick import PreviousTick, problem_at, solve_tick
+from drake_tc.tsid.tick import advance_tick, problem_at
 from drake_tc.types import FloatArray
 
 FORMS: tuple[tuple[MeasureName, Use], ...] = (
@@ -101,15 +101,15 @@ def _ticks(
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
     seconds = np.full((2, len(states)), np.inf)
     for _ in range(REPEATS):
-        before = PreviousTick(np.zeros(model.n), None)
+        before, after = np.zeros((2, law.memory.size))
         for number, (state, desired) in enumerate(zip(states, references, strict=True)):
             begin = time.thread_time()
-            tick = solve_tick(law, scratch, state, desired, active, before)
+            advance_tick(law, scratch, state, desired, active, before, after)
             solved = time.thread_time()
             drake(state)
             taken = solved - begin, time.thread_time() - solved
             seconds[:, number] = np.minimum(seconds[:, number], taken)
-            before = PreviousTick(tick.torque, tick.start)
+            before, after = after, before
     own = FigureRow.of_values(f"a tick, everything: {name}", "us", seconds[0, 1:], 1e6)
     beside = FigureRow.of_values(f"pydrake's terms, beside {name}", "us", seconds[1, 1:], 1e6)
     return [own, beside, _ratio(f"{name}, over pydrake's terms", own.value / beside.value, own.n),
