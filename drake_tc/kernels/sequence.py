@@ -17,6 +17,7 @@ from drake_tc.kernels.calls import (
     ADD,
     ADVANCE,
     BETWEEN_TICKS,
+    COPY,
     ESTIMATE,
     FILTER,
     GATHER,
@@ -88,7 +89,11 @@ def run(calls: IntArray, time: float) -> int:
     for i in range(calls.shape[0]):
         c = calls[i]
         kind = c[0]
-        if kind == GATHER:
+        if kind == COPY:
+            given, kept = vector(c, 0), vector(c, 1)
+            for k in range(kept.shape[0]):
+                kept[k] = given[k]
+        elif kind == GATHER:
             source, where, target = vector(c, 0), index(c, 1), vector(c, 2)
             for k in range(where.shape[0]):
                 target[k] = source[where[k]]
