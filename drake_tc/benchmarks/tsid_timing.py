@@ -29,7 +29,7 @@ FORMS: tuple[tuple[MeasureName, Use], ...] = (
     ("individual", "constraint"),
     ("individual", "null_space"),
 )
-REPEATS = 3
+REPEATS = 5
 
 
 def tick_timings(scenario: TsidScenario, progress: Progress) -> list[FigureRow]:
