@@ -24,8 +24,8 @@ class PortMethods:
             AttributeError: no such attribute; names the ports where the name is that of a port's method.
         """
         own: Any = self
-        for kind in _KINDS:
-            if name.startswith("get_") and name.endswith(f"_{kind}_port"):
+        for kind in _KINDS if name.startswith("get_") else ():  # Drake asks for another name in every step
+            if name.endswith(f"_{kind}_port"):
                 port, names = name.removeprefix("get_").removesuffix(f"_{kind}_port"), _port_names(own, kind)
                 if port in names:
                     find: Any = getattr(own, f"Get{kind.title()}Port")

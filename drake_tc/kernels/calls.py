@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import Call, FloatArray, IntArray
 
-GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(11)
+COPY, GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(12)
 """Kinds of calls in a sequence."""
 BETWEEN_TICKS = 1e-6
 """Fraction of a tick: a time that is later than a tick by less than this counts as the tick itself."""
@@ -70,7 +70,7 @@ def copying(source: FloatArray, target: FloatArray) -> KernelCall:
     def copy(time: float) -> None:
         target[:] = source
 
-    return KernelCall(GATHER, copy, source, np.arange(source.size), target)
+    return KernelCall(COPY, copy, source, target)
 
 
 def gathering(source: FloatArray, where: IntArray, target: FloatArray) -> KernelCall:

@@ -45,11 +45,11 @@ MISSING, FROZEN, ODD, LOST = 0, 3, 6, 9
 
 @helper
 def begin(memory: FloatArray, y: FloatArray, compliance: FloatArray) -> None:
-    """The memory (ROWS, n) that a first sample y (3, n) leaves; what is not finite is taken for 0."""
+    """The memory (ROWS, n) that a first sample y (n, 3) leaves; what is not finite is taken for 0."""
     memory[:] = 0.0
-    for j in range(y.shape[1]):
+    for j in range(y.shape[0]):
         for row in range(3):
-            value = y[row, j] if abs(y[row, j]) < LARGEST else 0.0
+            value = y[j, row] if abs(y[j, row]) < LARGEST else 0.0
             memory[_LAST + row, j] = memory[_BEFORE + row, j] = value
             memory[_RAW + row, j] = np.nan
         memory[DEFLECTION, j] = compliance[j] * memory[_LAST + TAU, j]
@@ -97,7 +97,7 @@ def suspect_of(same: FloatArray, known: FloatArray) -> int:
 @helper
 def vote_of(
     memory: FloatArray, j: int, y: FloatArray, c: float, s: float, repeats: FloatArray, known: FloatArray,
-    after: FloatArray, found: FloatArray,
+    work: FloatArray, after: FloatArray, found: FloatArray,
 ) -> None:  # fmt: skip
     """The vote at joint j: its column of `after` and `found`.
 
@@ -109,10 +109,11 @@ def vote_of(
         s: Share of a new deflection in d [-].
         repeats: (3,) ticks from which one that repeats itself is frozen.
         known: (3,) 1 for a kind of sensor that is late at some joint.
+        work: (4, 3) for intermediate results.
         after: (ROWS, n) with the readings of the ticks before in their places; the others are written.
         found: (10, n) written.
     """
-    same, bad, left, held = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
+    same, bad, left, held = work[0], work[1], work[2], work[3]
     before = memory[DEFLECTION, j]
     d = before + s * (c * y[TAU] - before)
     allowed = TOLERANCE + SHARE * abs(d)
@@ -188,19 +189,24 @@ def vote(
             written.
     """
     n = motor_angle.size
-    y, memory, written = np.empty((3, n)), np.empty((ROWS, n)), after[:-1].reshape(ROWS, n)
-    y[THETA], y[TAU], y[Q] = motor_angle, torque, link_angle
-    if state[-1]:
-        memory[:] = state[:-1].reshape(ROWS, n)
-    else:
-        begin(memory, y, springs[0])
+    y, work, memory, written = (
+        np.empty((n, 3)),
+        np.empty((4, 3)),
+        state[:-1].reshape(ROWS, n),
+        after[:-1].reshape(ROWS, n),
+    )
+    y[:, THETA], y[:, TAU], y[:, Q] = motor_angle, torque, link_angle
+    if not state[-1]:
+        fresh = np.empty((ROWS, n))
+        begin(fresh, y, springs[0])
+        memory = fresh
     known = np.zeros(3)
     for row in range(3):
         known[row] = 1.0 if memory[_DOUBT + row].max() > AGREED else 0.0
         first, last = _PAST + row * HISTORY, _PAST + (row + 1) * HISTORY
         written[first + 1 : last] = memory[first : last - 1]
     for j in range(n):
-        vote_of(memory, j, y[:, j].copy(), springs[0, j], springs[1, j], repeats, known, written, found)
+        vote_of(memory, j, y[j], springs[0, j], springs[1, j], repeats, known, work, written, found)
         for row in range(3):
             given[row, j] = written[_LAST + row, j]
         given[3, j] = written[_LAST + THETA, j] - written[DEFLECTION, j]

@@ -17,6 +17,7 @@ from drake_tc.kernels.calls import (
     ADD,
     ADVANCE,
     BETWEEN_TICKS,
+    COPY,
     ESTIMATE,
     FILTER,
     GATHER,
@@ -88,20 +89,25 @@ def run(calls: IntArray, time: float) -> int:
     for i in range(calls.shape[0]):
         c = calls[i]
         kind = c[0]
-        if kind == GATHER:
+        if kind == COPY:
+            given, kept = vector(c, 0), vector(c, 1)
+            for k in range(kept.shape[0]):
+                kept[k] = given[k]
+        elif kind == GATHER:
             source, where, target = vector(c, 0), index(c, 1), vector(c, 2)
             for k in range(where.shape[0]):
                 target[k] = source[where[k]]
         elif kind == ADD:
-            first, second, total = vector(c, 0), vector(c, 1), vector(c, 2)
-            for k in range(total.shape[0]):
-                total[k] = first[k] + second[k]
+            first, second, both = vector(c, 0), vector(c, 1), vector(c, 2)
+            for k in range(both.shape[0]):
+                both[k] = first[k] + second[k]
         elif kind == MULTIPLY:
-            factor, product = vector(c, 1), vector(c, 2)
+            gains, factor, product = matrix(c, 0), vector(c, 1), vector(c, 2)
             for k in range(product.shape[0]):
-                product[k] = 0.0
+                total = 0.0
                 for j in range(factor.shape[0]):
-                    product[k] += matrix(c, 0)[k, j] * factor[j]
+                    total += gains[k, j] * factor[j]
+                product[k] = total
         elif kind == READING:
             rows, first_tick = matrix(c, 1), index(c, 2)[0]
             tick = max(math.ceil(time / vector(c, 3)[0] - BETWEEN_TICKS), 0) - first_tick

@@ -7,55 +7,28 @@ theirs. It solves the trade-offs by one program each; that of a rectangle goes o
 not end with a torque it says which stage gave none, and `drake_tc.tsid.tick` goes through the stages one by one.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, VECTOR, kernel
+from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, kernel
 from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.kernels.linking import inlined
 from drake_tc.kernels.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS
-from drake_tc.kernels.problem import FOUND, PROBLEM, Answer, problem
+from drake_tc.kernels.problem import FOUND, PROBLEM, VELOCITIES, Answer, problem
 from drake_tc.kernels.programs import RECTANGLE
 from drake_tc.kernels.reduction import response
 from drake_tc.kernels.scaling import box_program, box_risk, box_size, evaluated
 from drake_tc.kernels.searches import minimum
+from drake_tc.kernels.warm_start import KNOWN, ROWS, pack, unpack
 from drake_tc.types import FloatArray, IntArray
 
 OPEN = 3
 """Code beside those of `problem`: there is a problem, and the stages are to solve it."""
-KIND, WEIGHT, SIZE_WEIGHT, DAMPING, WIDTH, ACCURACY, EXACT, MOST, LARGEST = 0, 1, 2, 3, 4, 5, 6, 7, 8
+STATUS = 9
+"""Numbers of a status, see `drake_tc.tsid.law.Status`."""
+KIND, WEIGHT, SIZE_WEIGHT, DAMPING, WIDTH, ACCURACY, EXACT, MOST, LARGEST, FORCES = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 """Places in the form: PLAIN or RECTANGLE, w of R_ind or R_rect and w of the box's size (both 0 for "classic"), damping,
 least width of a rectangle along each axis, accuracy of the minimum and what it may be of ||d||^2 beside that, steps at
-most, largest R."""
-
-
-class Reached(NamedTuple):
-    """What the entry returns; all but the code is empty where that is not FOUND.
-
-    Attributes:
-        code: FOUND, or what stands in the way.
-        torque: (n,) [N m].
-        vdot: (nv,).
-        force: (K,) of all contacts.
-        status: (9,) see `drake_tc.tsid.law.Status`.
-        rows: (a,) that hold the torque, with the next two.
-        sides: (a,).
-        multipliers: (a,).
-        inner: (1,) half width of the box, or sides (2 r,) of the rectangle and the rows (m,) that x keeps, or empty.
-        limits: How many rows the problem has.
-    """
-
-    code: int
-    torque: FloatArray
-    vdot: FloatArray
-    force: FloatArray
-    status: FloatArray
-    rows: IntArray
-    sides: IntArray
-    multipliers: FloatArray
-    inner: FloatArray
-    limits: int
+most, largest R, numbers K of the forces of all contacts."""
 
 
 @inlined
@@ -80,7 +53,7 @@ def misses(found: Answer, x: FloatArray) -> bool:
     return missed
 
 
-@kernel(*PROBLEM, VECTOR, INDEX, VECTOR, INDEX, INDEX, VECTOR, VECTOR, INDEX)
+@kernel(*PROBLEM, VECTOR, INDEX, VECTOR, OUT_VECTOR)
 def warm_tick(
     given: FloatArray,
     held: FloatArray,
@@ -104,14 +77,10 @@ def warm_tick(
     root: FloatArray,
     options: FloatArray,
     form: FloatArray,
-    sizes: IntArray,
-    torque: FloatArray,
-    rows: IntArray,
-    sides: IntArray,
-    multipliers: FloatArray,
-    inner: FloatArray,
     entries: IntArray,
-) -> Reached:
+    before: FloatArray,
+    after: FloatArray,
+) -> int:
     """See the module.
 
     Args:
@@ -136,27 +105,31 @@ def warm_tick(
         scale: The same.
         root: The same.
         options: The same.
-        form: (9,) see `KIND` and what follows it.
-        sizes: (2,) rows of the last tick's problem, numbers K of the forces of all contacts.
-        torque: (n,) of the last tick [N m].
-        rows: (a,) that held it, with the next two; they count where this problem has as many rows.
-        sides: (a,).
-        multipliers: (a,).
-        inner: The same of the last tick.
+        form: (10,) see `KIND` and what follows it.
         entries: (k,) places of this tick's forces among those of all contacts.
+        before: (S,) [tau; vdot; f; status; start] of the last tick; its rows count where this problem has as many.
+        after: (S,) the same of this tick, written where the code is FOUND.
+
+    Returns:
+        FOUND, or the code of what stands in the way.
     """
-    none, nothing, nowhere = np.zeros((0, 0)), np.zeros(0), np.zeros(0, dtype=np.int64)
-    missing = Reached(OPEN, nothing, nothing, nothing, nothing, nowhere, nowhere, nothing, nothing, 0)
+    none, nothing, n = np.zeros((0, 0)), np.zeros(0), scale.size
+    moving = n + int(options[VELOCITIES])
+    pushing = moving + int(form[FORCES])
+    last, start, status = before[pushing + STATUS :], after[pushing + STATUS :], after[pushing : pushing + STATUS]
+    if not last[KNOWN] > 0.0:
+        return OPEN
     found = problem(
         given, held, floating, places, constants, trunk, gravity, frames, frame_bodies, contacts, active, actuated,
         positions, tasks, limits, integers, numbers, dense, scale, root, options,
     )  # fmt: skip
     if found.code != FOUND:
-        return Reached(found.code, nothing, nothing, nothing, nothing, nowhere, nowhere, nothing, nothing, 0)
-    n, m, kind, boxed = scale.size, found.lower.size, int(form[KIND]), form[SIZE_WEIGHT] > 0.0
-    known, axes = sizes[0] == m, 2 * found.noise.shape[1] if kind == RECTANGLE else 0
+        return int(found.code)
+    m, kind, boxed = found.lower.size, int(form[KIND]), form[SIZE_WEIGHT] > 0.0
+    torque, rows, sides, multipliers, inner = unpack(last, n)
+    known, axes = last[ROWS] == m, 2 * found.noise.shape[1] if kind == RECTANGLE else 0
     if kind == RECTANGLE and not (known and inner.size == axes + m):
-        return missing
+        return OPEN
     begin, linear = np.zeros(n + axes + int(boxed)), np.zeros(n + 1 if boxed else 0)
     for j in range(n):
         begin[j] = torque[j] / scale[j]
@@ -184,19 +157,21 @@ def warm_tick(
         rows, sides, multipliers, none, nothing, nothing, nothing,
     )  # fmt: skip
     if outcome != SOLVED or not np.isfinite(x.sum()):
-        return missing
+        return OPEN
     answer, risk = x[:n].copy(), memory[RISK]
     if kind == RECTANGLE and misses(found, answer):
-        return missing
+        return OPEN
     if boxed:
         half = box_size(answer, found.rows, found.lower, found.upper, found.noise, found.certain)
         risk = box_risk(half, found.noise.shape[1])
     applied, _, chance, _ = evaluated(
         answer, scale, found.rows, found.lower, found.upper, found.certain, found.cost, found.target
     )
-    vdot, force = response(applied, found.motion, found.push, entries, sizes[1])
-    box, status = np.empty(x.size - n + kept.size), np.zeros(9)
-    box[: x.size - n], box[x.size - n :] = x[n:], kept
+    vdot, force = response(applied, found.motion, found.push, entries, pushing - moving)
+    after[:n], after[n:moving], after[moving:pushing], status[:] = applied, vdot, force, 0.0
     status[2], status[3], status[4], status[5] = memory[STEPS], min(risk, form[LARGEST]), chance, -1.0
     status[7], status[8] = found.relaxed, 1.0 if memory[DONE] > 0.0 else 0.0
-    return Reached(FOUND, applied, vdot, force, status, at, ends, forces, box, m)
+    left = np.empty(x.size - n + kept.size)
+    left[: x.size - n], left[x.size - n :] = x[n:], kept
+    pack(applied, m, 0.0, at, ends, forces, left, start)
+    return FOUND

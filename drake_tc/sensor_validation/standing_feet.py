@@ -8,6 +8,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
@@ -16,8 +17,6 @@ from drake_tc.types import Call, FloatArray
 
 TILT_TIME = 0.05
 """In which a tilt that no IMU measures goes over to that of the soles [s]."""
-STEEPEST = 0.1
-"""Tilt of a sole beyond which its springs have long let go of the floor at one end [rad]."""
 _EVERY = 5
 """Ticks from one look at the gyro to the next."""
 _AVERAGED, _RATED = 0.03, 0.02
@@ -29,9 +28,9 @@ RESTS, _REMEMBERED = 0.05, 0.3
 0.3 rad/s themselves; and how long a larger one is remembered [s]."""
 LOST = 0.03
 """An IMU that has been left out for so long is lost [s]."""
-_FLAG, _ABSENT, _SPEED, _TILTS = range(4)
-"""Where they begin in the state."""
-
+_FLAG, _SPEED, _TILTS = 0, 2, 3
+"""As `drake_tc.kernels.standing_feet` has them."""
+_SHOWN, _SUNK, _ADVANCE = (Kernel("standing_feet", name) for name in ("shown", "sunk", "advance"))
 
 Inputs = Callable[[str], Any]
 """Value of an input port by its name; None where it is not connected."""
@@ -87,14 +86,18 @@ class StandingFeet(PortMethods, LeafSystem):
         plant: Any = make_plant(robot, 0.0)
         self._places = [plant.GetJointByName(joint).velocity_start() for joint in robot.joints]
         self._plant, self._dt, self._n = plant, dt, len(robot.joints)
-        self._memory = float(np.exp(-_EVERY * dt / _REMEMBERED))
-        self._blend, self._sinking = (-np.expm1(-_EVERY * dt / time) for time in (_AVERAGED, _RATED))
+        memory, blend, sinking = (
+            np.exp(-_EVERY * dt / _REMEMBERED),
+            *(-np.expm1(-_EVERY * dt / time) for time in (_AVERAGED, _RATED)),
+        )
+        self._options = np.array([_EVERY * dt, memory, sinking, blend, plant.num_positions()])
+        self._lost_after, self._no_imu = LOST - 0.5 * dt, np.full(6, np.nan)
         soles = [(number, contact) for number, contact in enumerate(contacts) if contact.kind == "surface"]
         self._which = np.array([number for number, _ in soles], dtype=int)
         self._links = [plant.GetBodyByName(contact.frame.link) for _, contact in soles]
         self._axes = [contact.frame.pose.transform.rotation().matrix() for _, contact in soles]
-        self._sensor = np.array(sensor_of, dtype=int)[self._which]
-        self._compliance = np.asarray(compliance, dtype=float)[self._which]
+        sensors = np.array(sensor_of, dtype=int)[self._which]
+        self._soles = sensors, self._which, np.asarray(compliance, dtype=float)[self._which]
         mount = robot.imu[0]
         self._imu_link, self._R_LI = plant.GetBodyByName(mount.link), mount.pose.transform.rotation().matrix()
         sizes = {
@@ -131,16 +134,13 @@ class StandingFeet(PortMethods, LeafSystem):
             names = [name for name in self._ports if name != "contacts" or name in arrays.inputs]
             given: Inputs = {name: arrays.inputs[name] for name in names}.get
             before, after, scratch = arrays.before, arrays.after, self._plant.CreateDefaultContext()
-            imu, reading, of_imu = given("imu"), arrays.out[parts["reading"]], arrays.out[: parts["imu_tilt"].stop]
-            shown = [(self._value(name), arrays.out[part]) for name, part in parts.items()]
-            of_state = shown[2:]
+            imu, shown = given("imu"), arrays.out
+            of_imu = [(self._value(name), shown[parts[name]]) for name in ("reading", "imu_tilt")]
 
             def outputs(time: float) -> None:
-                there = _finite(imu)
-                if there:
-                    of_imu[:], reading[:] = np.nan, imu
-                for value, out in of_state if there else shown:
-                    out[:] = value(given, before, scratch)
+                if not _SHOWN(imu, before, self._lost_after, shown):
+                    for value, out in of_imu:
+                        out[:] = value(given, before, scratch)
 
             def update(time: float) -> None:
                 after[:] = self._next(given, before, scratch)
@@ -169,9 +169,9 @@ class StandingFeet(PortMethods, LeafSystem):
 
     def _sunk(self, given: Inputs) -> FloatArray:
         """(soles, 2) tilts of the soles towards their centres of pressure [rad]."""
-        load = np.linalg.norm(given("wrench").reshape(-1, 6)[self._sensor, :3], axis=1)
-        tilt = self._compliance * load[:, None] * given("cop").reshape(-1, 2)[self._which]
-        return np.asarray(np.clip(tilt, -STEEPEST, STEEPEST))
+        tilts: FloatArray = np.empty((len(self._links), 2))
+        _SUNK(given("wrench"), given("cop"), *self._soles, tilts.ravel())
+        return tilts
 
     def _moved(self, given: Inputs, scratch: Any) -> None:
         """Put a context of the plant at the estimate."""
@@ -210,29 +210,27 @@ class StandingFeet(PortMethods, LeafSystem):
         return np.array([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
 
     def _flag(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
-        return held[_FLAG : _FLAG + 1]
+        return self._of_state(held)[:1]
 
     def _lost(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
-        return np.array([float(held[_ABSENT] > LOST - 0.5 * self._dt)])
+        return self._of_state(held)[1:]
+
+    def _of_state(self, held: FloatArray) -> FloatArray:
+        """(2,) flag and lost."""
+        out: FloatArray = np.empty(sum(_OUTPUTS.values()))
+        _SHOWN(self._no_imu, held, self._lost_after, out)
+        return out[-2:]
 
     def _next(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
         """x[n+1]."""
-        after = np.zeros(held.size)
-        tilts, turns, angles = (slice(_TILTS, self._turns.start), self._turns, slice(self._turns.stop, -1))
-        after[tilts] = held[tilts] + self._sinking * (self._sunk(given).ravel() - held[tilts])
-        q, omega = given("link_angle"), given("estimated_state")[self._plant.num_positions() :][:3]
-        begun = held[-1] > 0.0
-        after[turns] = held[turns] + self._blend * (omega - held[turns]) if begun else omega
-        after[angles] = held[angles] + self._blend * (q - held[angles]) if begun else q
-        after[-1] = 1.0
-        rates = self._blend * (q - held[angles]) / (_EVERY * self._dt) if begun else np.zeros(self._n)
-        after[_SPEED] = max(float(np.sqrt(np.mean(rates**2))), held[_SPEED] * self._memory)
-        if not _finite(np.asarray(given("imu"))):
-            after[_ABSENT] = held[_ABSENT] + _EVERY * self._dt
-        elif (soles := self._standing(given)) and after[_SPEED] < RESTS:
-            self._plant.SetPositions(scratch, given("estimated_state")[: self._plant.num_positions()])
+        after: FloatArray = np.empty(held.size)
+        rates, readings = np.empty(self._n), (given("imu"), given("wrench"), given("cop"))
+        state = given("estimated_state")
+        there = _ADVANCE(*readings, state, given("link_angle"), held, *self._soles, self._options, after, rates)
+        if there and after[_SPEED] < RESTS and (soles := self._standing(given)):
+            self._plant.SetPositions(scratch, state[: self._plant.num_positions()])
             moving = np.zeros(self._plant.num_velocities())
-            moving[:3], moving[self._places] = after[turns], rates
+            moving[:3], moving[self._places] = after[self._turns], rates
             self._plant.SetVelocities(scratch, moving)
             after[_FLAG] = float(abs(self._rates(scratch, soles)[2]) > TURNING)
         return after

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from typing import Any
 
 import numpy as np
@@ -14,15 +14,15 @@ from drake_tc.errors import SimulationError
 from drake_tc.inner_stages import InnerStage
 from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.inner_blocks import inner_blocks
-from drake_tc.tsid.law import Law, Status
-from drake_tc.tsid.model import Scratch
-from drake_tc.tsid.tick import PreviousTick, Tick, lost_tick, solve_tick
-from drake_tc.tsid.warm_start import WarmStart
+from drake_tc.tsid.law import Law
+from drake_tc.tsid.tick import advance_tick, keep_tick, lost_tick
 from drake_tc.types import Call, FloatArray
 
 _LOG = logging.getLogger(__name__)
 TASK_PORT = "{}_reference"
 """Name of a task's port."""
+_Given = tuple[FloatArray, Sequence[FloatArray], tuple[bool, ...] | None]
+"""State, references, and which contacts carry."""
 
 
 class RobustTsid(PortMethods, LeafSystem):
@@ -60,19 +60,9 @@ class RobustTsid(PortMethods, LeafSystem):
             strict: Raise the exception of a task or limit in the loop (SimulationError) in place of fading out.
         """
         super().__init__()
-        self._law, self._strict, model = law, strict, law.model
-        self._warm = WarmStart(model.n)
+        self._law, self._strict = law, strict
         self._constraints = law.constraints
-        sizes = {
-            "torque": model.n,
-            "acceleration": model.nv,
-            "contact_force": model.force_size,
-            "status": len(Status),
-        }
-        ends = np.cumsum([1, *sizes.values()]).tolist()
-        self._places = {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends[1:], strict=True)}
-        self._start = slice(ends[-1], ends[-1] + self._warm.size)
-        memory: Any = np.zeros(self._start.stop)
+        memory: Any = np.zeros(1 + law.memory.size)
         memory[0] = -np.inf
         self._first: FloatArray = memory
         index = self.DeclareDiscreteState(memory)
@@ -80,15 +70,16 @@ class RobustTsid(PortMethods, LeafSystem):
         self._declare_inputs()
         self._solution: Any = self.DeclareCacheEntry(
             "solution",
-            ValueProducer(allocate=lambda: Value(_Solution(model.create_scratch())), calc=self._solve),
+            ValueProducer(allocate=lambda: Value(_Solution(law)), calc=self._solve),
             {
                 *(port.ticket() for port in (self._state, self._active, *self._references)),
                 self.discrete_state_ticket(index),
                 self.time_ticket(),
             },
         )
-        for name, size in sizes.items():
-            self.DeclareVectorOutputPort(name, size, self._writer(name), {self._solution.ticket()})
+        for name, place in law.memory.places.items():
+            size = place.stop - place.start
+            self.DeclareVectorOutputPort(name, size, self._writer(place), {self._solution.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(law.period, 0.0, self._update)
 
     def _declare_inputs(self) -> None:
@@ -111,7 +102,7 @@ class RobustTsid(PortMethods, LeafSystem):
     def inner_stages(self) -> tuple[InnerStage, ...]:
         """What a tick computes, in the order of computation, for block graphs."""
         references = {task.name: reference_port(task.name) for task in self._law.tasks}
-        return inner_blocks(self._law, references, tuple(self._places))
+        return inner_blocks(self._law, references, tuple(self._law.memory.places))
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -133,71 +124,54 @@ class RobustTsid(PortMethods, LeafSystem):
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
-        first = self._places["torque"].start
-        width = self._start.start - first
         state, active, *references = (port.get_name() for port in (self._state, self._active, *self._references))
+        width = self._law.memory.width
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
             given, held, after = arrays.inputs, arrays.before, arrays.after
-            solution = _Solution(self._law.model.create_scratch())
-            parts = [(name, arrays.out[part.start - first : part.stop - first]) for name, part in self._places.items()]
+            solution, out = _Solution(self._law), arrays.out
             now = [given.get(name, rest) for name, rest in zip(references, self._rest, strict=True)]
             known, carrying = given[state], given.get(active)
 
             def outputs(time: float) -> None:
-                if self._holds(held, time):
-                    solution.hold(held, self._places)
-                else:
-                    self._answer(solution, held, time, now, self._switches(carrying), lambda: known)
-                for name, out in parts:
-                    out[:] = solution.outputs[name]
+                self._solved(solution, held, time, lambda: (known, now, self._switches(carrying)))
+                out[:] = solution.memory[:width]
 
             def update(time: float) -> None:
-                if solution.tick is not None:
-                    self._remember(solution, time, after)
+                self._remember(solution, time, after)
 
             return outputs, update
 
-        shown = {name: slice(part.start - first, part.stop - first) for name, part in self._places.items()}
-        reads = frozenset({state, active, *references})
-        return ArrayStage(width, places(shown), bind, reads, start=self._first, period=self._law.period)
+        shown, reads = places(self._law.memory.places), frozenset({state, active, *references})
+        return ArrayStage(width, shown, bind, reads, start=self._first, period=self._law.period)
 
     def _solve(self, context: Any, value: Any) -> None:
         """This tick's answer, or what is held, into the cache entry."""
-        solution: _Solution = value.get_mutable_value()
-        held, time = context.get_discrete_state(self._memory).value(), context.get_time()
-        if self._holds(held, time):
-            solution.hold(held, self._places)
+
+        def given() -> _Given:
+            references = [
+                port.Eval(context) if port.HasValue(context) else rest
+                for port, rest in zip(self._references, self._rest, strict=True)
+            ]
+            carrying = self._active.Eval(context) if self._active.HasValue(context) else None
+            return self._state.Eval(context), references, self._switches(carrying)
+
+        held = context.get_discrete_state(self._memory).value()
+        self._solved(value.get_mutable_value(), held, context.get_time(), given)
+
+    def _solved(self, solution: "_Solution", held: FloatArray, time: float, given: Callable[[], _Given]) -> None:
+        """The answer of a tick, or what the state x[n] = `held` holds between ticks, into the solution."""
+        before, solution.ticks = held[1:], not 0.0 <= time - held[0] <= 0.99 * self._law.period
+        if not solution.ticks:
+            solution.memory[:] = before
             return
-        references = [
-            port.Eval(context) if port.HasValue(context) else rest
-            for port, rest in zip(self._references, self._rest, strict=True)
-        ]
-        active = self._switches(self._active.Eval(context) if self._active.HasValue(context) else None)
-        self._answer(solution, held, time, references, active, lambda: self._state.Eval(context))
-
-    def _holds(self, held: FloatArray, time: float) -> bool:
-        """Whether the outputs of the last tick are held at this time [s]."""
-        return bool(0.0 <= time - held[0] <= 0.99 * self._law.period)
-
-    def _answer(
-        self,
-        solution: "_Solution",
-        held: FloatArray,
-        time: float,
-        references: Sequence[FloatArray],
-        active: tuple[bool, ...] | None,
-        state: Callable[[], FloatArray],
-    ) -> None:
-        """The answer of a tick, from the state x[n] = `held`, into the solution."""
-        before = PreviousTick(held[self._places["torque"]], self._warm.unpack(held[self._start]))
+        state, references, active = given()
         if active is None:
-            solution.take(lost_tick(self._law, before))
+            keep_tick(self._law, lost_tick(self._law, self._law.memory.previous(before)), solution.memory)
             return
-        tick = solve_tick(self._law, solution.scratch, state(), references, active, before)
-        solution.take(tick)
-        if tick.error is not None:
-            self._report(solution, tick.error, time)
+        error = advance_tick(self._law, solution.scratch, state, references, active, before, solution.memory)
+        if error is not None:
+            self._report(solution, error, time)
 
     def _report(self, solution: "_Solution", error: Exception, time: float) -> None:
         """Keep an exception, and log the first one or raise it."""
@@ -214,56 +188,44 @@ class RobustTsid(PortMethods, LeafSystem):
             return self._all
         return tuple((given > 0.5).tolist()) if np.isfinite(given).all() else None
 
-    def _writer(self, name: str) -> Callable[[Context, Any], None]:
+    def _writer(self, place: slice) -> Callable[[Context, Any], None]:
         def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._solution.Eval(context).outputs[name])
+            vector.set_value(self._solution.Eval(context).memory[place])
 
         return write
 
     def _update(self, context: Any, values: Any) -> None:
         """x[n+1]."""
-        solution: _Solution = self._solution.Eval(context)
-        if solution.tick is None:
-            return
-        self._remember(solution, context.get_time(), values.get_mutable_value(self._memory))
+        after = values.get_mutable_value(self._memory)
+        self._remember(self._solution.Eval(context), context.get_time(), after)
 
-    def _remember(self, solution: "_Solution", time: float, after: FloatArray) -> None:
+    @staticmethod
+    def _remember(solution: "_Solution", time: float, after: FloatArray) -> None:
         """x[n+1] of a tick."""
-        tick = solution.tick
-        after[0] = time
-        np.concatenate(tuple(solution.outputs.values()), out=after[1 : self._start.start])
-        self._warm.pack(None if tick is None else tick.start, after[self._start])
+        if solution.ticks:
+            after[0], after[1:] = time, solution.memory
 
 
 class _Solution:
-    """What the cache entry holds: scratch memory, the outputs, and the tick where this is one."""
+    """What the cache entry holds.
 
-    def __init__(self, scratch: Scratch) -> None:
-        self.scratch = scratch
-        self.tick: Tick | None = None
+    Attributes:
+        scratch: Of the model.
+        memory: (S,) the last tick, as `Law.memory` lays it out.
+        ticks: Whether it is one of this instant.
+        error: The last exception.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self.scratch, self.memory = law.model.create_scratch(), np.zeros(law.memory.size)
+        self.ticks = False
         self.error: Exception | None = None
-        self.outputs: dict[str, FloatArray] = {}
 
     def __deepcopy__(self, memo: object) -> "_Solution":
-        """For a cloned context: own scratch memory; ticks and exceptions are never changed, so they are shared."""
-        other = _Solution(deepcopy(self.scratch))
-        other.tick, other.error, other.outputs = self.tick, self.error, dict(self.outputs)
+        """For a cloned context: own memory; exceptions are never changed, so they are shared."""
+        other = copy(self)
+        other.scratch, other.memory = deepcopy(self.scratch), self.memory.copy()
         return other
-
-    def take(self, tick: Tick) -> None:
-        """Outputs of a tick."""
-        self.tick = tick
-        self.outputs = {
-            "torque": tick.torque,
-            "acceleration": tick.acceleration,
-            "contact_force": tick.force,
-            "status": tick.status,
-        }
-
-    def hold(self, memory: FloatArray, places: dict[str, slice]) -> None:
-        """Outputs of the last tick."""
-        self.tick = None
-        self.outputs = {name: memory[place] for name, place in places.items()}
 
 
 def reference_port(task: str) -> str:

@@ -19,6 +19,7 @@ from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.tick_memory import TickMemory
 from drake_tc.tsid.warm_tick import WarmTick
 
 LARGEST = 1e6
@@ -185,3 +186,8 @@ class Law:
         if self.fused is None or not WarmTick.solves(self.formulation):
             return None
         return WarmTick(self.fused, self.formulation, self.model, LARGEST)
+
+    @cached_property
+    def memory(self) -> TickMemory:
+        """How one tick is laid out in an array."""
+        return TickMemory(self.model.n, self.model.nv, self.model.force_size, len(Status))

@@ -32,6 +32,7 @@ from drake_tc.tsid.reduction import Reduced, reduce
 from drake_tc.tsid.robust.solution import RobustSolution, Start
 from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.tick_memory import PreviousTick
 from drake_tc.types import FloatArray
 
 _RESPONSE = Kernel("reduction", "response")
@@ -73,18 +74,6 @@ class Problem(NamedTuple):
     reduced: Reduced
 
 
-class PreviousTick(NamedTuple):
-    """What a tick knows of the last one.
-
-    Attributes:
-        torque: (n,) [N m].
-        start: Of its solution.
-    """
-
-    torque: FloatArray
-    start: Start | None
-
-
 def solve_tick(
     law: Law,
     scratch: Scratch,
@@ -103,47 +92,79 @@ def solve_tick(
         active: One a contact.
         before: The last tick.
     """
+    memory = law.memory
+    after = np.empty(memory.size)
+    error = advance_tick(law, scratch, state, references, active, memory.packed(before), after)
+    torque, acceleration, force, status = memory.shown(after)
+    return Tick(torque, acceleration, force, status, memory.start(after), error)
+
+
+def advance_tick(
+    law: Law,
+    scratch: Scratch,
+    state: FloatArray,
+    references: Sequence[FloatArray],
+    active: tuple[bool, ...],
+    before: FloatArray,
+    after: FloatArray,
+) -> Exception | None:
+    """One tick as `solve_tick`, on the arrays of a Context.
+
+    Args:
+        law: Up to `active` as `solve_tick` takes them.
+        scratch: The same.
+        state: The same.
+        references: The same.
+        active: The same.
+        before: (S,) the last tick, as `law.memory` lays it out.
+        after: (S,) this tick, written.
+
+    Returns:
+        `Tick.error`.
+    """
     given, fused = np.concatenate((state, *references), dtype=np.float64), law.fused
     told = fused is not None and not fused.asks  # the call itself looks whether a number is none
     if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
-        return lost_tick(law, before)
+        return keep_tick(law, lost_tick(law, law.memory.previous(before)), after)
     try:
         written = _written(law, scratch, given, references, active)
-        tick = _continued(law, scratch, given, active, written, before)
-        if tick is not None:
-            return tick
-        found = _found(law, scratch, given, active, written)
-        if found is not None and found.code == LOST:
-            return lost_tick(law, before)
-        if found is not None:
-            solution = law.formulation.solve_scaled(found.scaled, law.solver, before.start)
-            if solution.outcome not in (Outcome.INFEASIBLE, Outcome.FAILED):
-                return _told(law, found.causes, scratch.select(active), solution, found.relaxed)
-        problem = problem_at(law, scratch, state, references, active)
-        if found is None:
-            solution = _solution(law, problem, before)
-        if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
-            return _given_way(law, problem, solution, before)
-        return _told(law, problem.reduced.causes, problem.terms.contacts, solution, _relaxed(problem))
+        if law.warm is not None and law.warm(given, scratch.select(active), written, before, after):
+            return None
+        tick = _by_stages(law, scratch, given, references, active, written, law.memory.previous(before))
     except Exception as error:  # in a control loop a torque is due, whatever went wrong; the tick keeps the exception
-        return lost_tick(law, before, error)
+        tick = lost_tick(law, law.memory.previous(before), error)
+    return keep_tick(law, tick, after)
 
 
-def _continued(
+def keep_tick(law: Law, tick: Tick, after: FloatArray) -> Exception | None:
+    """Write a tick into `after` (S,); its error."""
+    law.memory.keep((tick.torque, tick.acceleration, tick.force, tick.status), tick.start, after)
+    return tick.error
+
+
+def _by_stages(
     law: Law,
     scratch: Scratch,
     given: FloatArray,
+    references: Sequence[FloatArray],
     active: tuple[bool, ...],
     written: WrittenRows,
     before: PreviousTick,
-) -> Tick | None:
-    """The tick by one call from the last one's torque; None where the stages are to find it."""
-    if law.warm is None or before.start is None:
-        return None
-    found = law.warm(given, scratch.select(active), written, before.start)
+) -> Tick:
+    """The tick from its problem on."""
+    found = _found(law, scratch, given, active, written)
+    if found is not None and found.code == LOST:
+        return lost_tick(law, before)
+    if found is not None:
+        solution = law.formulation.solve_scaled(found.scaled, law.solver, before.start)
+        if solution.outcome not in (Outcome.INFEASIBLE, Outcome.FAILED):
+            return _told(law, found.causes, scratch.select(active), solution, found.relaxed)
+    problem = problem_at(law, scratch, given[: law.model.nq + law.model.nv], references, active)
     if found is None:
-        return None
-    return Tick(found.torque, found.acceleration, found.force, found.status, found.start)
+        solution = _solution(law, problem, before)
+    if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
+        return _given_way(law, problem, solution, before)
+    return _told(law, problem.reduced.causes, problem.terms.contacts, solution, _relaxed(problem))
 
 
 def _found(

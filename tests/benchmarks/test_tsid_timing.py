@@ -3,10 +3,14 @@
 import time
 from types import SimpleNamespace
 
+from numpy.testing import assert_array_equal
 from pydrake.systems.framework import EventStatus, LeafSystem
 
+from drake_tc.benchmarks import tsid_parts as parts
 from drake_tc.benchmarks import tsid_timing as timing
+from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.registry import tsid_entry
 
 PERIOD, SLOW = 2e-3, 4e-3
 
@@ -34,3 +38,12 @@ def test_slow_ticks_are_not_averaged_away_and_the_label_has_the_period(monkeypat
     assert row.value < 0.1e6 * SLOW
     assert row.name.startswith("the diagram, a tick of 2 ms:")
     assert row.unit == "us"
+
+
+def test_the_plant_alone_moves_as_it_did_with_the_controller():
+    recording = simulate_tsid(tsid_entry().scenario("com_move").changed(duration=0.02))
+    simulator = parts._plant_under(recording)
+    simulator.AdvanceTo(recording.time[-1])
+    plant = simulator.get_system().GetSubsystemByName("plant")
+    state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(simulator.get_context()))
+    assert_array_equal(state, recording["state"][-1])

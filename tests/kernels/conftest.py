@@ -16,7 +16,8 @@ from drake_tc.sensing.fault import SensorFault
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tick import PreviousTick, solve_tick
+from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick_memory import PreviousTick
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ FILES = (
     "tsid/test_tasks_motion.py",
     "tsid/test_reduction.py",
     "tsid/test_fused_tick.py",
+    "tsid/test_warm_start.py",
     "tsid/test_warm_tick.py",
     "sensor_validation/test_fault_monitor.py",
     "kernels/test_newton_euler.py",

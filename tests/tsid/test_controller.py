@@ -20,7 +20,8 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.rows import LimitRows, Parts
-from drake_tc.tsid.tick import PreviousTick, solve_tick
+from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 OUTPUTS = ("torque", "acceleration", "contact_force", "status")

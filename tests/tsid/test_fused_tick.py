@@ -25,7 +25,8 @@ from drake_tc.tsid.tasks.cop import CopTask
 from drake_tc.tsid.tasks.frame import FrameTask
 from drake_tc.tsid.tasks.orientation import OrientationTask
 from drake_tc.tsid.tasks.torque import TorqueTask
-from drake_tc.tsid.tick import PreviousTick, solve_tick
+from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

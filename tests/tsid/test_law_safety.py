@@ -19,7 +19,8 @@ from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.tick import PreviousTick, problem_at, solve_tick
+from drake_tc.tsid.tick import problem_at, solve_tick
+from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

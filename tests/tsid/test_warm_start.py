@@ -19,9 +19,8 @@ def there_and_back(start, joints=4):
 
 def held(count):
     rng = np.random.default_rng(count)
-    return ActiveSet(
-        rng.permutation(100)[:count].astype(np.int64), np.sign(rng.normal(size=count)), rng.normal(size=count)
-    )
+    sides = np.where(rng.normal(size=count) > 0.0, 1, -1)
+    return ActiveSet(rng.permutation(100)[:count].astype(np.int64), sides, rng.normal(size=count))
 
 
 @pytest.mark.parametrize("count", [0, 1, 10])

@@ -15,7 +15,8 @@ from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.tick import PreviousTick, solve_tick
+from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick_memory import PreviousTick
 
 from .test_fused_tick import BOTH, FILE, Plain, moved, of, references_of
 
@@ -96,14 +97,15 @@ def test_the_call_answers_along_a_motion(law, measure):
     fast, scratch = of(law, measure), law.model.create_scratch()
     references, rng = references_of(law), np.random.default_rng(3)
     base = np.concatenate((law.model.start, np.zeros(law.model.nv)))
-    swing, before = moved(law, rng) - base, from_rest(fast, scratch, references)
+    swing, memory = moved(law, rng) - base, fast.memory
+    before, after = memory.packed(from_rest(fast, scratch, references)), np.full(memory.size, np.nan)
     for number in range(1, 20):
         numbers = np.concatenate((base + 1e-3 * number * swing, *references))
-        found = fast.warm(numbers, scratch.select(BOTH), NO_ROWS, before.start)
-        assert found is not None
-        assert found.status[Status.OUTCOME] == Outcome.SOLVED
-        assert found.status[Status.CONVERGED] == 1.0
-        before = PreviousTick(found.torque, found.start)
+        assert fast.warm(numbers, scratch.select(BOTH), NO_ROWS, before, after)
+        status = after[memory.places["status"]]
+        assert status[Status.OUTCOME] == Outcome.SOLVED
+        assert status[Status.CONVERGED] == 1.0
+        before, after = after, before
 
 
 def test_formulations_of_several_programs_or_with_a_clock_have_no_such_call(law):

@@ -20,11 +20,11 @@ NAME = "stages"
 def fuse(builder: DiagramBuilder) -> FusedStages | None:
     """Replace the stages of a diagram that is under construction by one system that computes the same numbers.
 
-    A call from Drake into Python costs some microseconds, and every port that a stage reads costs one more. One system
-    for all stages saves most of that. The stages, and Drake's own blocks between them, are removed from the builder, so
-    this is the last call before `builder.Build()`. The new system has the gains, parameters and initial states with
-    which the stages were built; gains and parameters cannot be changed in its Context. Other systems stay, and so does
-    a stage
+    A call from Drake into Python costs some microseconds, and every port that a stage reads or computes costs one more.
+    One system for all stages saves most of that; a single stage gains a little. The stages, and Drake's own blocks
+    between them, are removed from the builder, so this is the last call before `builder.Build()`. The new system has
+    the gains, parameters and initial states with which the stages were built; gains and parameters cannot be changed in
+    its Context. Other systems stay, and so does a stage
 
     * if one of its connected output ports is not available on arrays (`ArrayStage.ports`),
     * if its class inherits `on_arrays` and defines methods of its own (`drake_tc.array_stage.offered_stage`),
@@ -37,7 +37,7 @@ def fuse(builder: DiagramBuilder) -> FusedStages | None:
         builder: Contains the loop, made for example by `add_torque_loop`, and its logs.
 
     Returns:
-        The new system, named "stages". None if there are fewer than two stages to fuse; the builder is then unchanged.
+        The new system, named "stages". None if there is no stage to fuse; the builder is then unchanged.
 
     Raises:
         ParamsError: A required input port of a stage is not connected (an input that would be fixed in the Context
@@ -80,9 +80,9 @@ def fused_stages(diagram: Diagram) -> FusedStages | None:
 
 
 def _plan(offered: Mapping[System, ArrayStage], connections: Connections) -> Plan | None:
-    """The plan of the stages that can be fused; None if there are fewer than two."""
+    """The plan of the stages that can be fused; None if there is none."""
     stages = _sufficient(offered, connections)
-    if len(stages) < 2:
+    if not stages:
         return None
     try:
         return Plan(stages, connections)

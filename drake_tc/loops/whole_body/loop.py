@@ -72,13 +72,7 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False, fused: bool = F
     law = _law(scenario)
     robot = law.model.robot
     builder = DiagramBuilder()
-
-    def surround(plant: MultibodyPlant) -> None:
-        add_ground(plant, law.model.contacts, scenario.ground)
-
-    plant = add_robot_plant(builder, robot, scenario.plant_step, scene=True, meshcat=meshcat, prepare=surround)
-    check_masses(plant, robot, scenario.masses)
-    add_pushes(builder, plant, scenario.pushes)
+    plant = add_grounded_plant(builder, scenario, law, meshcat=meshcat)
     models, controller_models = _models(scenario, robot)
     loop = add_whole_body_loop(
         builder,
@@ -101,6 +95,31 @@ def build_tsid(scenario: TsidScenario, *, meshcat: bool = False, fused: bool = F
         starts=loop.starts,
         flag_names=loop.flag_names,
     )
+
+
+def add_grounded_plant(
+    builder: DiagramBuilder, scenario: TsidScenario, law: Law, *, meshcat: bool = False
+) -> MultibodyPlant:
+    """Add a scenario's plant: the robot on its floor, and what pushes it.
+
+    Args:
+        builder: Takes the plant.
+        scenario: With floor, step and pushes.
+        law: Of the controller.
+        meshcat: Show the robot in a browser.
+
+    Raises:
+        ParamsError: a file that cannot be read, or links that the robot does not have.
+    """
+
+    def surround(plant: MultibodyPlant) -> None:
+        add_ground(plant, law.model.contacts, scenario.ground)
+
+    robot = law.model.robot
+    plant = add_robot_plant(builder, robot, scenario.plant_step, scene=True, meshcat=meshcat, prepare=surround)
+    check_masses(plant, robot, scenario.masses)
+    add_pushes(builder, plant, scenario.pushes)
+    return plant
 
 
 def _models(scenario: TsidScenario, robot: Robot) -> tuple[Models | None, Models | None]:

@@ -58,6 +58,14 @@ CASES = {
     "two estimators": (COMAN, "stand_foot_centre", "{estimator: {beside: cop}}", 0.06),
     "no delay between control and voltage": (COMAN, "stand", "{series_elastic: {delay: 0.0}}", 0.06),
     "smaller steps of the plant": (COMAN, "stand", "{plant_step: 5.0e-4}", 0.06),
+    "one stage alone": (HUMANOID, "com_move", "{}", 0.06),
+    "one stage alone and smaller steps of the plant": (HUMANOID, "balance", "{plant_step: 5.0e-4}", 0.03),
+    "one stage alone and a contact that is lifted": (
+        HUMANOID,
+        "one_foot",
+        "{lifted: {right_sole: [{begin: 0.02, end: 0.04}]}}",
+        0.06,
+    ),
     "geared drives": (HUMANOID, "whole_chain", "{}", 0.1),
     "geared drives and a contact that is lifted": (
         HUMANOID,
@@ -110,12 +118,6 @@ def test_a_start_between_ticks_and_contexts_in_turn():
     for fused, apart in zip(*found, strict=True):
         assert apart["time"].size > 30
         assert_same(fused, apart)
-
-
-def test_one_stage_alone_stays_a_system():
-    loop = build_tsid(TsidScenario.load(HUMANOID, "balance"), fused=True)
-    assert fused_stages(loop.diagram) is None
-    assert loop.diagram.HasSubsystemNamed("tsid")
 
 
 def wired(**own: Any) -> tuple[DiagramBuilder, WholeBodyLoop]:

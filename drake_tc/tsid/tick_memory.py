@@ -1,0 +1,78 @@
+"""What a tick leaves to its outputs and to the next tick, in one array, as the compiled call reads and writes it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drake_tc.tsid.robust.solution import Start
+from drake_tc.tsid.warm_start import WarmStart
+from drake_tc.types import FloatArray
+
+
+class PreviousTick(NamedTuple):
+    """What a tick knows of the last one.
+
+    Attributes:
+        torque: (n,) [N m].
+        start: Of its solution.
+    """
+
+    torque: FloatArray
+    start: Start | None
+
+
+class TickMemory:
+    """The layout [tau (n); vdot (nv); f (K); status (9); start] of one tick; zeros are no tick.
+
+    Attributes:
+        places: Of "torque", "acceleration", "contact_force" and "status", in this order.
+        width: How many numbers these have together.
+        size: S, all numbers.
+    """
+
+    def __init__(self, joints: int, velocities: int, forces: int, status: int) -> None:
+        """Lay it out.
+
+        Args:
+            joints: n.
+            velocities: nv.
+            forces: K of all contacts.
+            status: Numbers of a status.
+        """
+        sizes = {"torque": joints, "acceleration": velocities, "contact_force": forces, "status": status}
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        self.places = {name: slice(first, end) for name, first, end in zip(sizes, ends, ends[1:], strict=False)}
+        self._warm = WarmStart(joints)
+        self.width: int = ends[-1]
+        self.size = self.width + self._warm.size
+
+    def shown(self, memory: FloatArray) -> list[FloatArray]:
+        """The parts in `places`, as views of memory (S,)."""
+        return [memory[place] for place in self.places.values()]
+
+    def start(self, memory: FloatArray) -> Start | None:
+        """What the next tick's solve knows of a tick."""
+        return self._warm.unpack(memory[self.width :])
+
+    def previous(self, memory: FloatArray) -> PreviousTick:
+        """A tick as the next one knows it."""
+        return PreviousTick(memory[self.places["torque"]], self.start(memory))
+
+    def packed(self, before: PreviousTick) -> FloatArray:
+        """(S,) with what the next tick knows."""
+        memory = np.zeros(self.size)
+        memory[self.places["torque"]] = before.torque
+        self._warm.pack(before.start, memory[self.width :])
+        return memory
+
+    def keep(self, shown: Sequence[FloatArray], start: Start | None, memory: FloatArray) -> None:
+        """Write a tick.
+
+        Args:
+            shown: The parts in the order of `places`.
+            start: For the next tick.
+            memory: (S,) written.
+        """
+        np.concatenate(shown, out=memory[: self.width])
+        self._warm.pack(start, memory[self.width :])
