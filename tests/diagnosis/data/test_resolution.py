@@ -191,3 +191,19 @@ def test_noise_is_found_also_where_it_is_a_part_of_the_step(noise, swing):
     true = 37.3 + 1e-2 * time + swing * np.sin(1e-3 * time)
     read = np.round(true + rng.normal(0.0, noise, time.size))
     assert sample_noise(read, 1.0, [slice(0, read.size)]) == pytest.approx(np.std(read - true), rel=0.17)
+
+
+@pytest.mark.parametrize("held", [2, 5])
+def test_the_staircase_of_a_held_channel_is_not_noise(held):
+    """A smooth command of 50 or 20 Hz on rows of 100 Hz; with noise, its low frequencies are those of the estimate."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 60.0, 0.01 * held)
+    smooth = np.sin(2.0 * np.pi * 0.3 * time)
+    rows = np.repeat(smooth, held)
+    whole = [slice(0, rows.size)]
+    jump = np.max(np.abs(np.diff(smooth)))
+    assert sample_noise(rows, 0.0, whole) < 0.01 * jump
+    noise = np.repeat(rng.normal(0.0, jump, smooth.size), held)
+    slow = np.convolve(noise, np.full(50, 1.0 / 50.0), mode="valid")
+    expected = np.std(slow) * np.sqrt(50.0)
+    assert sample_noise(rows + noise, 0.0, whole) == pytest.approx(expected, rel=0.15)
