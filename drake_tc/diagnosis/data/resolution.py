@@ -8,7 +8,6 @@ import numpy as np
 
 from drake_tc.effects.base import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.logs.channels import run_lengths
 from drake_tc.types import FloatArray, IntArray
 
 WIDEST_LIGHT = 0.060
@@ -129,43 +128,6 @@ def final_widths(acceleration: FloatArray, noise: float, light: CommonKernel, *,
         width = min(1.25 * width, widest)
         widths.append(width)
     return widths
-
-
-def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
-    """Standard deviation of the white part of a channel (T,), from its third differences; 0 where not recorded."""
-    return _white_noise([values[s] for s in segments])
-
-
-def _white_noise(stretches: Sequence[FloatArray]) -> float:
-    third = np.concatenate([np.diff(x, 3) for x in stretches if x.size > 8] or [np.zeros(1)])
-    third = third[np.isfinite(third)]
-    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if third.size else 0.0
-
-
-def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
-    """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
-    the white part.
-
-    Differences of values that are multiples of the step are multiples of it too, and so is their median: noise of 0.2
-    to 0.5 steps would be estimated a third too small or 15 % too large. Therefore a uniform random number within
-    +-step/2 is added to each value, which makes the median continuous, and its known variance, step^2/12, is
-    subtracted.
-
-    A channel without a step whose values repeat is held between the messages of a slower topic. Its staircase is no
-    noise, so each value counts once. Noise of values that are held over h samples has h times the density of white
-    noise of this size at the low frequencies of the regression, so its standard deviation is taken sqrt(h) times.
-    """
-    least = step / float(np.sqrt(12.0))
-    if not step > 0.0:
-        runs = [run_lengths(values[s]) for s in segments]
-        held = float(np.median(np.concatenate([lengths for _, lengths in runs]))) if runs else 1.0
-        if held > 1.0:
-            own = [values[s][starts] for s, (starts, _) in zip(segments, runs, strict=True)]
-            return max(least, float(np.sqrt(held)) * _white_noise(own))
-        return max(least, white_noise(values, segments))
-    spread = np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
-    both = [white_noise(values + way * spread, segments) ** 2 for way in (1.0, -1.0)]  # alike for either direction
-    return max(least, float(np.sqrt(max(0.5 * sum(both) - least**2, 0.0))))
 
 
 def quantisation_error(position: FloatArray, step: float) -> FloatArray:
