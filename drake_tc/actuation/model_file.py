@@ -29,11 +29,13 @@ class ModelFile:
         models: Joint name to model, in the file's order.
         provenance: Where the numbers come from: record, fit error ...; free-form.
         shared: What no joint owns: `{effect, where, <parameter>: number, ci95}` of a link or sensor each; free-form.
+        links: By link, inertial parameters that were fitted together with the joints.
     """
 
     models: Mapping[str, ActuatorModel]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     shared: tuple[Mapping[str, Any], ...] = ()
+    links: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def torque_as_effort(self) -> tuple[str, ...]:
@@ -55,7 +57,7 @@ def load_model_file(path: Path | str) -> ModelFile:
     if odd is not None:
         raise ParamsError(f"{path}: joints: expected names of printable characters; got {quoted(odd)}")
     models = {joint: entry.model(joint) for joint, entry in read.joints.items()}
-    return ModelFile(models, read.provenance or {}, tuple(read.shared or ()))
+    return ModelFile(models, read.provenance or {}, tuple(read.shared or ()), read.links or {})
 
 
 def load_models(path: Path | str) -> dict[str, ActuatorModel]:

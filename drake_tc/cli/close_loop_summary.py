@@ -41,11 +41,8 @@ def print_summary(result: CloseLoopResult, out: Path) -> None:
         _print_joint(console, joint)
         loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
         if loop is not None and loop.changed:
-            _say(
-                console,
-                "  closed loop (simulated with the model after as plant, so an upper bound): "
-                f"{_tracking(loop, joint.units)}",
-            )
+            simulated = " (simulated with the model after as plant, so an upper bound)" if loop.reference.size else ""
+            _say(console, f"  closed loop{simulated}: {_tracking(loop, joint.units)}")
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
             _say(console, f"closed loop: {escape(note)}")
@@ -132,7 +129,9 @@ def _with_interval(name: str, estimate: Estimate) -> str:
 
 
 def _tracking(loop: JointClosedLoop, units: JointUnits) -> str:
-    """Tracking errors before and after, or that there are none."""
+    """Tracking errors before and after, or why there are none."""
+    if not loop.reference.size:
+        return "tracking was not simulated; the report lists the linear loop's margins"
     figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
     if not all(math.isfinite(value) for value in figures):
         return (

@@ -121,6 +121,7 @@ def export_command(
     errors, notes = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else ([], [])
     notes += _file_notes(to, text, projections, into)
     notes += [_not_in_newton_metres(models[name]) for name in read.torque_as_effort if name in models]
+    notes += _links_not_written(list(read.links), model)
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
@@ -151,6 +152,17 @@ def export_command(
     for written in (page, out):
         if written is not None:
             print(written, file=shown)
+
+
+def _links_not_written(links: Sequence[str], model: Path) -> list[str]:
+    """What the user has to do about the links' parameters that were fitted together with the joints."""
+    if not links:
+        return []
+    return [
+        f"The fitted inertial parameters of {', '.join(links)} are not written. The joints' models belong to links "
+        f"with the values under `links` of {model.name}: m [kg], m times the centre of mass [kg m], and moments of "
+        "inertia about the link's origin [kg m^2]."
+    ]
 
 
 def _chosen(

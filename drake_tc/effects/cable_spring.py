@@ -9,9 +9,10 @@ from drake_tc.kernels.torque_equations import SPRING
 
 SPRING_STIFFNESS_RANGE = Plausible(
     0.0,
-    1.0,
-    "a passive spring pulls back towards its rest position; a negative stiffness would release energy at "
-    "every deflection",
+    2.0,
+    "a passive spring pulls back towards its rest position (a negative stiffness would release energy at every "
+    "deflection), and from one end of the recorded positions to the other its torque changes by at most twice the "
+    "largest torque of drive and load together",
     "torque/span",
 )
 SPRING_PRELOAD_RANGE = Plausible(

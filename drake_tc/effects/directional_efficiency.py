@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.context import NO_INERTIA
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.held_gain import held_gain, scale_column
 from drake_tc.kernels.torque_equations import LOAD_FRICTION
@@ -64,7 +65,7 @@ class DirectionalEfficiency(EquationEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a declared inertia: without one the difference is the same as another drive gain."""
         if not context.declared.get("rotor_inertia"):
-            return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
+            return NO_INERTIA
         return super().obstacle(context)
 
     def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:

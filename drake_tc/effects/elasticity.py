@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TransmissionEffect
+from drake_tc.effects.context import NO_INERTIA
 from drake_tc.effects.held_gain import HELD_GAIN, held_gain, scale_column
 from drake_tc.effects.kernel import Transmission
 from drake_tc.types import FloatArray
@@ -54,7 +55,7 @@ class Elasticity(TransmissionEffect):
         if context.taken_up:
             return context.taken_up
         if "rotor_inertia" not in context.declared:
-            return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
+            return NO_INERTIA
         return super().obstacle(context)
 
     @property

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.context import NO_INERTIA, LoadKind
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import LOAD_SHARE, PENDULUM
 from drake_tc.types import FloatArray
@@ -26,8 +27,12 @@ LOAD_ERROR_RANGE = Plausible(
     5.0,
     "a load of less than a fifth or of six times the declared one is another load",
 )
+CARRIED: Mapping[LoadKind, str] = {
+    "links": "what a link carries is part of its fitted parameters",
+    "robot": "what a link carries is looked for on all joints together, as its link_mass",
+}
+"""Why a single joint has no payload, where a robot's model gives the load."""
 HANG_ANGLE_RANGE = Plausible(-np.inf, np.inf, "where the pendulum hangs is declared in the rig file")
-NO_INERTIA = "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
 
 
 class Payload(EquationEffect):
@@ -55,12 +60,8 @@ class Payload(EquationEffect):
 
         What a link of a robot carries loads other joints too, and is looked for on all of them as its `link_mass`.
         """
-        if context.taken_up:
-            return context.taken_up
-        if context.load == "links":
-            return "what a link carries is part of its fitted parameters"
-        if context.load == "robot":
-            return "what a link carries is looked for on all joints together, as its link_mass"
+        if told := context.taken_up or CARRIED.get(context.load, ""):
+            return told
         return (
             "the load is a pendulum, and a payload would change its scale as the drive gain does"
             if context.load == "pendulum"
@@ -178,8 +179,8 @@ class DeclaredGainPayload(Payload):
 
 def _on_pendulum(context: Context, *, gain_declared: bool) -> str:
     """Why a payload cannot be looked for on a pendulum whose drive gain is declared, or is not."""
-    if context.taken_up:
-        return context.taken_up
+    if told := context.taken_up or CARRIED.get(context.load, ""):
+        return told
     if context.load != "pendulum":
         return "the load is measured, whatever its mass"
     if gain_declared and not context.declared.get("drive_gain"):

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.context import NO_INERTIA
 from drake_tc.effects.held_gain import held_gain, scale_column
 from drake_tc.types import FloatArray
 
@@ -40,7 +41,7 @@ class TorqueSensorGain(SensorEffect):
         if context.load != "torque":
             return "there is no torque sensor"
         if "rotor_inertia" not in context.declared or context.declared["rotor_inertia"] == 0.0:
-            return "the rig file declares no rotor_inertia, so this effect cannot be distinguished from others"
+            return NO_INERTIA
         return super().obstacle(context)
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.logs.channels import run_lengths
 from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -59,7 +60,7 @@ def _signs(run: Run, rig: Rig, joint: str) -> list[str]:
     lead = leads_by(position, command, usable.astype(np.float64), run.period)
     if lead > LEAD:
         reasons.append(f"the position leads the command by {1e3 * lead * run.period:.3g} ms")
-    noise = [_noise(values[usable]) for values in (position, command)]
+    noise = [_noise(values[usable], name in run.steps) for values, name in zip((position, command), names, strict=True)]
     if noise[1] > NOISIER * noise[0] or (names[1] in run.steps and names[0] not in run.steps):
         reasons.append("the command has a sensor's noise or steps, and the position has not")
     evidence = sign_evidence(run, rig, joint)
@@ -100,8 +101,14 @@ def _alike(a: FloatArray, b: FloatArray) -> float:
     return float(a @ b) / norm if norm > 0.0 else 0.0
 
 
-def _noise(values: FloatArray) -> float:
-    """Robust level of what changes from row to row: median of fourth differences, as of white noise."""
+def _noise(values: FloatArray, has_steps: bool) -> float:
+    """Robust level of what changes from row to row: median of fourth differences, as of white noise.
+
+    Values (T,) that repeat although they lie on no grid are held between the messages of a slower topic. They count
+    once, because the staircase of a held command is not noise.
+    """
+    if not has_steps:
+        values = values[run_lengths(values)[0]]
     if values.size < 10:
         return 0.0
     return float(np.median(np.abs(np.diff(values, 4))) / np.sqrt(70.0))

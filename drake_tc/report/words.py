@@ -38,6 +38,15 @@ NEAR = 0.25
 """Smallest held-out gain at which the sentence on the remaining error names an effect that was not added."""
 MOSTLY = 0.5
 """Share of the held-out error that effects leave, above which the report says that they may stand for another cause."""
+NO_CAUSE = (
+    "It depends on no recorded signal: possible causes are an unrecorded disturbance, a sensor that drifts, or an "
+    "effect that needs another sensor"
+)
+NO_CAUSE_OF_AN_ARM = (
+    "It depends on no recorded signal of this joint: possible causes are an unrecorded disturbance, a sensor that "
+    "drifts, an effect that needs another sensor, or a wrong drive gain of this or another joint, because the links "
+    "were fitted at the declared gains"
+)
 NO_FLOOR = "there is no noise floor, because the logs show neither noise nor steps of the sensors"
 
 
@@ -150,10 +159,7 @@ def unexplained(joint: JointResult) -> str:
             several = len(joint.heldout.samples.runs) > 1
             where = "the training runs or on one of the held-out runs" if several else "the training runs"
             elsewhere = f" ({significant(left.floors_anywhere, 2)} times on {where})"
-        causes = (
-            "It depends on no recorded signal: possible causes are an unrecorded disturbance, a sensor that drifts, or "
-            "an effect that needs another sensor"
-        )
+        causes = NO_CAUSE_OF_AN_ARM if joint.links_fitted else NO_CAUSE
         if left.beyond is not None:
             causes = capital(_extrapolated(left.beyond, joint.units))
         return (

@@ -50,3 +50,23 @@ def test_every_statement_is_a_few_words_without_a_stop():
     found = [obstacle for member in LIBRARY if (obstacle := member.unavailable(nothing)) is not None]
     assert len(found) > 10
     assert [o.statement for o in found if not o.statement or o.statement.endswith(".") or "nan" in o.statement] == []
+
+
+def with_load(load, **declared):
+    return Context("current", load, frozenset(), declared=declared)
+
+
+@pytest.mark.parametrize("key", ["directional_efficiency", "torque_sensor_gain"])
+def test_an_inertia_that_is_declared_without_a_value_is_not_said_to_be_undeclared(key):
+    """`declared: [rotor_inertia]` gives no value, so `Context.declared` lacks it; the file does declare it."""
+    why = effect(key).obstacle(with_load("torque"))
+    assert "states no value of rotor_inertia" in why
+    assert "declares no" not in why
+    assert not effect(key).obstacle(with_load("torque", rotor_inertia=0.3))
+
+
+@pytest.mark.parametrize("load", ["robot", "links"])
+@pytest.mark.parametrize("key", ["payload", "payload.pendulum", "payload.declared_gain", "payload.own_arm"])
+def test_a_load_that_a_robots_model_computes_is_not_said_to_be_measured(key, load):
+    assert "what a link carries" in effect(key).obstacle(with_load(load))
+    assert "measured" in effect("payload.pendulum").obstacle(with_load("torque"))

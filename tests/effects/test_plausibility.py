@@ -210,3 +210,10 @@ def test_friction_that_varies_about_nothing_names_the_friction_that_is_missing()
         "friction dissipates energy at every position."
     )
     assert "its plausible range is -3 to 3 N*m" in implausible(member, {**values, "friction_cosine": 4.0}, RIG)
+
+
+def test_a_spring_may_take_all_torque_in_both_directions():
+    """50 N m at either end of 2 rad: 50 N m/rad about a rest position in the middle."""
+    parameters = {"spring_stiffness": 49.0, "spring_preload": 0.0}
+    assert not implausible(effect("cable_spring"), parameters, RIG)
+    assert "0 to 50 N*m/rad" in implausible(effect("cable_spring"), parameters | {"spring_stiffness": 51.0}, RIG)

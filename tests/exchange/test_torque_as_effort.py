@@ -1,4 +1,4 @@
-"""The export says of a model whose torques are in the unit of the effort that its numbers are not SI."""
+"""The export says what its numbers belong to: a model whose torques are not in N m, and links that were fitted too."""
 
 import json
 
@@ -25,3 +25,15 @@ def test_the_command_says_which_joints_are_not_in_newton_metres(tmp_path, capsys
     assert all("not in N m but in the unit of the effort (A)" in note and "drive_gain" in note for note in notes)
     assert drake_tc(command) == 0
     assert all(note in capsys.readouterr().out.splitlines() for note in notes)
+
+
+@pytest.mark.parametrize("links", [None, {"thigh": {"m": 4.0, "mx": 0.1}, "shin": {"m": 1.5}}])
+def test_fitted_links_that_are_not_written_are_pointed_out(tmp_path, capsys, links):
+    save_models(MODELS, tmp_path / "model.yaml", links=links)
+    assert load_model_file(tmp_path / "model.yaml").links == (links or {})
+    command = ["export", str(tmp_path / "model.yaml"), "--to", "urdf", "--out", str(tmp_path / "out.urdf"), "--json"]
+    assert drake_tc(command) == 0
+    told = [note for note in json.loads(capsys.readouterr().out)["notes"] if "are not written" in note]
+    assert [note.partition(" are not")[0] for note in told] == (
+        ["The fitted inertial parameters of thigh, shin"] if links else []
+    )

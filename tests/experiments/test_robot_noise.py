@@ -12,6 +12,7 @@ from drake_tc.benchmarks.blind_arm.arms import REFERENCE, arm_named
 from drake_tc.benchmarks.blind_arm.cases import simulated_arm, sound_case, write_files
 from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_run
 from drake_tc.errors import ParamsError
+from drake_tc.experiments.check.run import check_rig
 from drake_tc.experiments.design import request as requests
 from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
 from drake_tc.experiments.design.robot import RobotOptions
@@ -101,3 +102,14 @@ def test_the_noise_of_all_joints_of_the_robot_is_needed(recorded):
         ParamsError, match=f"{robot.joints[-1]} missing; the noise of all joints of the robot is needed"
     ):
         robot_noise(replace(rig, joints=rig.joints[:-1]), robot, [])
+
+
+def test_the_check_of_a_robot_whose_links_are_fitted_names_what_close_loop_does_not_look_for(recorded):
+    """The same obstacles as in the diagnosis, which fits the links from the recorded efforts at the declared gains."""
+    folder, _ = recorded
+    joints = check_rig(folder / "rig.yaml", [folder / "first.npz"]).joints
+    for joint in joints.values():
+        told = {each.key: each for each in joint.effects.effects}
+        for key in ("saturation", "servo_gain", "payload"):
+            assert told[key].status == "not_seen", key
+            assert "fitted" in told[key].reason, key

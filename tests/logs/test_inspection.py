@@ -148,6 +148,16 @@ def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):
     assert found.rig["joint"] == "joint"
 
 
+def test_an_effort_beside_the_position_command_is_pointed_out(tmp_path):
+    """A rig file for a position servo would leave it unused; what is commanded is for the user to say."""
+    table = bench().drop(columns="joint/torque").rename(columns={"joint/voltage": "joint/effort"})
+    found = inspect_log(write(table, tmp_path / "run.csv"))
+    assert found.rig["drive"] == "position_servo"
+    (told,) = [note for note in found.notes if "also has" in note]
+    assert "torque command of joint" in told
+    assert "`drive: torque` with `columns: {joint/torque_command: joint/effort}` uses it." in told
+
+
 def of_a_test_stand() -> pd.DataFrame:
     """The bench's log without a position."""
     made = bench()

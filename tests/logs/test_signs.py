@@ -67,3 +67,13 @@ def test_a_delay_is_not_taken_for_a_turned_position(tmp_path):
         table["joint/voltage"] = table["joint/voltage"].shift(rows)
         (run,) = load_runs([write(table.iloc[rows:], tmp_path / "run.csv")], servo_rig(drive="voltage"))
         assert not any("wrong sign" in note for note in run.notes)
+
+
+def test_a_command_that_is_held_over_several_rows_is_not_taken_for_a_noisy_position(tmp_path):
+    """A topic slower than the states, logged late: the position leads, and the command is a staircase without noise."""
+    table = bench(5.0, 2e-3)
+    held = table["joint/position_command"].iloc[::5].reindex(table.index).ffill()
+    table["joint/position_command"] = held.shift(60).bfill()
+    table["joint/position"] = (table["joint/position"] / 1e-4).round() * 1e-4
+    (run,) = load_runs([write(table, tmp_path / "run.csv")], servo_rig(load="unknown"))
+    assert run.columns["joint/position_command"] == pytest.approx(table["joint/position_command"].to_numpy(), abs=1e-12)

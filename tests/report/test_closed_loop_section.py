@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
@@ -122,6 +123,16 @@ def test_margins_alone_have_no_tracking(closed, page_without_joints):
     assert Page(html).open == []
     assert "tracking error, RMS" not in html
     assert "closed loop of knee" not in html
+
+
+def test_the_console_does_not_call_a_loop_simulated_that_has_margins_alone(closed, result, tmp_path, capsys):
+    nothing = np.zeros(0)
+    none = replace(SOFT, rms_error=np.nan, largest_error=np.nan)
+    joint = replace(a_joint(none, none), reference=nothing, error_before=nothing, error_after=nothing)
+    print_summary(replace(result, closed_loop=replace(closed, joints={"knee": joint}, time=None, notes=())), tmp_path)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "closed loop: tracking was not simulated; the report lists the linear loop's margins" in said
+    assert "not simulated to the end" not in said
 
 
 def test_the_spread_of_the_torque_is_shown(spread, page_without_joints):

@@ -126,7 +126,10 @@ EXPERIMENTS = [
         ["in which the temperature covers 24.4 to", "as in warm. The present training runs cover 24.4 to"],
     ),
     (SeparateLoads(), ["The fitted load differs from run to run", "load: {pendulum: ...}"]),
-    (RepeatRun("run_2", 1.04, 2.5), ["Repeat run_2: between 1.0 and 2.5 s"]),
+    (
+        RepeatRun("run_2", 1.04, 2.5),
+        ["Repeat run_2. If the error between 1.0 and 2.5 s comes back, the joint causes it"],
+    ),
     (FindPeriodicSource(49.987), ["periodic at 49.99 Hz"]),
     (VarySignals(("load_torque", "velocity")), ["in which load torque and velocity vary independently"]),
     (VarySignals(("load_torque",)), ["in which load torque varies and the other signals do not"]),

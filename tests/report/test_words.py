@@ -106,6 +106,16 @@ def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
     assert ".." not in said
 
 
+def test_beside_fitted_links_a_wrong_drive_gain_is_a_possible_cause(joint):
+    """The links take up most of a wrong gain, `servo_gain` cannot be looked for, and other joints show the rest."""
+    left = replace(QUIET, floors=5.1, excess=True, share_of_signal=0.019)
+    alone = replace(with_errors(joint, 0.2, 0.0816, 0.002), unexplained=left, verdict="unexplained_residual")
+    assert "drive gain" not in unexplained(alone)
+    said = unexplained(replace(alone, links_fitted=True))
+    assert "no recorded signal of this joint" in said
+    assert "a wrong drive gain of this or another joint" in said
+
+
 @pytest.mark.parametrize("verdict", ["unexplained_residual", "unexplained_structure"])
 def test_effects_that_leave_most_of_the_error_are_not_called_missing(joint, verdict):
     left = replace(QUIET, floors=40.0, excess=True, structured=verdict.endswith("structure"), share_of_signal=0.12)

@@ -27,9 +27,6 @@ REPLAY_WIDER = 3.0
 SPEED_OF_NOISE = 5.0
 """Speed over the noise of the filtered velocity, above which the joint resolvably moves."""
 
-THIRD_DIFFERENCE = 20.0
-"""Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
-
 SPEED_PHASES = (0.0, 0.25, 0.5, 0.75)
 """Offsets of the grid, in steps, over which the replayed rounding of a velocity is averaged.
 
@@ -130,44 +127,6 @@ def final_widths(acceleration: FloatArray, noise: float, light: CommonKernel, *,
         width = min(1.25 * width, widest)
         widths.append(width)
     return widths
-
-
-def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
-    """Standard deviation of the white part of a channel (T,), from its third differences; 0 where not recorded."""
-    return 1.4826 * float(np.median(np.abs(_third_differences(values, segments))))
-
-
-def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
-    """RMS over time of a channel's (T,) white part, which may be larger in faster motion; 0 where not recorded.
-
-    A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
-    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing.
-    """
-    return float(np.sqrt(np.mean(_third_differences(values, segments) ** 2)))
-
-
-def _third_differences(values: FloatArray, segments: Sequence[slice]) -> FloatArray:
-    """(N,) of the recorded samples within the stretches, as large as one sample of white noise; a zero if none."""
-    third = np.concatenate([np.diff(values[s], 3) for s in segments if s.stop - s.start > 8] or [np.zeros(0)])
-    third = third[np.isfinite(third)]
-    return np.asarray(third / np.sqrt(THIRD_DIFFERENCE)) if third.size else np.zeros(1)
-
-
-def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
-    """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
-    the white part.
-
-    Differences of values that are multiples of the step are multiples of it too, and so is their median: noise of 0.2
-    to 0.5 steps would be estimated a third too small or 15 % too large. Therefore a uniform random number within
-    +-step/2 is added to each value, which makes the median continuous, and its known variance, step^2/12, is
-    subtracted.
-    """
-    least = step / float(np.sqrt(12.0))
-    if not step > 0.0:
-        return max(least, white_noise(values, segments))
-    spread = np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
-    both = [white_noise(values + way * spread, segments) ** 2 for way in (1.0, -1.0)]  # alike for either direction
-    return max(least, float(np.sqrt(max(0.5 * sum(both) - least**2, 0.0))))
 
 
 def quantisation_error(position: FloatArray, step: float) -> FloatArray:

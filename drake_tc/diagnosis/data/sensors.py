@@ -3,7 +3,8 @@
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
-from drake_tc.diagnosis.data.resolution import Resolution, sample_noise, scatter
+from drake_tc.diagnosis.data.resolution import Resolution
+from drake_tc.diagnosis.data.sample_noise import sample_noise, scatter
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.rig import Rig

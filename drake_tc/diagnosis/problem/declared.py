@@ -124,7 +124,11 @@ def declared_terms(rig: Rig, joint: str) -> list[str]:
 
 
 def fit_declared(columns: Columns, names: Sequence[str], context: Context, loads: Sequence[Effect] = ()) -> Fit:
-    """The declared model: each effect at the best point of its shape grid, in the order declared.
+    """The declared model: each effect at the best point of its shape grid or its declared value, in the order declared.
+
+    A grid need not contain the declared value: that of a saturation spans the largest recorded effort, and a command
+    that winds up can be many times the limit. Where links are fitted, the declared value alone is tried, because the
+    first fit of a joint has no load by which it could choose.
 
     `loads`: of an unknown load, what it may be, the simplest first; one of them is part of the model.
     """
@@ -135,6 +139,20 @@ def fit_declared(columns: Columns, names: Sequence[str], context: Context, loads
         if name in ALWAYS:
             continue
         member = effect(name)
-        tried = [fit(columns, [*best.terms, Term(member, shape)]) for shape in member.shape_grid(context)]
+        declared = _declared_shape(member, context)
+        shapes = declared if declared and context.load == "links" else [*member.shape_grid(context), *declared]
+        tried = [fit(columns, [*best.terms, Term(member, shape)]) for shape in shapes]
         best = min(tried, key=lambda f: f.cv_rms)
     return best
+
+
+def _declared_shape(member: Effect, context: Context) -> list[dict[str, float]]:
+    """The declared value of an effect whose only parameter is its shape; none where there is no such value."""
+    value = context.declared.get(member.id)
+    if (
+        value is None
+        or [p.name for p in member.shapes] != [p.name for p in member.parameters]
+        or len(member.shapes) != 1
+    ):
+        return []
+    return [{member.shapes[0].name: value}]

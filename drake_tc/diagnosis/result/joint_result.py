@@ -139,9 +139,10 @@ class JointResult:
 
     `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
     what an unknown load, and the drive's declared scale and damping, mean for this result; they are among the `notes`
-    too. `set_up_wrong`: no effects were looked for, because errors of the robot's set-up were found. `free_run` holds,
-    by held-out run, time, recorded position and the free runs "before", "after" and, where the refinement was accepted,
-    "refined". `unit` is that of the effort, `units` are those of the joint's other quantities.
+    too. `set_up_wrong`: no effects were looked for, because errors of the robot's set-up were found. `links_fitted`:
+    the robot's links were fitted at the declared drive gains. `free_run` holds, by held-out run, time, recorded
+    position and the free runs "before", "after" and, where the refinement was accepted, "refined". `unit` is that of
+    the effort, `units` are those of the joint's other quantities.
     """
 
     joint: str
@@ -172,6 +173,7 @@ class JointResult:
     load_notes: tuple[Note, ...] = ()
     refinement: Refinement | None = None
     set_up_wrong: bool = False
+    links_fitted: bool = False
     units: JointUnits = TURNING
 
     @property

@@ -89,7 +89,7 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     links = _searched(late, raw, start.links if delay is None else declared_links(raw, case.causes))
     made, links = _confirmed(late, raw, links)
     prepared = declared.case.prepared(*declared.case.without(first.fitted))
-    results = {joint: original_baseline(made[joint], prepared[joint]) for joint in joints}
+    results = {joint: replace(original_baseline(made[joint], prepared[joint]), links_fitted=True) for joint in joints}
     results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
     load = next(iter(case.rig.load.values()))
     tolerance = load.gain_tolerance if isinstance(load, RobotLoad) else 0.0

@@ -142,6 +142,10 @@ def _refined_zero(arm: ArmBalance, change: Change) -> Tried:
 
 
 def _gravity(arm: ArmBalance, start: SetUp) -> Tried:
+    """The best direction, refined from the best one of `DIRECTIONS` and from the present one.
+
+    Of the coarse directions, the best one for an arm on a slope may be one from which no descent leads to the slope.
+    """
     size = float(np.linalg.norm(start.gravity))
     parts = arm.columns_by_gravity(start)
 
@@ -149,14 +153,17 @@ def _gravity(arm: ArmBalance, start: SetUp) -> Tried:
         set_up = replace(start, gravity=size * direction / np.linalg.norm(direction))
         return set_up, arm.fit(set_up, parts[0] + np.tensordot(set_up.gravity, parts[1:], axes=1))
 
+    def refined(first: FloatArray) -> tuple[SetUp, Balance]:
+        across = np.linalg.svd(first[None, :])[2][1:]
+        best = minimize(
+            lambda x: fitted(first + x @ across)[1].error,
+            np.zeros(2),
+            method="Nelder-Mead",
+            options={"maxfev": EVALUATIONS, "initial_simplex": [[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]], "xatol": 1e-4},
+        )
+        return fitted(first + best.x @ across)
+
     first = min((*DIRECTIONS, start.gravity), key=lambda d: fitted(d)[1].error)
-    first = first / np.linalg.norm(first)
-    across = np.linalg.svd(first[None, :])[2][1:]
-    best = minimize(
-        lambda x: fitted(first + x @ across)[1].error,
-        np.zeros(2),
-        method="Nelder-Mead",
-        options={"maxfev": EVALUATIONS, "initial_simplex": [[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]], "xatol": 1e-4},
-    )
-    set_up, balance = fitted(first + best.x @ across)
+    starts = (first,) if first is start.gravity else (first, start.gravity)
+    set_up, balance = min((refined(d / np.linalg.norm(d)) for d in starts), key=lambda found: found[1].error)
     return Tried(Change("gravity", (), set_up), balance)

@@ -1,7 +1,7 @@
 """One joint's effects at its recorded motions: which would be seen, from which size on, and which would be confused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,17 +76,21 @@ def joint_numbers(prepared: Prepared) -> JointNumbers:
 _UNKNOWN = JointNumbers(1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0)
 
 
-def joint_effects(prepared: Prepared, effects: Sequence[Effect] | None = None) -> JointEffects:
+def joint_effects(
+    prepared: Prepared, effects: Sequence[Effect] | None = None, *, links_fitted: bool = False
+) -> JointEffects:
     """What the training rows of a prepared joint show of each effect.
 
     Args:
         prepared: One joint with its declared model.
         effects: In place of the library.
+        links_fitted: Whether the diagnosis fits the robot's links, so that it does not look for what these take up.
     """
     numbers = joint_numbers(prepared)
     builder = ContributionBuilder(prepared, numbers)
     context = prepared.context
-    usable, obstacles = candidates(looked_for(context, effects), context, prepared.declared)
+    searched = replace(context, load="links") if links_fitted else context
+    usable, obstacles = candidates(looked_for(context, effects), searched, prepared.declared)
     made: dict[str, list[Contribution]] = {}
     sizes: dict[str, Size] = {}
     for effect in usable:

@@ -113,10 +113,11 @@ def check_rig(rig_path: Path, logs: Sequence[Path], progress: Progress = lambda 
 def check_runs(rig: Rig, runs: Sequence[Run], progress: Progress = lambda text, share: None) -> CheckResult:
     """The same of runs that were read already."""
     prepared_runs, rig_used = with_loads(rig, runs)
+    links_fitted = _fits_links(rig)
     joints = {}
     for number, joint in enumerate(rig.joints):
         progress(joint, (number + 0.5) / len(rig.joints))
-        joints[joint] = _check_joint(prepared_runs, rig_used, joint)
+        joints[joint] = _check_joint(prepared_runs, rig_used, joint, links_fitted=links_fitted)
     refused = [each for each in joints.values() if each.refusal]
     if len(refused) == len(joints):
         raise IdentificationError(refused[0].refusal)
@@ -135,8 +136,7 @@ def with_loads(rig: Rig, runs: Sequence[Run]) -> tuple[list[Run], Rig]:
 
     Links that a diagnosis would fit have the values of their file here.
     """
-    first = next(iter(rig.load.values()))
-    if isinstance(first, RobotLoad) and first.fitted:
+    if _fits_links(rig):
         rig = replace(rig, load=dict.fromkeys(rig.joints, RobotLoad("inverse_dynamics")))
     logs = robot_logs(rig, runs)
     if logs is None:
@@ -146,12 +146,18 @@ def with_loads(rig: Rig, runs: Sequence[Run]) -> tuple[list[Run], Rig]:
     return in_order(loaded if turns is None else at_motors(turns, rig.joints, loaded), rig), rig
 
 
-def _check_joint(runs: Sequence[Run], rig: Rig, joint: str) -> JointCheck:
+def _fits_links(rig: Rig) -> bool:
+    """Whether a diagnosis fits the links of the rig's robot."""
+    first = next(iter(rig.load.values()))
+    return isinstance(first, RobotLoad) and first.fitted
+
+
+def _check_joint(runs: Sequence[Run], rig: Rig, joint: str, *, links_fitted: bool) -> JointCheck:
     try:
         prepared: Prepared = prepare_joint(runs, [], rig, joint)
     except IdentificationError as error:
         return JointCheck(joint, rig.drive[joint], None, (), str(error), 0, 0.0)
-    effects = joint_effects(prepared)
+    effects = joint_effects(prepared, links_fitted=links_fitted)
     declared = fit(prepared.train, prepared.terms)
     samples = prepared.train.samples
     seconds = float(np.count_nonzero(samples.moving)) * samples.signals.period

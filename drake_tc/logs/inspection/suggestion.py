@@ -58,6 +58,7 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")
+    notes += _other_drives(drives, by_joint)
     document: dict[str, Any] = {"joint": next(iter(drives))} if len(drives) == 1 else {"joints": list(drives)}
     document["drive"] = _same(drives)
     loads = {joint: "torque" if "torque" in by_joint[joint] else "unknown" for joint in drives}
@@ -71,6 +72,23 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
     renamed = {column.canonical: column.name for column in used if column.canonical != column.name}
     units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}
     return document | ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
+
+
+def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str, Column]]) -> list[str]:
+    """Efforts that were recorded beside the command that is suggested, and how a rig file makes use of them."""
+    told = []
+    for kind, command in DRIVES[1:]:
+        found = {joint: by_joint[joint][command] for joint in drives if command in by_joint[joint]}
+        columns = {joint: column for joint, column in found.items() if drives[joint] != kind}
+        if columns:
+            renamed = [f"{each.canonical}: {each.name}" for each in columns.values() if each.canonical != each.name]
+            told.append(
+                f"The log also has the {command.replace('_', ' ')} of {', '.join(columns)}. If it is the effort of the "
+                f"drive, `drive: {kind}`{' with' if renamed else ''}"
+                + (f" `columns: {{{', '.join(renamed)}}}`" if renamed else "")
+                + " uses it."
+            )
+    return told
 
 
 def _velocity_will_do(drive: str, has: Mapping[str, Column]) -> bool:

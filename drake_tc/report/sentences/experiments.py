@@ -113,8 +113,9 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
             )
         case RepeatRun(run, start, end):
             return (
-                f"Repeat {run}: between {start:.1f} and {end:.1f} s something acted on the joint that the log does not "
-                "show."
+                f"Repeat {run}. If the error between {start:.1f} and {end:.1f} s comes back, the joint causes it, for "
+                "example by play of the gear where the load reverses. If not, something acted on the joint that the "
+                "log does not show."
             )
         case FindPeriodicSource(frequency_hz):
             return (

@@ -15,9 +15,8 @@ from drake_tc.diagnosis.data.resolution import (
     Resolution,
     light_width,
     quantisation_error,
-    sample_noise,
-    white_noise,
 )
+from drake_tc.diagnosis.data.sample_noise import between_lines, sample_noise, white_noise
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.effects.base import Signals
 from drake_tc.effects.library import effect
@@ -191,3 +190,36 @@ def test_noise_is_found_also_where_it_is_a_part_of_the_step(noise, swing):
     true = 37.3 + 1e-2 * time + swing * np.sin(1e-3 * time)
     read = np.round(true + rng.normal(0.0, noise, time.size))
     assert sample_noise(read, 1.0, [slice(0, read.size)]) == pytest.approx(np.std(read - true), rel=0.17)
+
+
+@pytest.mark.parametrize("held", [2, 5])
+def test_the_staircase_of_a_held_channel_is_not_noise(held):
+    """A smooth command of 50 or 20 Hz on rows of 100 Hz; with noise, its low frequencies are those of the estimate."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 60.0, 0.01 * held)
+    smooth = np.sin(2.0 * np.pi * 0.3 * time)
+    rows = np.repeat(smooth, held)
+    whole = [slice(0, rows.size)]
+    jump = np.max(np.abs(np.diff(smooth)))
+    assert sample_noise(rows, 0.0, whole) < 0.01 * jump
+    noise = np.repeat(rng.normal(0.0, jump, smooth.size), held)
+    slow = np.convolve(noise, np.full(50, 1.0 / 50.0), mode="valid")
+    expected = np.std(slow) * np.sqrt(50.0)
+    assert sample_noise(rows + noise, 0.0, whole) == pytest.approx(expected, rel=0.15)
+
+
+@pytest.mark.parametrize("rate", [200.0, 250.0])
+def test_steps_of_a_controller_in_the_effort_are_not_noise(rate):
+    """Commands of 100 Hz that a stiff loop follows in steps: a sawtooth that is as high as the speed is fast."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 40.0, 1.0 / rate)
+    speed = np.sin(2.0 * np.pi * 0.2 * time) + 0.4 * np.sin(2.0 * np.pi * 0.45 * time)
+    steps = 0.5 * speed * (0.5 - np.mod(time * 100.0 + 1e-9, 1.0))
+    values = speed + steps + rng.normal(0.0, 0.01, time.size)
+    assert sample_noise(values, 0.0, [slice(0, time.size)]) == pytest.approx(0.01, rel=0.15)
+
+
+def test_white_noise_of_a_short_channel_has_no_spectrum():
+    values = np.random.default_rng(1).normal(0.0, 0.3, 200)
+    assert between_lines([values]) == np.inf
+    assert sample_noise(values, 0.0, [slice(0, 200)]) == pytest.approx(0.3, rel=0.2)

@@ -1,14 +1,18 @@
 """Declared values: what a fit holds, what it fits anew, and parameters that an effect does not have."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from drake_tc.diagnosis.problem.declared import declared_terms, known_values
+from drake_tc.diagnosis.problem import declared
+from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_values
+from drake_tc.effects.context import Context
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig
 
 
-def rig(declared, joint_type="revolute"):
-    entries = {"joint": "knee", "joint_type": joint_type, "drive": "current", "declared": declared}
+def rig(entered, joint_type="revolute"):
+    entries = {"joint": "knee", "joint_type": joint_type, "drive": "current", "declared": entered}
     return parse_rig(entries, "rig.yaml")
 
 
@@ -39,3 +43,20 @@ def test_an_effect_of_revolute_joints_is_refused_for_a_prismatic_one():
     with pytest.raises(RigError, match=said):
         declared_terms(rig({"load_tilt": None}, "prismatic"), "knee")
     assert declared_terms(rig({"load_tilt": None}), "knee") == ["viscous", "coulomb", "load_tilt"]
+
+
+@pytest.mark.parametrize("load", ["torque", "links"])
+def test_the_declared_value_of_a_drive_effect_is_tried(monkeypatch, load):
+    """A command that winds up to 160 A leaves a declared limit of 0.7 A outside the grid of limits."""
+    tried = []
+
+    def fit(columns, terms):
+        limits = [dict(t.shape)["limit"] for t in terms if t.effect.id == "saturation"]
+        tried.extend(limits)
+        return SimpleNamespace(terms=terms, cv_rms=min((abs(limit - 0.7) for limit in limits), default=1.0))
+
+    monkeypatch.setattr(declared, "fit", fit)
+    context = Context("current", load, frozenset(), declared={"saturation": 0.7}, effort_span=(-160.0, 160.0))
+    best = fit_declared(None, ["saturation"], context)
+    assert [dict(t.shape) for t in best.terms if t.effect.id == "saturation"] == [{"limit": 0.7}]
+    assert (len(tried) == 1) == (load == "links")

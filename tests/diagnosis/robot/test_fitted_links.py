@@ -44,6 +44,7 @@ def test_an_unknown_payload_comes_out_and_nothing_else_is_named(result):
         low, high = found[name].ci95
         assert low <= value <= high, name
     assert [effect.id for joint in result.joints.values() for effect in joint.effects] == []
+    assert all(joint.links_fitted for joint in result.joints.values())
 
 
 def test_intervals_hold_the_tolerance_of_the_declared_drive_gains(arm, result):

@@ -11,6 +11,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.set_up import changes
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
@@ -170,6 +171,20 @@ def test_a_tilted_base(tmp_path):
     assert_allclose(check.errors[0].gravity, -R_MB, atol=0.01)
     (shown,) = [line.partition('rpy="')[2].partition('"')[0] for line in set_up_sentences(check) if "rpy" in line]
     assert_allclose([float(x) for x in shown.split()], [TILT, 0.2, 0.0], atol=0.01)
+
+
+def test_a_slope_is_found_although_a_coarse_direction_leads_elsewhere(tmp_path, monkeypatch):
+    """Upside down, the arm fits better than as declared, and no descent leads from there to the slope."""
+    mount = '<link name="mount"/><joint name="mounting" type="fixed"><parent link="mount"/><child link="base"/>'
+    tilted = URDF.replace("</robot>", f'{mount}<origin rpy="{TILT} 0 0"/></joint></robot>')
+    robot = load_robot(write_robot(tmp_path, tilted, JOINTS, base="mount"))
+    logs = [record(tmp_path, robot, f"run_{k}", k) for k in range(3)]
+    write_robot(tmp_path, URDF, JOINTS)
+    down = np.array([0.0, -np.sin(TILT), -np.cos(TILT)])
+    monkeypatch.setattr(changes, "DIRECTIONS", -down[None])
+    check = checked((tmp_path, logs[:2], logs[2]))
+    assert kinds(check) == [("gravity", ())]
+    assert_allclose(check.errors[0].gravity, down, atol=0.01)
 
 
 def test_friction_of_a_joint_is_no_error_of_the_set_up(arm):

@@ -1,0 +1,89 @@
+"""Noise of one sample of a recorded channel, beside its steps, its staircase and the lines of a controller."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_tc.logs.channels import run_lengths
+from drake_tc.types import FloatArray
+
+THIRD_DIFFERENCE = 20.0
+"""Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
+LINE_BLOCK = 256
+"""Samples of a spectrum in which lines are told from noise."""
+MOSTLY_LINES = 0.7
+"""Noise between the lines over that of the third differences, below which the latter are called lines."""
+
+
+def white_noise(values: FloatArray, segments: Sequence[slice]) -> float:
+    """Standard deviation of the white part of a channel (T,), from its third differences; 0 where not recorded."""
+    return _white_noise([values[s] for s in segments])
+
+
+def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
+    """RMS over time of a channel's (T,) white part, which may be larger in faster motion; 0 where not recorded.
+
+    A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
+    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing.
+    """
+    return float(np.sqrt(np.mean(_third_differences([values[s] for s in segments]) ** 2)))
+
+
+def _white_noise(stretches: Sequence[FloatArray]) -> float:
+    level = 1.4826 * float(np.median(np.abs(_third_differences(stretches))))
+    between = between_lines(stretches)
+    return between if between < MOSTLY_LINES * level else level
+
+
+def _third_differences(stretches: Sequence[FloatArray]) -> FloatArray:
+    """(N,) of the recorded samples, as large as one sample of white noise; a zero if there are none."""
+    third = np.concatenate([np.diff(x, 3) for x in stretches if x.size > 8] or [np.zeros(0)])
+    third = third[np.isfinite(third)]
+    return np.asarray(third / np.sqrt(THIRD_DIFFERENCE)) if third.size else np.zeros(1)
+
+
+def between_lines(stretches: Sequence[FloatArray]) -> float:
+    """Standard deviation of white noise of the density that a channel (T,) has between spectral lines.
+
+    sigma^2 is the median over frequencies, above an eighth of the sampling rate, of the power of the third differences
+    over |2 sin(pi f)|^6, that of unit white noise. A controller that works in steps makes lines there, which the
+    filters of the regression remove. Infinite where no stretch has `LINE_BLOCK` samples.
+    """
+    window = np.hanning(LINE_BLOCK)
+    power = []
+    for x in stretches:
+        third = np.diff(x, 3)
+        blocks = third[: third.size // LINE_BLOCK * LINE_BLOCK].reshape(-1, LINE_BLOCK)
+        power += [np.abs(np.fft.rfft(b * window)) ** 2 for b in blocks if np.isfinite(b).all()]
+    if not power:
+        return float("inf")
+    frequency = np.fft.rfftfreq(LINE_BLOCK)
+    high = frequency > 0.125
+    unit = np.sum(window**2) * (2.0 * np.sin(np.pi * frequency[high])) ** 6
+    return float(np.sqrt(np.median(np.mean(power, axis=0)[high] / unit)))
+
+
+def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
+    """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
+    the white part.
+
+    Differences of values that are multiples of the step are multiples of it too, and so is their median: noise of 0.2
+    to 0.5 steps would be estimated a third too small or 15 % too large. Therefore a uniform random number within
+    +-step/2 is added to each value, which makes the median continuous, and its known variance, step^2/12, is
+    subtracted.
+
+    A channel without a step whose values repeat is held between the messages of a slower topic. Its staircase is no
+    noise, so each value counts once. Noise of values that are held over h samples has h times the density of white
+    noise of this size at the low frequencies of the regression, so its standard deviation is taken sqrt(h) times.
+    """
+    least = step / float(np.sqrt(12.0))
+    if not step > 0.0:
+        runs = [run_lengths(values[s]) for s in segments]
+        held = float(np.median(np.concatenate([lengths for _, lengths in runs]))) if runs else 1.0
+        if held > 1.0:
+            own = [values[s][starts] for s, (starts, _) in zip(segments, runs, strict=True)]
+            return max(least, float(np.sqrt(held)) * _white_noise(own))
+        return max(least, white_noise(values, segments))
+    spread = np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
+    both = [white_noise(values + way * spread, segments) ** 2 for way in (1.0, -1.0)]  # alike for either direction
+    return max(least, float(np.sqrt(max(0.5 * sum(both) - least**2, 0.0))))
