@@ -32,8 +32,8 @@ def part_timings(recording: TsidRecording, references: Sequence[Sequence[FloatAr
         references: One a task, a tick.
         repeats: The motion is run this often, and each tick counts with its fastest run.
     """
-    alone = np.min([_ticks(recording, None)[0] for _ in range(repeats)], axis=0)
-    in_turn = np.min([_ticks(recording, references) for _ in range(repeats)], axis=0)
+    alone = np.stack([_ticks(recording, None)[0] for _ in range(repeats)]).min(axis=0)
+    in_turn = np.stack([_ticks(recording, references) for _ in range(repeats)]).min(axis=0)
     return [
         FigureRow.of_values(f"{PLANT}, alone", "us", alone[1:], 1e6),
         FigureRow.of_values(f"{PLANT}, in turn with the controller", "us", in_turn[0, 1:], 1e6),

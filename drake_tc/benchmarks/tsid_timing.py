@@ -125,7 +125,7 @@ def _ratio(name: str, value: float, n: int) -> FigureRow:
 def diagram_timing(scenario: TsidScenario) -> FigureRow:
     """Single ticks of controller, plant with contact, references and log; each with its fastest run."""
     loop = build_tsid(scenario, fused=True)
-    seconds = np.min([_diagram_ticks(loop, scenario) for _ in range(REPEATS)], axis=0)
+    seconds = np.array([_diagram_ticks(loop, scenario) for _ in range(REPEATS)]).min(axis=0)
     title = f"the diagram, a tick of {1e3 * loop.law.period:g} ms: controller, plant with contact, log"
     return FigureRow.of_values(title, "us", seconds[1:], 1e6)
 

@@ -5,13 +5,21 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 SetUpErrorKind = Literal[
-    "joint_reversed", "position_reversed", "effort_reversed", "columns_exchanged", "zero", "drive_gain", "gravity"
+    "joint_reversed",
+    "position_reversed",
+    "effort_reversed",
+    "columns_exchanged",
+    "efforts_exchanged",
+    "zero",
+    "drive_gain",
+    "gravity",
 ]
 SET_UP_ERRORS: tuple[SetUpErrorKind, ...] = (
     "joint_reversed",
     "position_reversed",
     "effort_reversed",
     "columns_exchanged",
+    "efforts_exchanged",
     "zero",
     "drive_gain",
     "gravity",
@@ -25,7 +33,7 @@ class SetUpError:
 
     Attributes:
         kind: What.
-        joints: Which; the two whose columns are exchanged; empty for gravity.
+        joints: Which; the two whose columns or efforts are exchanged; empty for gravity.
         units: Entries of the rig file's `units` that mend it, for what is reversed.
         gains: By joint, the drive gain that the logs ask for, and the declared one [effort/(N m)].
         zero: Reading of the joint's column at the zero of the URDF [rad].

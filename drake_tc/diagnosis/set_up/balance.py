@@ -50,7 +50,7 @@ class SetUp:
     """One assumption. All arrays are in the order of the robot's joints.
 
     Attributes:
-        source: (n,) joint whose columns each joint has.
+        source: (n,) joint whose motion each joint has. effort_source: (n,) joint whose effort it has.
         turned: (n,) sign of the recorded positions. effort: (n,) sign of the recorded efforts.
         zero: (n,) reading of the joint at the zero of the robot's file [rad or m], after the sign.
         gravity: (3,) of the base [m/s^2].
@@ -58,6 +58,7 @@ class SetUp:
     """
 
     source: IntArray
+    effort_source: IntArray
     turned: FloatArray
     effort: FloatArray
     zero: FloatArray
@@ -112,6 +113,7 @@ class ArmBalance:
         n = self.gain.size
         return SetUp(
             source=np.arange(n),
+            effort_source=np.arange(n),
             turned=np.ones(n),
             effort=np.ones(n),
             zero=np.zeros(n),
@@ -156,7 +158,7 @@ class ArmBalance:
         None of joints that hardly slide.
         """
         v, a = (set_up.turned * x[:, set_up.source] for x in (self.rows.velocity, self.rows.acceleration))
-        y = set_up.effort * self.rows.effort[:, set_up.source]
+        y = set_up.effort * self.rows.effort[:, set_up.effort_source]
         if self.turns is not None:
             columns, v, a = motor_loads(self.turns, columns), v @ self.turns.T, a @ self.turns.T
         grams: list[FloatArray | None] = []

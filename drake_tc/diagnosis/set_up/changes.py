@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from drake_tc.diagnosis.result.set_up import SET_UP_ERRORS, SetUpErrorKind
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 ZERO_STEP = np.pi / 4.0
 """Of the zeros that are tried before the best one is refined [rad]."""
@@ -52,7 +52,7 @@ class Tried:
 
 def tried_changes(arm: ArmBalance, start: SetUp) -> list[Tried]:
     """Every change of one thing, fitted."""
-    found = [*_efforts(arm, start), *_reversed(arm, start), *_exchanged(arm, start), *_zeros(arm, start)]
+    found = [*_efforts(arm, start), *_reversed(arm, start), *_exchanged_columns(arm, start), *_zeros(arm, start)]
     found.append(_gravity(arm, start))
     return sorted(found, key=_simplest_first)
 
@@ -73,6 +73,9 @@ def _efforts(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
     held = np.flatnonzero(~start.free & arm.tells_gain).tolist()
     for j in np.flatnonzero(arm.own_effort).tolist():
         yield fitted("effort_reversed", (j,), replace(start, effort=start.effort * _flip(n, j)))
+    for pair in combinations(np.flatnonzero(arm.own_effort).tolist(), 2):
+        exchanged = replace(start, effort_source=_exchanged(start.effort_source, pair))
+        yield fitted("efforts_exchanged", pair, exchanged)
     for joints in (*((j,) for j in held), *([tuple(held)] if len(held) > 1 else [])):
         free = start.free.copy()
         free[list(joints)] = True
@@ -99,12 +102,18 @@ def _reversed(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
             yield Tried(Change("position_reversed", joints, turned), arm.fit(turned, columns))
 
 
-def _exchanged(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
-    for j, k in combinations(range(start.zero.size), 2):
-        source = start.source.copy()
-        source[[j, k]] = source[[k, j]]
-        set_up = replace(start, source=source)
-        yield Tried(Change("columns_exchanged", (j, k), set_up), arm.fit(set_up))
+def _exchanged(source: IntArray, pair: tuple[int, int]) -> IntArray:
+    """The sources (n,) with those of two joints exchanged."""
+    other = source.copy()
+    other[list(pair)] = other[list(reversed(pair))]
+    return other
+
+
+def _exchanged_columns(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
+    for pair in combinations(range(start.zero.size), 2):
+        sources = _exchanged(start.source, pair), _exchanged(start.effort_source, pair)
+        set_up = replace(start, source=sources[0], effort_source=sources[1])
+        yield Tried(Change("columns_exchanged", pair, set_up), arm.fit(set_up))
 
 
 def _zeros(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:

@@ -13,7 +13,7 @@ from drake_tc.report.words import joined
 
 COMMON = 1.1
 """Factor within which the drive gains of several joints are wrong by the same factor."""
-TESTED = "reversed joints, positions and efforts, exchanged columns, other zeros, drive gains and mountings"
+TESTED = "reversed joints, positions and efforts, exchanged columns and efforts, other zeros, drive gains and mountings"
 
 
 def set_up_sentences(check: SetUpCheck | None) -> tuple[str, ...]:
@@ -58,6 +58,11 @@ def _error(error: SetUpError) -> str:
         return _gains(error.gains)
     if error.kind == "columns_exchanged":
         return f"The columns of {names} are exchanged: exchange them under `columns:` in the rig file."
+    if error.kind == "efforts_exchanged":
+        return (
+            f"The efforts of {names} are exchanged, and the positions are not: exchange the effort columns under "
+            "`columns:` in the rig file."
+        )
     if error.kind == "zero":
         return (
             f"The position of {names} reads {significant(error.zero)} rad ({math.degrees(error.zero):.1f} deg) at the "

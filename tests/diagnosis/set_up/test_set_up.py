@@ -153,6 +153,15 @@ def test_exchanged_columns(elbow_arm):
     assert kinds(checked(elbow_arm, exchanged, **ELBOW_RIG)) == [("columns_exchanged", ("roll", "bend"))]
 
 
+def test_exchanged_efforts(elbow_arm):
+    def exchanged(columns):
+        return columns | {"roll/current": columns["bend/current"], "bend/current": columns["roll/current"]}
+
+    check = checked(elbow_arm, exchanged, **ELBOW_RIG)
+    assert kinds(check) == [("efforts_exchanged", ("roll", "bend"))]
+    assert "exchange the effort columns" in " ".join(set_up_sentences(check))
+
+
 def test_two_reversed_joints(elbow_arm):
     signs = {f"{joint}__{suffix}": -1.0 for joint in ("lift", "roll") for suffix in ("position", "current")}
     assert kinds(checked(elbow_arm, scaled(**signs), **ELBOW_RIG)) == [("joint_reversed", ("lift", "roll"))]
