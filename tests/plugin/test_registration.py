@@ -10,7 +10,7 @@ import pytest
 from drake_tc.actuation.model import EffectValue
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.effects.library import LIBRARY, effect, looked_for, place, register_effect
+from drake_tc.effects.library import LIBRARY, UNCOMMON, effect, looked_for, place, register_effect
 from drake_tc.effects.stribeck import Stribeck
 from drake_tc.errors import ParamsError
 from drake_tc.extensions import EFFECTS, LIMITS, TASKS
@@ -35,7 +35,7 @@ def test_a_registered_effect_is_one_of_the_library_and_comes_last(extras):
     register_effect(extras[0].SealDrag())  # a notebook's cell that is run again
     assert type(effect("seal_drag")) is extras[0].SealDrag
     assert EffectValue("seal_drag", {"sine_drag": 0.1}).parameters == {"cosine_drag": 0.0, "sine_drag": 0.1}
-    assert place("seal_drag") == len(LIBRARY) > place("backlash")
+    assert place("seal_drag") == len(LIBRARY) + len(UNCOMMON) > max(place(each.key) for each in (*LIBRARY, *UNCOMMON))
 
 
 def test_close_loop_takes_effects_and_tries_no_others(extras, tmp_path):
