@@ -9,6 +9,8 @@ from drake_tc.types import FloatArray
 
 THIRD_DIFFERENCE = 20.0
 """Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
+STEPS = 0.05
+"""Share of a goal's samples that may belong to steps."""
 LINE_BLOCK = 256
 """Samples of a spectrum in which lines are told from noise."""
 MOSTLY_LINES = 0.7
@@ -24,9 +26,11 @@ def scatter(values: FloatArray, segments: Sequence[slice]) -> float:
     """RMS over time of a channel's (T,) white part, which may be larger in faster motion; 0 where not recorded.
 
     A goal that is held for h seconds, and sampled at instants that drift against those at which it is written, is up to
-    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing.
+    h old: its samples scatter by up to h times its speed. They do not while it rests, so a median shows nothing. The
+    largest `STEPS` of the differences take no part: a goal may step.
     """
-    return float(np.sqrt(np.mean(_third_differences([values[s] for s in segments]) ** 2)))
+    squares = np.sort(_third_differences([values[s] for s in segments]) ** 2)
+    return float(np.sqrt(np.mean(squares[: max(1, round((1.0 - STEPS) * squares.size))])))
 
 
 def _white_noise(stretches: Sequence[FloatArray]) -> float:

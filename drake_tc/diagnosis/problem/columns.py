@@ -266,15 +266,18 @@ class Columns:
 
     def noise_ratio(self, beta: FloatArray, terms: Sequence[Term]) -> float:
         """Noise floor under the declared model over that under beta: a fit that lets less noise of the encoder through,
-        by a smaller 1/K or F_v, or of the effort, by a lag, has not explained anything by that (errors in variables).
+        by a smaller 1/K or F_v, or of the effort, by a lag, has not explained anything by that (errors in variables). A
+        larger 1/K beside a drive effect lets no more of the effort's noise through: compression takes it away again.
         """
         if self.floor is None or self.gain is None:
             return 1.0
         found = BalanceCoefficients.of(terms, beta, self.samples.signals.rotor_inertia)
-        share = self._effort_share(terms)
+        share, passes = self._effort_share(terms), found.stiffness
+        if any(isinstance(t.effect, DriveEffect) and not t.effect.filters for t in terms):
+            passes = min(passes, 1.0 / self.gain)
         own = np.hypot(
             self.floor.torque(found.stiffness, found.viscous, found.inertia, share),
-            found.stiffness * np.sqrt(share) * self.effort_noise,
+            passes * np.sqrt(share) * self.effort_noise,
         )
         declared = np.hypot(
             self.floor.torque(1.0 / self.gain, self.samples.signals.viscous, self.fitted_inertia),
