@@ -275,14 +275,10 @@ class Columns:
         share, passes = self._effort_share(terms), found.stiffness
         if any(isinstance(t.effect, DriveEffect) and not t.effect.filters for t in terms):
             passes = min(passes, 1.0 / self.gain)
-        own = np.hypot(
-            self.floor.torque(found.stiffness, found.viscous, found.inertia, share),
-            passes * np.sqrt(share) * self.effort_noise,
-        )
-        declared = np.hypot(
-            self.floor.torque(1.0 / self.gain, self.samples.signals.viscous, self.fitted_inertia),
-            self.effort_noise / self.gain,
-        )
+        own = self.floor.torque(found.stiffness, found.viscous, found.inertia, share)
+        own = float(np.hypot(own, passes * np.sqrt(share) * self.effort_noise))
+        declared = self.floor.torque(1.0 / self.gain, self.samples.signals.viscous, self.fitted_inertia)
+        declared = float(np.hypot(declared, self.effort_noise / self.gain))
         return float(np.clip(declared / max(own, 1e-300), *NOISE_RATIOS))
 
     def _effort_share(self, terms: Sequence[Term]) -> float:
