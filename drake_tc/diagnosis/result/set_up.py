@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 SetUpErrorKind = Literal[
     "joint_reversed",
@@ -14,16 +14,7 @@ SetUpErrorKind = Literal[
     "drive_gain",
     "gravity",
 ]
-SET_UP_ERRORS: tuple[SetUpErrorKind, ...] = (
-    "joint_reversed",
-    "position_reversed",
-    "effort_reversed",
-    "columns_exchanged",
-    "efforts_exchanged",
-    "zero",
-    "drive_gain",
-    "gravity",
-)
+SET_UP_ERRORS: tuple[SetUpErrorKind, ...] = get_args(SetUpErrorKind)
 """What is tried, in the order in which errors that explain as much are preferred."""
 
 

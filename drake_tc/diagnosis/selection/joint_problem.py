@@ -111,11 +111,11 @@ class JointProblem:
         for effect in self.effects:
             key = frozenset({t.effect.key for t in parent.terms} | {effect.key})
             if effect.id not in barred and not effect.excludes & present and key not in known:
-                best = self._best(parent, effect)
+                best = self.at_best_shape(parent, effect)
                 refinement = Refinement(self.columns, best, self.refined, self.executor)
                 yield Proposal(key, best.cv_rms, refinement, refinement.begin)
 
-    def _best(self, parent: Fit, effect: Effect) -> Fit:
+    def at_best_shape(self, parent: Fit, effect: Effect) -> Fit:
         """A parent's terms and an effect at the best point of its shape grid."""
         key = (*term_keys(parent.terms), effect.key)
         if key in self.best:

@@ -8,9 +8,8 @@ like gear friction that depends on the direction of power, and two thirds of the
 from collections.abc import Sequence
 from dataclasses import replace
 
-from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.selection.engine import Progress, select
-from drake_tc.diagnosis.selection.joint_problem import JointProblem, Search, best_shape
+from drake_tc.diagnosis.selection.joint_problem import JointProblem, Search
 from drake_tc.diagnosis.selection.shape_refinement import refine
 from drake_tc.diagnosis.thresholds import LEAST_UNCOMMON, SearchThresholds
 from drake_tc.effects.base import Effect
@@ -49,6 +48,5 @@ def _least_error(problem: JointProblem, found: Search, effect: Effect) -> float:
 
     The model found may hold an imitation of the effect.
     """
-    parents: tuple[Fit, ...] = (found.chosen, found.baseline)
-    tried = [best_shape(problem.columns, parent, effect, problem.context, problem.screen) for parent in parents]
+    tried = [problem.at_best_shape(parent, effect) for parent in (found.chosen, found.baseline)]
     return refine(problem.columns, min(tried, key=lambda each: each.cv_rms), evaluations=30).cv_rms
