@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_tc.config.page import table
 from drake_tc.effects.base import Effect
-from drake_tc.effects.library import BUILT_IN, LIBRARY
+from drake_tc.effects.library import BUILT_IN, LIBRARY, UNCOMMON
 from drake_tc.report.equation import symbolic_equations
 from drake_tc.types import FloatArray
 from site_pages import traces
@@ -73,7 +73,7 @@ on the link's side of the gear, and the inertia J of the rotor, reflected to tha
 
 
 def _page(effect: Effect) -> str:
-    searched = any(effect.key == each.key for each in LIBRARY)
+    searched, uncommon = (any(effect.key == each.key for each in among) for among in (LIBRARY, UNCOMMON))
     seen = traces.trace(effect)
     parts = [f"# {_title(effect)}", f"`{effect.key}` · {KINDS[effect.kind].lower()}", _summary(effect)]
     if effect.equation:
@@ -86,7 +86,11 @@ def _page(effect: Effect) -> str:
     if effect.needs:
         names = ", ".join(f"`{name}`" for name in sorted(effect.needs))
         parts.append(f"It can be looked for only where these signals were recorded: {names}.")
-    if not searched:
+    if uncommon and effect.id != "static_friction":
+        parts.append("`close-loop` looks for this effect only where the common ones leave much that it explains.")
+            "`close-loop` looks for this effect only where the common ones leave an error that it lowers a lot."
+        )
+    elif not searched:
         parts.append("A model may list this effect, but `close-loop` does not look for it in every log.")
     parts += ["## What separates it from its neighbours", _neighbours(effect, seen)]
     return "\n\n".join(part for part in parts if part) + "\n"
