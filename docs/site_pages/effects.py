@@ -88,8 +88,6 @@ def _page(effect: Effect) -> str:
         parts.append(f"It can be looked for only where these signals were recorded: {names}.")
     if uncommon and effect.id != "static_friction":
         parts.append("`close-loop` looks for this effect only where the common ones leave much that it explains.")
-            "`close-loop` looks for this effect only where the common ones leave an error that it lowers a lot."
-        )
     elif not searched:
         parts.append("A model may list this effect, but `close-loop` does not look for it in every log.")
     parts += ["## What separates it from its neighbours", _neighbours(effect, seen)]
