@@ -85,7 +85,7 @@ def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) 
         torque += effect.torque(signals, parameters)
     effort = torque * model.drive.gain
     for drive, parameters in undone(model):
-        effort = drive.inverse(effort, signals.direction, parameters)
+        effort = drive.inverse(effort, signals.position, signals.direction, parameters)
     if model.drive.kind == "position_servo":
         for transmission, parameters in model.transmission_effects:
             effort = effort + transmission.twist(desired, parameters)

@@ -63,7 +63,7 @@ class _Joint:
             parts += kernel(q, v, direction, tau, celsius, direction)
         effort = self.gain * needed_torque(tau, v, direction, a, parts, self.inertia)
         for law in self.inverses:
-            effort = law.invert(effort, direction)
+            effort = law.invert(effort, q, direction)
         lead = self.half_gap * soft_sign(self.gain * tau, self.smoothing)
         return float(effort + self.compliance * tau + lead)
 

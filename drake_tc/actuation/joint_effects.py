@@ -166,7 +166,7 @@ class JointEffects:
         for kernel, place in self._effort:
             memory[place : place + kernel.size] = kernel.start(value, raw)
             if kernel.observe is not None:
-                kernel.observe(v, *around, memory, place)
+                kernel.observe(drive_q, v, *around, memory, place)
             value = kernel.step(value, raw, memory[at.DEFLECTION], list(memory), place)
 
     def evaluate(self, memory: list[float], work: Sequence[float], around: tuple[float, float]) -> tuple[float, ...]:
@@ -183,7 +183,7 @@ class JointEffects:
         q, v, tau, command = work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE], work[at.ACTED]
         for kernel, place in (*self._command, *self._effort):
             if kernel.observe is not None:
-                kernel.observe(v, *around, memory, place)
+                kernel.observe(q, v, *around, memory, place)
         direction = memory[at.DEFLECTION]
         target = command
         for kernel, place in self._command:

@@ -29,7 +29,7 @@ from drake_tc.config.joint_units import JointType
 from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, TorqueKernel, TorqueParts, Transmission
 from drake_tc.effects.obstacle import Obstacle
-from drake_tc.effects.parameter import Parameter, Plausible
+from drake_tc.effects.parameter import Parameter, Plausible, Values
 from drake_tc.effects.signals import Signals, plain_signals
 from drake_tc.types import FloatArray
 
@@ -47,6 +47,7 @@ __all__ = [
     "Signature",
     "TorqueEffect",
     "TransmissionEffect",
+    "Values",
     "plain_signals",
 ]
 
@@ -247,7 +248,7 @@ class DriveEffect(Effect):
         """One joint sampled at `period` [s], one sample at a time."""
 
     def inverse(
-        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+        self, effort: FloatArray, position: FloatArray, direction: FloatArray, parameters: Values
     ) -> FloatArray:
         """The effort to ask for so that y* is `effort`, where that is possible; otherwise `effort` itself."""
         return effort
@@ -261,9 +262,11 @@ class DriveEffect(Effect):
         """
         if type(self).inverse is DriveEffect.inverse:
             return None
-        return InverseLaw(
-            lambda effort, direction: float(self.inverse(np.array([effort]), np.array([direction]), parameters)[0])
-        )
+
+        def invert(effort: float, q: float, direction: float) -> float:
+            return float(self.inverse(np.array([effort]), np.array([q]), np.array([direction]), parameters)[0])
+
+        return InverseLaw(invert)
 
 
 class SensorEffect(Effect):

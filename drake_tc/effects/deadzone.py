@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, memoryless
 from drake_tc.kernels.equations import dead_zone, dead_zone_inverse
 from drake_tc.kernels.joint_layout import DEAD_ZONE
@@ -43,7 +43,7 @@ class Deadzone(DriveEffect):
         return memoryless(lambda value, effort, direction: float(dead_zone(value, width)), DEAD_ZONE, (width,))
 
     def inverse(
-        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+        self, effort: FloatArray, position: FloatArray, direction: FloatArray, parameters: Values
     ) -> FloatArray:
         """The command y + w sign(y) jumps over the dead zone."""
         return np.asarray(dead_zone_inverse(effort, parameters["deadzone"], 0.0))
@@ -52,5 +52,5 @@ class Deadzone(DriveEffect):
         """The same, the jump a straight line within +/- `smoothing`."""
         width = parameters["deadzone"]
         return InverseLaw(
-            lambda effort, direction: float(dead_zone_inverse(effort, width, smoothing)), DEAD_ZONE, width
+            lambda effort, position, direction: float(dead_zone_inverse(effort, width, smoothing)), DEAD_ZONE, width
         )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.types import FloatArray
 
@@ -50,7 +50,7 @@ class DriveCompression(DriveEffect):
         return memoryless(lambda value, effort, direction: value / (1.0 + abs(value) / half))
 
     def inverse(
-        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+        self, effort: FloatArray, position: FloatArray, direction: FloatArray, parameters: Values
     ) -> FloatArray:
         """The effort y = y*/(1 - |y*|/y_h), at most 20 times y*: no effort delivers y_h."""
         return np.asarray(effort / np.maximum(1.0 - np.abs(effort) / parameters["half_effort"], 0.05))

@@ -53,8 +53,8 @@ class DriveKernel:
         start: (value, raw effort) to the memory of a drive that has always seen these.
         step: (value, raw effort, direction, memory, at) to the value passed on; the effect's memory is
             `memory[at : at + size]` and is overwritten with the next one.
-        observe: (velocity [rad/s], temperature [deg C], supply voltage [V], memory, at), called before `step` at every
-            sample, writes into the memory what `step` needs to know of them; None for an effect that needs none.
+        observe: (position [rad], velocity [rad/s], temperature [deg C], supply voltage [V], memory, at), called before
+            `step` at every sample, writes into the memory what `step` needs to know of them; None where it needs none.
         kind: Of the compiled equation that is the same as `step` (`drake_tc.kernels.joint_layout`).
         numbers: Its parameters, three at most.
     """
@@ -62,7 +62,7 @@ class DriveKernel:
     size: int
     start: Callable[[float, float], list[float]]
     step: Callable[[float, float, float, list[float], int], float]
-    observe: Callable[[float, float, float, list[float], int], None] | None = None
+    observe: Callable[[float, float, float, float, list[float], int], None] | None = None
     kind: int = INTERPRETED
     numbers: tuple[float, ...] = ()
 
@@ -72,12 +72,12 @@ class InverseLaw:
     """What to ask of a drive, of one joint at one instant.
 
     Attributes:
-        invert: (desired effort, direction) to the effort to ask for.
+        invert: (desired effort, position [rad], direction) to the effort to ask for.
         kind: Of the compiled equation that is the same (`drake_tc.kernels.joint_layout`).
         number: Its parameter.
     """
 
-    invert: Callable[[float, float], float]
+    invert: Callable[[float, float, float], float]
     kind: int = INTERPRETED
     number: float = 0.0
 

@@ -20,6 +20,7 @@ from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateEncoderEccentricity
 from drake_tc.effects.encoder_offset import EncoderOffset
 from drake_tc.effects.encoder_ripple import EncoderRipple
+from drake_tc.effects.gain_ripple import GainRipple
 from drake_tc.effects.linear_friction import LinearPositionFriction
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.load_stribeck import LoadStribeck
@@ -112,6 +113,7 @@ UNCOMMON: tuple[Effect, ...] = (
     DriveCompression(),
     WindingHeat(),
     LoadTilt(),
+    GainRipple(),
     StaticFriction(),
 )
 """Effects that a search looks for only where LIBRARY leaves much unexplained: each resembles a more common one."""

@@ -1,17 +1,21 @@
 """A parameter of an effect: its unit, the bounds of its fit, and where its value is physically possible."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from drake_tc.config.joint_units import JointType
+from drake_tc.types import FloatArray
 
 Scale = Literal[
     "one", "effort", "torque", "torque/speed", "torque/speed^2", "torque/span", "load", "load/duration", "speed",
     "span", "1/torque", "effort/speed", "effort/supply", "coulomb", "viscous",
 ]  # fmt: skip
 """The quantity of the rig by which a plausible range is multiplied; `Context.scale` computes it."""
+Values: TypeAlias = Mapping[str, FloatArray | float]
+"""Values of parameters by name, each one number or one a joint."""
 
 
 @dataclass(frozen=True)

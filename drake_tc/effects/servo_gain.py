@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.types import FloatArray
 
@@ -79,7 +79,7 @@ class ServoGain(DriveEffect):
         return memoryless(lambda value, effort, direction: value + error * effort)
 
     def inverse(
-        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+        self, effort: FloatArray, position: FloatArray, direction: FloatArray, parameters: Values
     ) -> FloatArray:
         """y/(1 + e); the effort itself where the drive is dead (e = -1)."""
         gain = 1.0 + np.asarray(parameters["gain_error"])

@@ -65,7 +65,9 @@ class SupplyLimit(DriveEffect):
         """Memory is [the limit now]."""
         share = parameters["limit_per_volt"]
 
-        def observe(velocity: float, celsius: float, supply: float, memory: list[float], at: int) -> None:
+        def observe(
+            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
+        ) -> None:
             memory[at] = share * supply if isfinite(supply) and supply > 0.0 else inf
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:

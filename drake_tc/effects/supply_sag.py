@@ -99,7 +99,9 @@ class SupplySag(DriveEffect):
         """Memory is [V/V_0 - 1]; acts on the raw effort, as the column does."""
         sensitivity, nominal = parameters["supply_sensitivity"], parameters["nominal_voltage"]
 
-        def observe(velocity: float, celsius: float, supply: float, memory: list[float], at: int) -> None:
+        def observe(
+            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
+        ) -> None:
             memory[at] = supply / nominal - 1.0 if isfinite(supply) and supply > 0.0 else 0.0
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, memoryless
 from drake_tc.kernels.equations import switch_inverse, switched
 from drake_tc.kernels.joint_layout import SWITCH
@@ -66,7 +66,7 @@ class VelocitySignSwitch(DriveEffect):
         )
 
     def inverse(
-        self, effort: FloatArray, direction: FloatArray, parameters: Mapping[str, FloatArray | float]
+        self, effort: FloatArray, position: FloatArray, direction: FloatArray, parameters: Values
     ) -> FloatArray:
         """The command y / (1 + s sign(qdot)); the effort itself where the drive is dead (s = -sign)."""
         return np.asarray(switch_inverse(effort, direction, parameters["switch"]))
@@ -74,4 +74,6 @@ class VelocitySignSwitch(DriveEffect):
     def inverse_law(self, parameters: Mapping[str, float], smoothing: float) -> InverseLaw:
         """The same; nothing of it jumps."""
         switch = parameters["switch"]
-        return InverseLaw(lambda effort, direction: float(switch_inverse(effort, direction, switch)), SWITCH, switch)
+        return InverseLaw(
+            lambda effort, position, direction: float(switch_inverse(effort, direction, switch)), SWITCH, switch
+        )

@@ -85,7 +85,9 @@ class WindingLag(CurrentLag):
             return super().kernel(parameters, period)
         pole, new, old = hold_coefficients(lag, period)
 
-        def observe(velocity: float, celsius: float, supply: float, memory: list[float], at: int) -> None:
+        def observe(
+            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
+        ) -> None:
             if isnan(memory[at + 2]):
                 memory[at + 2] = memory[at + 3] = velocity
             memory[at + 4] = velocity

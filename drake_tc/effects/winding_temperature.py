@@ -101,7 +101,9 @@ class WindingTemperature(DriveEffect):
         """y/r + k_e (1 - 1/r) qdot; memory is [1/r, qdot]."""
         rate, constant = parameters["resistance_per_kelvin"], parameters["back_emf"]
 
-        def observe(velocity: float, celsius: float, supply: float, memory: list[float], at: int) -> None:
+        def observe(
+            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
+        ) -> None:
             memory[at] = 1.0 / max(1.0 + rate * (celsius - REFERENCE_CELSIUS), 0.2)
             memory[at + 1] = velocity
 

@@ -241,6 +241,7 @@ LOST = {
     "winding_heat": _WINDING,
     "winding_temperature": _WINDING,
     "drive_compression": "the target's torque is proportional to the effort",
+    "gain_ripple": "the target's torque for an effort is the same over the turn",
     "load_stribeck": "friction does not grow with the load there",
     "load_tilt": "belongs to the link: change its centre of mass in the robot's model",
     "position_dependent_load": "the target has no load that is a curve over the position",

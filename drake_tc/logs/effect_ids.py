@@ -11,7 +11,7 @@ EFFECT_IDS = (
     *("torque_sensor_drift", "effort_bias", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
     *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature", "servo_gain"),
     "static_friction",
-    *("load_stribeck", "drive_compression", "winding_heat", "load_tilt"),
+    *("load_stribeck", "drive_compression", "winding_heat", "load_tilt", "gain_ripple"),
 )
 
 ROBOT_CAUSES = ("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias")

@@ -49,7 +49,7 @@ def test_the_record_has_every_effect_that_acts():
     keys = {effect(key).key for case in CASES for key, _ in case["effects"]}
     # simulated in tests/effects/test_identify_back.py
     elsewhere = {"effort_bias", "payload.pendulum", "payload.own_arm", "position_dependent_friction.linear"}
-    elsewhere |= {"payload.sliding", "presliding_hysteresis.sliding", "cable_spring.beside_weight"}
+    elsewhere |= {"payload.sliding", "presliding_hysteresis.sliding", "cable_spring.beside_weight", "gain_ripple"}
     assert {e.key for e in (*LIBRARY, *UNCOMMON) if not isinstance(e, SensorEffect)} <= keys | elsewhere
     torques = RECORD["outputs"][..., 0]
     assert np.all(np.ptp(torques, axis=1) > 0.05)  # no case that rests

@@ -126,6 +126,7 @@ CASES: dict[str, Case] = {
     ),
     "load_stribeck": Case("current", {"load_stribeck": 0.2, "load_stribeck_velocity": 0.4}, bias=0.01),
     "drive_compression": Case("current", {"half_effort": 8.0}),
+    "gain_ripple": Case("current", {"gain_cosine": 0.08, "gain_sine": -0.05, "cycles_per_turn": 18.0}),
     "winding_heat": Case("voltage", {"warm_effort": 20.0, "warm_time": 1.0}),
     "directional_efficiency": Case("current", {"driving_friction": 0.15, "backdriven_friction": 0.25}),
     "position_dependent_load": Case(

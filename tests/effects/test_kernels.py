@@ -97,7 +97,7 @@ def run_kernel(kernel, values, log, memory) -> np.ndarray:
     steps = []
     for k, value in enumerate(values.tolist()):
         if kernel.observe is not None:
-            kernel.observe(log.velocity[k], log.temperature[k], log.supply_voltage[k], memory, 0)
+            kernel.observe(log.position[k], log.velocity[k], log.temperature[k], log.supply_voltage[k], memory, 0)
         steps.append(kernel.step(value, log.effort[k], log.direction[k], memory, 0))
     return np.array(steps)
 

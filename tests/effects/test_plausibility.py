@@ -132,6 +132,11 @@ CASES: dict[str, tuple[dict[str, float], dict[str, float], str]] = {
     ),
     "drive_compression": ({"half_effort": 8.0}, {"half_effort": 1.0}, "1.2 A or more"),
     "winding_heat": ({"warm_effort": 8.0, "warm_time": 5.0}, {"warm_time": 0.1}, "thermal"),
+    "gain_ripple": (
+        {"gain_cosine": 0.3, "gain_sine": 0.2, "cycles_per_turn": 40.0},
+        {"gain_cosine": 0.45, "gain_sine": 0.3},
+        "amplitude is 0.541",
+    ),
     "load_tilt": ({"tilt_moment": 3.0}, {"tilt_moment": 4.0}, "degrees"),
     "viscous_power": (
         {"viscous_power": 2.0, "viscous_exponent": 0.5},

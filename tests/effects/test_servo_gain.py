@@ -64,7 +64,7 @@ def test_beside_an_error_of_the_torque_sensor_the_declared_gain_stays_the_declar
 
 
 def test_compensation_undoes_the_error():
-    asked = effect("servo_gain").inverse(np.array([2.3]), np.array([1.0]), {"gain_error": 0.15})
+    asked = effect("servo_gain").inverse(np.array([2.3]), np.array([0.0]), np.array([1.0]), {"gain_error": 0.15})
     kernel = effect("servo_gain").kernel({"gain_error": 0.15}, 1e-3)
     assert_allclose(kernel.step(asked[0], asked[0], 1.0, [], 0), 2.3)
 

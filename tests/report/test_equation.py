@@ -105,7 +105,8 @@ def test_a_drive_equation_is_what_the_drive_does(one: DriveEffect) -> None:
     wanted = []
     for k in range(T):
         if kernel.observe is not None:
-            kernel.observe(float(s.velocity[k]), float(s.temperature[k]), float(s.supply_voltage[k]), memory, 0)
+            now = (s.position[k], s.velocity[k], s.temperature[k], s.supply_voltage[k])
+            kernel.observe(*(float(x) for x in now), memory, 0)
         wanted.append(kernel.step(float(s.effort[k]), float(s.effort[k]), float(s.direction[k]), memory, 0))
     assert_allclose(evaluated(one.equation, values, s), wanted, rtol=1e-9, atol=1e-12)
 

@@ -50,6 +50,7 @@ ISOLATES: Mapping[str, str] = {
     "encoder_ripple": "turn at two constant speeds over a whole turn: the error of the encoder keeps its place",
     "servo_gain": "hang known weights on the link and read the effort that holds them, approached from both sides",
     "static_friction": "raise the effort slowly from rest until the joint moves, many times in both directions",
+    "gain_ripple": "cross the whole range slowly in both directions, unloaded and with a known load",
     "supply_sag": "repeat one motion on a stabilised supply at two voltages",
     "winding_temperature": "repeat one motion under load cold and warm, without changing it",
     "directional_efficiency": "lower and raise known weights slowly, with the motor's torque recorded in its own unit",
