@@ -32,7 +32,7 @@ OWN = 5
 INDEPENDENT = 0.1
 """Share of the rows that say something of their own."""
 ROUNDS = 4
-"""Of reweighting the joints, and of fitting the drive gains that are not declared."""
+"""Of reweighting the joints, and of Gauss-Newton where a drive gain is free."""
 LEAST_NOISE = 1e-3
 """Of a joint's effort: no joint weighs more than this lets it."""
 MOVES = 0.1
@@ -188,8 +188,8 @@ def _fit(
             gain[j], sigma[j] = _joint(gram, nominal + delta, declared[j])
         sigma = np.maximum(sigma, LEAST_NOISE * size)
         if number < ROUNDS - 1:
-            known = [(g, gain[j], sigma[j]) for j, g in enumerate(grams) if g is not None]
-            delta = _links(known, nominal, tolerance, prior)
+            known = [(g, gain[j], sigma[j], np.isnan(declared[j])) for j, g in enumerate(grams) if g is not None]
+            delta = _links(known, nominal, tolerance, prior, nominal + delta)
     return Balance(sigma / size, gain, float(np.sum((delta / tolerance) ** 2)))
 
 
@@ -225,31 +225,43 @@ def _not_negative(gram: FloatArray, towards: FloatArray) -> FloatArray:
 
 
 def _links(
-    joints: Sequence[tuple[FloatArray, float, float]], nominal: FloatArray, tolerance: FloatArray, prior: float
+    joints: Sequence[tuple[FloatArray, float, float, bool]],
+    nominal: FloatArray,
+    tolerance: FloatArray,
+    prior: float,
+    links: FloatArray,
 ) -> FloatArray:
     """Delta (10 n,) beside the joints' own coefficients, which stay free but of the sign that they may have.
 
+    K (pi_0 + delta) is not linear where K is free. Its change dK is then one unknown more, with the load by the present
+    links as its column (Gauss-Newton): in turn alone, gain and links converge in tens of rounds.
+
     Args:
-        joints: Gram matrix, drive gain and noise of each.
+        joints: Gram matrix, drive gain, noise, and whether the gain is free, of each.
         nominal: pi_0.
         tolerance: t.
         prior: 1/s per row.
+        links: (10 n,) parameters of the last round.
     """
-    p = nominal.size
-    total = p + OWN * len(joints)
+    p, n = nominal.size, len(joints)
+    total = p + n + OWN * n
     left, right = np.zeros((total, total)), np.zeros(total)
     left[:p, :p] = prior * np.eye(p)
-    for number, (gram, gain, sigma) in enumerate(joints):
-        place = np.concatenate([np.arange(p), p + OWN * number + np.arange(OWN)])
-        scale = np.concatenate([gain * tolerance, np.ones(OWN)]) / sigma
-        target = gram[:-1, -1] - gain * gram[:-1, :p] @ nominal
-        left[np.ix_(place, place)] += scale[:, None] * gram[:-1, :-1] * scale
-        right[place] += scale * target / sigma
+    for number, (gram, gain, sigma, is_free) in enumerate(joints):
+        place = np.concatenate([np.arange(p), [p + number], p + n + OWN * number + np.arange(OWN)])
+        mix = np.zeros((gram.shape[0], place.size + 1))
+        mix[:p, :p] = gain * np.diag(tolerance)
+        mix[:p, p] = gain * links * is_free
+        mix[p:, p + 1 :] = np.eye(OWN + 1)
+        mix[:p, -1] = -gain * nominal
+        small = mix.T @ gram @ mix / sigma**2
+        left[np.ix_(place, place)] += small[:-1, :-1]
+        right[place] += small[:-1, -1]
     free = np.ones(total, dtype=np.bool_)
     while True:
         x = np.zeros(total)
         x[free] = np.linalg.lstsq(left[np.ix_(free, free)], right[free], rcond=1e-12)[0]
-        wrong = (x < 0.0) & free & (np.arange(total) >= p)
+        wrong = (x < 0.0) & free & (np.arange(total) >= p + n)
         if not wrong.any():
             return np.asarray(tolerance * x[:p])
         free &= ~wrong

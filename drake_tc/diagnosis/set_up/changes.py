@@ -77,12 +77,26 @@ def _efforts(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
         exchanged = replace(start, effort_source=_exchanged(start.effort_source, pair))
         yield fitted("efforts_exchanged", pair, exchanged)
     for joints in (*((j,) for j in held), *([tuple(held)] if len(held) > 1 else [])):
-        free = start.free.copy()
-        free[list(joints)] = True
-        tried = fitted("drive_gain", joints, replace(start, free=free))
-        factors = (tried.balance.gain / arm.gain)[list(joints)]
-        if (factors > 0.0).all() and np.abs(np.log(factors)).max() > np.log(OTHER_GAIN):
-            yield tried
+        yield from _other_gains(arm, start, joints, columns)
+
+
+def gains_of_one_joint(arm: ArmBalance, start: SetUp) -> list[Tried]:
+    """Another drive gain of each single joint whose gain is declared, best first."""
+    columns = arm.columns(start)
+    held = np.flatnonzero(~start.free & arm.tells_gain).tolist()
+    found = [tried for j in held for tried in _other_gains(arm, start, (j,), columns)]
+    return sorted(found, key=lambda tried: tried.balance.error)
+
+
+def _other_gains(arm: ArmBalance, start: SetUp, joints: tuple[int, ...], columns: FloatArray) -> Iterator[Tried]:
+    """The fit with the drive gains of these joints free, where they are far from the declared ones."""
+    free = start.free.copy()
+    free[list(joints)] = True
+    set_up = replace(start, free=free)
+    tried = Tried(Change("drive_gain", joints, set_up), arm.fit(set_up, columns))
+    factors = (tried.balance.gain / arm.gain)[list(joints)]
+    if (factors > 0.0).all() and np.abs(np.log(factors)).max() > np.log(OTHER_GAIN):
+        yield tried
 
 
 def _flip(n: int, joint: int) -> FloatArray:

@@ -8,6 +8,12 @@ found if, on the training runs and on the held-out runs,
 - some joint's error falls to at most half (`HALVED`),
 - the mean logarithm of all joints' errors falls by at least that of `TOGETHER`, and
 - no joint's error grows by more than `GROWS`, unless it is small after it (`SMALL`).
+
+Where the links are far from the robot's file, the fast model leaves more than that of the diagnosis. Some joint's error
+must therefore also be at most half (`HALVED`) of what the latter leaves.
+
+Fitted links take up most of one wrong drive gain. Another gain of a single joint is therefore tried also where little
+is left; of all joints together it need only lower the error. An effect halves no joint's error by another gain.
 """
 
 from collections.abc import Sequence
@@ -16,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
-from drake_tc.diagnosis.set_up.changes import Change, Tried, tried_changes
+from drake_tc.diagnosis.set_up.changes import Change, Tried, gains_of_one_joint, tried_changes
 from drake_tc.types import FloatArray
 
 MUCH = 0.1
@@ -53,8 +59,9 @@ class SetUpSearch:
 
 
 def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetUpSearch | None:
-    """The changes that both sides ask for; None where the declared set-up leaves little of every effort, or where
-    neither the rig file nor the links of the robot's file say how large a joint's torques are.
+    """The changes that both sides ask for; None where the declared set-up leaves little of every effort and no other
+    drive gain of one joint is asked for, or where neither the rig file nor the links of the robot's file say how large
+    a joint's torques are.
 
     Args:
         train: Rows of the training runs.
@@ -65,13 +72,13 @@ def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetU
     start = train.as_declared
     if (start.free & ~train.tells_gain).any():
         return None
-    fitted = train.fit(start)
-    before = replace(fitted, share=np.where(np.isnan(fitted.share), np.nan, np.fmin(fitted.share, left)))
-    if not np.nanmax(before.share) > MUCH:
-        return None
-    none = SetUpSearch((), start, (), before, before)
+    before = train.fit(start)
+    if not min(np.nanmax(before.share), np.nanmax(left)) > MUCH:
+        return _one_gain(train, held, before, left)
+    least = replace(before, share=np.where(np.isnan(before.share), np.nan, np.fmin(before.share, left)))
+    none = SetUpSearch((), start, (), least, least)
     steps: list[tuple[Tried, tuple[Tried, ...]]] = []
-    at, error = start, fitted.error
+    at, error = start, before.error
     while len(steps) < MOST_CHANGES:
         best, others = _best(tried_changes(train, at))
         if best.balance.error > error + np.log(WORTH):
@@ -84,9 +91,23 @@ def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetU
         return none
     after, alternatives = steps[-1][0].balance, steps[-1][1]
     changes = tuple(step.change for step, _ in steps)
-    if not (is_found(before, after) and is_found(held.fit(start), held.fit(at))):
+    found = is_found(before, after) and is_found(held.fit(start), held.fit(at))
+    if not (found and _is_half_of(left, after)):
         return none
     return SetUpSearch(changes, at, alternatives, before, after)
+
+
+def _one_gain(train: ArmBalance, held: ArmBalance, before: Balance, left: FloatArray) -> SetUpSearch | None:
+    """Another drive gain of one joint, where both sides ask for it; `before` is the fit as declared."""
+    tried = gains_of_one_joint(train, train.as_declared)
+    if not tried:
+        return None
+    best, others = _best(tried)
+    at = best.change.set_up
+    sides = (before, best.balance), (held.fit(train.as_declared), held.fit(at))
+    if not (all(is_found(*side, together=1.0) for side in sides) and _is_half_of(left, best.balance)):
+        return None
+    return SetUpSearch((best.change,), at, others, before, best.balance)
 
 
 def _best(tried: Sequence[Tried]) -> tuple[Tried, tuple[Tried, ...]]:
@@ -98,8 +119,15 @@ def _best(tried: Sequence[Tried]) -> tuple[Tried, tuple[Tried, ...]]:
     return alike[0], tuple(others)[:MOST_ALTERNATIVES]
 
 
-def is_found(before: Balance, after: Balance) -> bool:
-    """Whether the errors of these fits say that the set-up of the second one is right and that of the first wrong."""
+def _is_half_of(left: FloatArray, after: Balance) -> bool:
+    return bool(np.nanmin(after.share / left) <= HALVED)
+
+
+def is_found(before: Balance, after: Balance, together: float = TOGETHER) -> bool:
+    """Whether the errors of these fits say that the set-up of the second one is right and that of the first wrong.
+
+    `together`: factor by which the geometric mean of all joints' errors must fall.
+    """
     ratio = after.share / before.share
     grows = (ratio > GROWS) & (after.share > SMALL)
-    return bool(np.nanmin(ratio) <= HALVED and after.error <= before.error + np.log(TOGETHER) and not grows.any())
+    return bool(np.nanmin(ratio) <= HALVED and after.error <= before.error + np.log(together) and not grows.any())

@@ -1,5 +1,6 @@
 """Gross errors of an arm's set-up are named with what to change, and no effect is named beside them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.set_up import changes
+from drake_tc.diagnosis.set_up import balance, changes
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
@@ -127,7 +128,8 @@ def test_an_effort_in_another_unit(arm):
     assert kinds(check) == [("drive_gain", JOINTS)]
     for fitted, declared in check.errors[0].gains.values():
         assert_allclose(fitted / declared, 1000.0, rtol=0.05)
-    assert "1000 times" in " ".join(set_up_sentences(check))
+    told = re.search(r"turn, lift and fold is (\d+) times as large", " ".join(set_up_sentences(check)))
+    assert_allclose(float(told[1]), 1000.0, rtol=0.01)
 
 
 def test_the_torque_constant_of_one_joint(arm):
@@ -135,6 +137,37 @@ def test_the_torque_constant_of_one_joint(arm):
     assert kinds(check) == [("drive_gain", ("fold",))]
     fitted, declared = check.errors[0].gains["fold"]
     assert_allclose(fitted / declared, 2.5, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("joint", "factor"), [("turn", 1.7), ("lift", 0.6), ("lift", 1.7), ("bend", 0.6), ("bend", 1.7)]
+)
+def test_the_torque_constant_of_one_joint_that_fitted_links_mostly_take_up(elbow_arm, joint, factor):
+    """Of each effort less than a tenth is left: no other error of the set-up is tried there."""
+    check = checked(elbow_arm, scaled(**{f"{joint}__current": factor}), left=0.09, **ELBOW_RIG)
+    assert kinds(check) == [("drive_gain", (joint,))]
+    fitted, declared = check.errors[0].gains[joint]
+    assert_allclose(fitted / declared, factor, rtol=0.02)
+
+
+def test_an_effect_of_one_joint_is_no_other_torque_constant(elbow_arm):
+    """Friction that depends on the load makes the effort larger in one direction and smaller in the other."""
+
+    def change(columns):
+        load, speed = columns["lift/current"], np.gradient(columns["lift/position"])
+        return columns | {"lift/current": load + 0.4 * np.abs(load) * np.sign(speed)}
+
+    assert checked(elbow_arm, change, left=0.09, **ELBOW_RIG) is None
+
+
+def test_the_fit_of_a_free_torque_constant_has_converged(elbow_arm, monkeypatch):
+    """The gain and the links' masses scale the same torques."""
+    change = scaled(lift__current=1.7)
+    few = checked(elbow_arm, change, left=0.09, **ELBOW_RIG)
+    monkeypatch.setattr(balance, "ROUNDS", 40)
+    many = checked(elbow_arm, change, left=0.09, **ELBOW_RIG)
+    assert_allclose(few.errors[0].gains["lift"], many.errors[0].gains["lift"], rtol=2e-3)
+    assert_allclose(list(few.after.values()), list(many.after.values()), rtol=0.02)
 
 
 def test_another_zero(elbow_arm):
