@@ -1,6 +1,6 @@
 """`FusedStages`: the stages of a plan as one Drake system."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -10,12 +10,12 @@ from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, V
 
 from drake_tc.array_stage import Arrays
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import gathering, sequences
+from drake_tc.kernels.calls import KernelCall, gathering, sequences
 from drake_tc.loops.fused.nodes import Node
 from drake_tc.loops.fused.plan import Plan
 from drake_tc.loops.fused.scratch import Inputs, Scratch, place_of, read_only
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import Call, FloatArray, IntArray
 
 
 class FusedStages(PortMethods, LeafSystem):
@@ -203,7 +203,7 @@ class FusedStages(PortMethods, LeafSystem):
         given, time = scratch.given, context.get_time()
         for level in levels:
             if not level:
-                scratch.before[:] = context.get_discrete_state(self._memory).value()
+                scratch.before[:] = context.get_discrete_state(self._memory).get_mutable_value()  # `value` copies
             for number, evaluate in self._ports[level]:
                 given[number][:] = evaluate(context)
             for call in scratch.outputs[level]:
@@ -218,6 +218,7 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.given = [place_of(scratch.signals, given.elements) for given in plan.given]
         scratch.outputs = [[] for _ in self._levels]
         scratch.updates, scratch.begins = {node.stage.period: [] for node in plan.nodes}, []
+        others: list[tuple[float | None, Sequence[Call]]] = []
         for node in plan.nodes:
             inputs = Inputs(node.name)
             for name, where in node.inputs.items():
@@ -230,9 +231,15 @@ class FusedStages(PortMethods, LeafSystem):
             if outputs is not None:
                 scratch.outputs[node.level] += [outputs] if callable(outputs) else outputs
             if update is not None:
-                scratch.updates[node.stage.period] += [update] if callable(update) else update
+                group: Sequence[Call] = [update] if callable(update) else update
+                if all(isinstance(call, KernelCall) for call in group):
+                    scratch.updates[node.stage.period] += group
+                else:
+                    others.append((node.stage.period, group))
             if node.stage.begin is not None:
                 scratch.begins.append(node.stage.begin(arrays))
+        for period, group in others:  # behind all kernels, so that these are neighbours: no update reads another's
+            scratch.updates[period] += group
         scratch.outputs = [sequences(calls) for calls in scratch.outputs]
         scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 
