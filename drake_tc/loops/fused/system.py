@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, V
 from drake_tc.array_stage import Arrays
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import KernelCall, gathering, sequences
-from drake_tc.loops.fused.nodes import Node
+from drake_tc.loops.fused.nodes import Node, Source
 from drake_tc.loops.fused.plan import Plan
 from drake_tc.loops.fused.scratch import Inputs, Scratch, place_of, read_only
 from drake_tc.port_methods import PortMethods
@@ -58,7 +58,7 @@ class FusedStages(PortMethods, LeafSystem):
         self._ports: list[list[tuple[int, Callable[[Context], Any]]]] = []
         for level in range(plan.num_levels):
             tickets |= {self._inputs[number].ticket() for number in self._read_at(level)}
-            width, name = self.exported_at(level).size, f"signals_{level}"
+            width, name = self._elements_at(level).size, f"signals_{level}"
             self._levels.append(self.DeclareVectorOutputPort(name, width, self._writer(level), set(tickets)))
         late = sorted(set(range(len(self._inputs))) - plan.read_now)
         self._late_ports = [(number, self._inputs[number].Eval) for number in late]
@@ -78,11 +78,14 @@ class FusedStages(PortMethods, LeafSystem):
             return self.DeclareAbstractInputPort(name, port.Allocate())
         return self.DeclareVectorInputPort(name, port.size())
 
-    def exported_at(self, level: int) -> IntArray:
+    def exported_at(self, level: int) -> list[Source]:
+        """The output ports of replaced systems whose values the port of a level has, in this order."""
+        return [source for source, at in self._plan.export_level.items() if at == level]
+
+    def _elements_at(self, level: int) -> IntArray:
         """The elements among the signals that the port of a level has."""
-        plan = self._plan
-        found = [elements for source, elements in plan.exported.items() if plan.export_level[source] == level]
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
+        found = [self._plan.exported[source] for source in self.exported_at(level)]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *found])
 
     def _read_at(self, level: int) -> list[int]:
         """Numbers of the inputs that are read for the outputs of a level."""
@@ -91,7 +94,7 @@ class FusedStages(PortMethods, LeafSystem):
 
     def _writer(self, level: int) -> Callable[[Context, Any], None]:
         """The calc function of a level's port."""
-        chosen, eval_scratch = self.exported_at(level), self._scratch.Eval
+        chosen, eval_scratch = self._elements_at(level), self._scratch.Eval
         eval_lower = self._levels[level - 1].Eval if level else None
         self._ports.append([(number, self._inputs[number].Eval) for number in self._read_at(level)])
 
