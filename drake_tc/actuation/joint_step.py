@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects, tables
 from drake_tc.kernels import joint_layout as at
-from drake_tc.kernels.calls import ADVANCE, SKIPPED, TIME, KernelCall
+from drake_tc.kernels.calls import ADVANCE, MOTORS, SKIPPED, TIME, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
@@ -133,6 +133,14 @@ class JointStep:
         out = np.empty(3 * len(self.joints))
         _MOTORS(kept, state, *self._tables[:2], out)
         return out
+
+    def bind_motors(self, kept: FloatArray, state: FloatArray, out: FloatArray) -> KernelCall:
+        """`motors` into `out` (3n,), on arrays that stay the same objects."""
+
+        def motors(time: float) -> None:
+            _MOTORS(kept, state, *self._tables[:2], out)
+
+        return KernelCall(MOTORS, motors, kept, state, *self._tables[:2], out)
 
 
 def _around(around: tuple[FloatArray, FloatArray] | None, joint: int) -> tuple[float, float]:

@@ -170,12 +170,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
         ports["step"] = np.arange(step.width)
 
         def bind_motors(arrays: Arrays) -> tuple[Call, None]:
-            state, before, out = arrays.inputs["state"], arrays.before, arrays.out
-
-            def outputs(time: float) -> None:
-                out[:] = step.motors(before, state)
-
-            return outputs, None
+            return step.bind_motors(arrays.before, arrays.inputs["state"], arrays.out), None
 
         motors = places({"motor_state": slice(2 * n), "transmitted_torque": slice(2 * n, 3 * n)})
         early = ArrayStage(3 * n, motors, bind_motors, frozenset({"state"}))

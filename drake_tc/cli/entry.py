@@ -6,6 +6,7 @@ import sys
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 
+from drake_tc.cli.allocator import restart_tuned
 from drake_tc.system_libraries import how_to_install, import_error, missing_library
 
 OLDEST = (1, 51)
@@ -17,6 +18,7 @@ wait forever where a worker was ended while it started. Files are cleaned up and
 
 def main() -> None:
     """Run the command of `sys.argv`; where Drake cannot be loaded, say why in one line and end with 2."""
+    restart_tuned(sys.argv[1:])
     problem = drake_problem()
     if problem is not None:
         print(f"drake-tc: {problem}", file=sys.stderr)

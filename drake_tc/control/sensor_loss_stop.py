@@ -1,16 +1,20 @@
 """`SensorLossStop`: a joint has lost two of its three sensors for good; torques fade, and the motors brake the fall."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.kernels.calls import COPY_BELOW, KernelCall
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import BoolArray, Call, FloatArray
 
 LOSS_TIME = 0.15
 """Time for which a flag is up before the joint counts as lost [s]; the flag itself takes 0.1 s of it."""
+_ANY = float(np.nextafter(0.0, 1.0))
+"""The least number above 0."""
 
 
 class SensorLossStop(PortMethods, LeafSystem):
@@ -57,27 +61,34 @@ class SensorLossStop(PortMethods, LeafSystem):
         """This stage without its ports."""
         size, n = self._nothing.size, self._carrying.size
 
-        def bind_early(arrays: Arrays) -> tuple[Call, None]:
+        def bind_early(arrays: Arrays) -> tuple[Sequence[Call], None]:
             ticks, known, torque = arrays.before, arrays.inputs["state"], arrays.inputs["torque"]
             state_out, torque_out = arrays.out[:size], arrays.out[size:]
 
-            def outputs(time: float) -> None:
+            def tell(time: float) -> None:
                 state_out[:] = self._nothing if self._is_lost(ticks) else known
+
+            def fade(time: float) -> None:
                 torque_out[:] = self._faded_torque(ticks, torque)
 
-            return outputs, None
+            usual = (ticks, self._limit)
+            return (
+                KernelCall(COPY_BELOW, tell, known, state_out, *usual),
+                KernelCall(COPY_BELOW, fade, torque, torque_out, *usual),
+            ), None
 
-        def bind(arrays: Arrays) -> tuple[Call, Call]:
+        def bind(arrays: Arrays) -> tuple[Call, Sequence[Call]]:
             ticks, desired, lost = arrays.before, arrays.inputs["desired"], arrays.inputs["lost"]
             out, after = arrays.out, arrays.after
 
-            def outputs(time: float) -> None:
+            def fade(time: float) -> None:
                 out[:] = self._faded_desired(ticks, desired)
 
-            def update(time: float) -> None:
+            def count(time: float) -> None:
                 after[:] = self._next(ticks, lost)
 
-            return outputs, update
+            outputs = KernelCall(COPY_BELOW, fade, desired, out, ticks, self._limit)
+            return outputs, [KernelCall(COPY_BELOW, count, ticks, after, watched, _ANY) for watched in (ticks, lost)]
 
         parts = places({"state": slice(size), "torque": slice(size, size + n)})
         early = ArrayStage(size + n, parts, bind_early, frozenset({"state", "torque"}))

@@ -10,6 +10,7 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import Call, FloatArray, IntArray
 
 COPY, GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(12)
+ABOVE, COPY_BELOW, COPY_AFTER, MOTORS, BASE_OUTPUTS, VOTE, REMEMBER, SPRING_LAW, IMU, WRENCHES = range(12, 22)
 """Kinds of calls in a sequence."""
 BETWEEN_TICKS = 1e-6
 """Fraction of a tick: a time that is later than a tick by less than this counts as the tick itself."""
@@ -71,6 +72,15 @@ def copying(source: FloatArray, target: FloatArray) -> KernelCall:
         target[:] = source
 
     return KernelCall(COPY, copy, source, target)
+
+
+def above(source: FloatArray, limit: float, target: FloatArray) -> KernelCall:
+    """1 where an element of `source` is above a limit, else 0, into `target`."""
+
+    def compare(time: float) -> None:
+        target[:] = source > limit
+
+    return KernelCall(ABOVE, compare, source, float(limit), target)
 
 
 def gathering(source: FloatArray, where: IntArray, target: FloatArray) -> KernelCall:

@@ -24,7 +24,7 @@ Source: our own; the paper has no faults.
 
 import numpy as np
 
-from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel
 from drake_tc.kernels.late_sensor import HISTORY, LARGEST, TAU, THETA, Q, late_of, latest_of
 from drake_tc.types import FloatArray
 
@@ -34,11 +34,10 @@ STILL, AGREED, LATE_AGREED = 2, 20, 500
 """Ticks."""
 LATE_MOVES = 5
 """Ticks after which an encoder that has not changed stands or is frozen, and no delay is looked for."""
-_LAST, _BEFORE, _RAW, _SAME, _DOUBT, DEFLECTION, _PAST = 0, 3, 6, 9, 12, 15, 16
-ROWS = _PAST + 3 * HISTORY
+_LAST, _BEFORE, _RAW, _SAME, _DOUBT, DEFLECTION, LATEST_RAW, ROWS = 0, 3, 6, 9, 12, 15, 16, 19
 """Rows of the memory: values given at the last tick and the one before, raw readings, ticks that these have not
-changed, ticks until a sensor is believed again (three rows each, theta, tau, q); d; theta, d and q by the raw readings,
-`HISTORY` ticks of each, the latest first."""
+changed, ticks until a sensor is believed again (three rows each, theta, tau, q); d; theta, d and q by the raw readings.
+The last three rows of each tick k are kept in row k modulo `HISTORY` of the past."""
 MISSING, FROZEN, ODD, LOST = 0, 3, 6, 9
 """Rows of what is found."""
 
@@ -54,8 +53,27 @@ def begin(memory: FloatArray, y: FloatArray, compliance: FloatArray) -> None:
             memory[_RAW + row, j] = np.nan
         memory[DEFLECTION, j] = compliance[j] * memory[_LAST + TAU, j]
         for row in range(3):
-            value = memory[DEFLECTION, j] if row == TAU else memory[_LAST + row, j]
-            memory[_PAST + row * HISTORY : _PAST + (row + 1) * HISTORY, j] = value
+            memory[LATEST_RAW + row, j] = memory[DEFLECTION, j] if row == TAU else memory[_LAST + row, j]
+
+
+@helper
+def past_of(past: FloatArray, ticks: int, memory: FloatArray, j: int) -> FloatArray:
+    """(3, HISTORY) theta, d and q of joint j by the raw readings, the latest first; before the first tick, as then.
+
+    Args:
+        past: (HISTORY, 3 n) of the ticks before.
+        ticks: How many these are.
+        memory: (ROWS, n) of this tick.
+        j: Joint.
+    """
+    n = memory.shape[1]
+    found = np.empty((3, HISTORY))
+    for row in range(3):
+        found[row, 0] = memory[LATEST_RAW + row, j]
+        for age in range(1, HISTORY):
+            tick = max(ticks - age, 0)
+            found[row, age] = past[tick % HISTORY, row * n + j] if ticks else found[row, 0]
+    return found
 
 
 @helper
@@ -96,13 +114,15 @@ def suspect_of(same: FloatArray, known: FloatArray) -> int:
 
 @helper
 def vote_of(
-    memory: FloatArray, j: int, y: FloatArray, c: float, s: float, repeats: FloatArray, known: FloatArray,
-    work: FloatArray, after: FloatArray, found: FloatArray,
+    memory: FloatArray, past: FloatArray, ticks: int, j: int, y: FloatArray, c: float, s: float, repeats: FloatArray,
+    known: FloatArray, work: FloatArray, after: FloatArray, found: FloatArray,
 ) -> None:  # fmt: skip
     """The vote at joint j: its column of `after` and `found`.
 
     Args:
         memory: (ROWS, n) of the tick before.
+        past: (HISTORY, 3 n) of the ticks before.
+        ticks: How many these are.
         j: Joint.
         y: (3,) its readings.
         c: Compliance [rad/(N m)].
@@ -110,7 +130,7 @@ def vote_of(
         repeats: (3,) ticks from which one that repeats itself is frozen.
         known: (3,) 1 for a kind of sensor that is late at some joint.
         work: (4, 3) for intermediate results.
-        after: (ROWS, n) with the readings of the ticks before in their places; the others are written.
+        after: (ROWS, n) written.
         found: (10, n) written.
     """
     same, bad, left, held = work[0], work[1], work[2], work[3]
@@ -128,12 +148,11 @@ def vote_of(
         doubted = doubted or memory[_DOUBT + row, j] > 0.0
     agreed = within and not any_bad
     for row in range(3):
-        first = _PAST + row * HISTORY
-        after[first, j] = latest_of(row, memory[first, j], y[row], c, s)
+        after[LATEST_RAW + row, j] = latest_of(row, memory[LATEST_RAW + row, j], y[row], c, s)
     blamed = late = -1
     if not (agreed or any_bad):
         if max(same[THETA], same[Q]) < LATE_MOVES:
-            late = late_of(after[_PAST:, j].copy().reshape(3, HISTORY), allowed, known)
+            late = late_of(past_of(past, ticks, after, j), allowed, known)
         if not doubted:
             jumped = jumped_of(memory, j, y, d, c * s)
             blamed = jumped if jumped >= 0 else suspect_of(same, known)
@@ -162,12 +181,13 @@ def vote_of(
     after[DEFLECTION, j] = d
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, OUT_VECTOR, OUT_MATRIX, OUT_MATRIX)
+@kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, OUT_VECTOR, OUT_MATRIX, OUT_MATRIX)
 def vote(
     motor_angle: FloatArray,
     torque: FloatArray,
     link_angle: FloatArray,
     state: FloatArray,
+    past: FloatArray,
     springs: FloatArray,
     repeats: FloatArray,
     after: FloatArray,
@@ -180,7 +200,8 @@ def vote(
         motor_angle: (n,) theta as it came [rad].
         torque: (n,) tau [N m].
         link_angle: (n,) q [rad].
-        state: (ROWS n + 1,) memory, and 1 once there was a tick.
+        state: (ROWS n + 1,) memory, and the number of ticks so far.
+        past: (HISTORY, 3 n) of these ticks.
         springs: (2, n) compliance c [rad/(N m)] and share s.
         repeats: (3,) ticks from which one that repeats itself is frozen.
         after: (ROWS n + 1,) the state after it; written.
@@ -188,27 +209,62 @@ def vote(
         found: (10, n) 1 where a reading is missing, frozen, odd (three rows each), and where two of three are wrong;
             written.
     """
-    n = motor_angle.size
-    y, work, memory, written = (
-        np.empty((n, 3)),
-        np.empty((4, 3)),
-        state[:-1].reshape(ROWS, n),
-        after[:-1].reshape(ROWS, n),
-    )
+    n, ticks = motor_angle.size, int(state[-1])
+    y, work, known = np.empty((n, 3)), np.empty((4, 3)), np.zeros(3)
+    memory, written = state[:-1].reshape(ROWS, n), after[:-1].reshape(ROWS, n)
     y[:, THETA], y[:, TAU], y[:, Q] = motor_angle, torque, link_angle
-    if not state[-1]:
+    if not ticks:
         fresh = np.empty((ROWS, n))
         begin(fresh, y, springs[0])
         memory = fresh
-    known = np.zeros(3)
     for row in range(3):
         known[row] = 1.0 if memory[_DOUBT + row].max() > AGREED else 0.0
-        first, last = _PAST + row * HISTORY, _PAST + (row + 1) * HISTORY
-        written[first + 1 : last] = memory[first : last - 1]
     for j in range(n):
-        vote_of(memory, j, y[j], springs[0, j], springs[1, j], repeats, known, work, written, found)
+        vote_of(memory, past, ticks, j, y[j], springs[0, j], springs[1, j], repeats, known, work, written, found)
         for row in range(3):
             given[row, j] = written[_LAST + row, j]
         given[3, j] = written[_LAST + THETA, j] - written[DEFLECTION, j]
-    after[-1] = 1.0
+    after[-1] = ticks + 1.0
     return not found.any()
+
+
+@kernel(VECTOR, MATRIX, REAL, OUT_VECTOR, OUT_MATRIX, OUT_VECTOR, OUT_VECTOR, OUT_VECTOR)
+def remember(
+    reached: FloatArray,
+    found: FloatArray,
+    hold: float,
+    memory: FloatArray,
+    past: FloatArray,
+    left: FloatArray,
+    flags: FloatArray,
+    lost: FloatArray,
+) -> None:
+    """The state after a vote, in place; arrays that are written hold the state before it.
+
+    Flags stay up, and joints stay lost, for `hold` ticks; each cause that the vote finds begins them anew.
+
+    Args:
+        reached: (ROWS n + 1,) `after` of the vote.
+        found: (10, n) of the vote.
+        hold: Ticks.
+        memory: (ROWS n + 1,) becomes `reached`.
+        past: (HISTORY, 3 n) takes this tick's readings.
+        left: (7,) ticks that each flag stays up.
+        flags: (7,) 1 where it is up: a missing and an odd encoder before the spring (a frozen one too); a missing, a
+            frozen and an odd gauge; an odd encoder behind the spring; two of three wrong.
+        lost: (n,) ticks that each joint stays lost.
+    """
+    n = lost.size
+    for i in range(reached.size):
+        memory[i] = reached[i]
+    row = past[(int(reached[-1]) - 1) % HISTORY]
+    for i in range(3 * n):
+        row[i] = reached[LATEST_RAW * n + i]
+    if not (left.any() or found.any()):
+        return
+    causes = MISSING + THETA, ODD + THETA, MISSING + TAU, FROZEN + TAU, ODD + TAU, ODD + Q, LOST
+    for k in range(len(causes)):
+        left[k] = hold if found[causes[k]].any() else max(left[k] - 1.0, 0.0)
+        flags[k] = 1.0 if left[k] > 0.0 else 0.0
+    for j in range(n):
+        lost[j] = hold if found[LOST, j] else max(lost[j] - 1.0, 0.0)

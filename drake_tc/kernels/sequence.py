@@ -9,32 +9,47 @@ import math
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core import types as numba_types
 from numba.extending import intrinsic
 
-from drake_tc.kernels.actuator import advance
+from drake_tc.kernels.actuator import advance, motors
+from drake_tc.kernels.base_outputs import outputs
+from drake_tc.kernels.body_sensors import imu, wrenches
 from drake_tc.kernels.calls import (
+    ABOVE,
     ADD,
     ADVANCE,
+    BASE_OUTPUTS,
     BETWEEN_TICKS,
     COPY,
+    COPY_AFTER,
+    COPY_BELOW,
     ESTIMATE,
     FILTER,
     GATHER,
     GUARD,
+    IMU,
     MOTION,
+    MOTORS,
     MULTIPLY,
     RAISE_FLAGS,
     READING,
+    REMEMBER,
     SOLVE,
+    SPRING_LAW,
+    VOTE,
+    WRENCHES,
 )
 from drake_tc.kernels.compiling import REAL, TABLE, helper, kernel
 from drake_tc.kernels.fault_monitor import raise_flags
 from drake_tc.kernels.guard import step
 from drake_tc.kernels.inverse_dynamics import motion_torque
 from drake_tc.kernels.joint_torque import estimate
+from drake_tc.kernels.joint_voting import remember, vote
 from drake_tc.kernels.savitzky_golay import advance as filtered
 from drake_tc.kernels.sensor import reading
+from drake_tc.kernels.series_elastic import law
 from drake_tc.kernels.torque_control import solve
 from drake_tc.types import IntArray
 
@@ -114,7 +129,7 @@ def run(calls: IntArray, time: float) -> int:
             if rows.shape[0] > 1 and not 0 <= tick < rows.shape[0]:
                 return i
             row = tick if rows.shape[0] > 1 else 0
-            reading(vector(c, 0), rows, row, vector(c, 4), vector(c, 4), matrix(c, 5), index(c, 6), vector(c, 7))
+            reading(vector(c, 0), rows, row, vector(c, 4), vector(c, 5), matrix(c, 6), index(c, 7), vector(c, 8))
         elif kind == ESTIMATE:
             given = (vector(c, 0), vector(c, 1), vector(c, 2), table(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6))
             estimate(*given, index(c, 7), table(c, 8), matrix(c, 9), vector(c, 10)[0], vector(c, 11))
@@ -138,4 +153,43 @@ def run(calls: IntArray, time: float) -> int:
             now_of = (vector(c, 0), vector(c, 1), matrix(c, 2), index(c, 3), matrix(c, 4), index(c, 5))
             level = raise_flags(*now_of, index(c, 6)[0], vector(c, 7), vector(c, 8), vector(c, 9))
             vector(c, 10)[0] = level
+        elif kind == ABOVE:
+            source, limit, higher = vector(c, 0), vector(c, 1)[0], vector(c, 2)
+            for k in range(higher.shape[0]):
+                higher[k] = 1.0 if source[k] > limit else 0.0
+        elif kind == COPY_BELOW:
+            given, kept, watched, limit = vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3)[0]
+            for k in range(watched.shape[0]):
+                if watched[k] >= limit:
+                    return i
+            for k in range(kept.shape[0]):
+                kept[k] = given[k]
+        elif kind == COPY_AFTER:
+            given, kept, begins = vector(c, 0), vector(c, 1), time >= vector(c, 2)[0]
+            for k in range(kept.shape[0]):
+                kept[k] = given[k] if begins else 0.0
+        elif kind == MOTORS:
+            motors(vector(c, 0), vector(c, 1), table(c, 2), matrix(c, 3), vector(c, 4))
+        elif kind == BASE_OUTPUTS:
+            outputs(vector(c, 0), index(c, 1)[0], index(c, 2)[0], index(c, 3), vector(c, 4))
+        elif kind == VOTE:
+            seen = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), matrix(c, 4), matrix(c, 5), vector(c, 6))
+            vote(*seen, vector(c, 7), matrix(c, 8), matrix(c, 9))
+        elif kind == REMEMBER:
+            found_now = (vector(c, 0), matrix(c, 1), vector(c, 2)[0])
+            remember(*found_now, vector(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6), vector(c, 7))
+        elif kind == SPRING_LAW:
+            read = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), index(c, 5), matrix(c, 6))
+            law(*read, matrix(c, 7), matrix(c, 8), vector(c, 9), vector(c, 10), matrix(c, 11))
+        elif kind == IMU:
+            settled, doubts = 1.0 if time >= vector(c, 3)[0] else 0.0, (vector(c, 0), vector(c, 1), vector(c, 2))
+            imu(*doubts, settled, vector(c, 4), vector(c, 5), vector(c, 6), vector(c, 7), vector(c, 8))
+        elif kind == WRENCHES:
+            jumps, told = 1.0 if time >= vector(c, 2)[0] else 0.0, vector(c, 8)
+            raw = (vector(c, 0), vector(c, 1), jumps, vector(c, 3), vector(c, 4))
+            if not wrenches(*raw, vector(c, 5), vector(c, 6), vector(c, 7)):
+                return i
+            stood = vector(c, 9)
+            for k in range(told.shape[0]):
+                told[k] = stood[k] if np.isfinite(stood[k]) else 1.0
     return int(calls.shape[0])

@@ -1,8 +1,10 @@
 """Ports made of other ports: a selection, the first IMU."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, Selector, SelectorParams
 
@@ -23,6 +25,21 @@ def picked(
     selector = builder.AddNamedSystem(name, Selector(params))
     builder.Connect(source, selector.get_input_port(0))
     return {port: selector.GetOutputPort(port) for port in requested}
+
+
+def split(builder: DiagramBuilder, name: str, source: OutputPort, sizes: Sequence[int]) -> list[OutputPort]:
+    """Ports with so many elements of another one each, in its order.
+
+    A Demultiplexer copies blocks. A Selector, which evaluates its input anew for each element, stands in its place only
+    where a port is empty, which a Demultiplexer refuses.
+    """
+    if not all(sizes):
+        ends = np.cumsum([0, *sizes]).tolist()
+        wanted = {str(i): list(range(*part)) for i, part in enumerate(pairwise(ends))}
+        return list(picked(builder, name, source, wanted).values())
+    blocks: Any = builder.AddNamedSystem(name, Demultiplexer(list(sizes)))
+    builder.Connect(source, blocks.get_input_port())
+    return [blocks.get_output_port(i) for i in range(len(sizes))]
 
 
 def first_imu(builder: DiagramBuilder, reading: OutputPort) -> OutputPort:

@@ -85,9 +85,10 @@ class ForceTorque(SensorBase):
         self._declare(reactions, Corruption(6 * count, spec, dt, tuple(faults), seed))
 
     def _truth_of(self, forces: Any) -> FloatArray:
-        if len(self._joints) == 1:
-            return np.asarray(self._map.dot(forces[self._joints[0]].get_coeffs()))
-        return np.asarray(self._map.dot(np.concatenate([forces[i].get_coeffs() for i in self._joints])))
+        reactions = np.empty((len(self._joints), 6))
+        for row, joint in enumerate(self._joints):
+            reactions[row] = forces[joint].get_coeffs()
+        return np.asarray(self._map.dot(reactions.ravel()))
 
 
 def force_torque_spec(force: SensorSpec, torque: SensorSpec, sensors: int = 1) -> SensorSpec:

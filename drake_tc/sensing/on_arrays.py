@@ -71,7 +71,7 @@ class SensorOnArrays:
                 rows[:] = self._rows(tick // BLOCK)
             _READING(truth, rows, int(tick - first_tick[0]), nothing, nothing, *fixed, out)
 
-        reading = KernelCall(READING, read, truth, rows, first_tick, self._dt, nothing, *fixed, out)
+        reading = KernelCall(READING, read, truth, rows, first_tick, self._dt, nothing, nothing, *fixed, out)
         return ([look, reading] if isinstance(given, Held) else [reading]), None
 
     def _bind_late(self, arrays: Arrays) -> tuple[Call, Call]:
@@ -80,10 +80,15 @@ class SensorOnArrays:
         row, line, last = np.split(arrays.before, self._ends())
         next_row, next_line, next_last = np.split(arrays.after, self._ends())
         rows, nothing, block = row[np.newaxis], self._nothing, _Rows()
+        fixed = (line, last, self._channels, self._layout, out)
 
         def outputs(time: float) -> None:
             seen = nothing if self._delay else truth()
-            _READING(seen, rows, 0, line, last, self._channels, self._layout, out)
+            _READING(seen, rows, 0, *fixed)
+
+        shown: Call = outputs
+        if self._delay:
+            shown = KernelCall(READING, outputs, nothing, rows, np.zeros(1, dtype=np.int64), self._dt, *fixed)
 
         def update(time: float) -> None:
             tick = int(row[TICK])
@@ -97,7 +102,7 @@ class SensorOnArrays:
             if self._freezes:
                 next_last[:] = np.where(np.isfinite(out), out, last)
 
-        return outputs, update
+        return shown, update
 
     def _bind_begin(self, arrays: Arrays) -> Call:
         """Count from the start time, and fill what is empty of the delay line."""

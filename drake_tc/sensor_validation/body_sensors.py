@@ -8,7 +8,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, ArrayStage, places
-from drake_tc.kernels.calls import copying
+from drake_tc.kernels.calls import IMU, WRENCHES, KernelCall, above, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
@@ -93,18 +93,16 @@ class ValidatedImu(PortMethods, LeafSystem):
         """This stage without its ports; the state is [memory; left out]."""
         names, size = ("imu", "flagged", "jolt"), self._start.size
 
-        def bind(arrays: Arrays) -> tuple[Call, Call]:
+        def bind(arrays: Arrays) -> tuple[Sequence[Call], Sequence[Call]]:
             now, reading, shown = [arrays.inputs[name] for name in names], arrays.out[:6], arrays.out[6:]
             before, left_out, after, reached = arrays.before[:-1], arrays.before[-1:], arrays.after, np.zeros(size)
 
-            def outputs(time: float) -> None:
+            def check(time: float) -> None:
                 self._check(now, time, before, reading, reached)
-                shown[:] = left_out
 
-            def update(time: float) -> None:
-                after[:-1], after[-1] = reached, reached[-1] > 0.0
-
-            return outputs, update
+            fixed = (SETTLED, self._limit, self._options, before, reading, reached)
+            outputs = [KernelCall(IMU, check, *now, *fixed), copying(left_out, shown)]
+            return outputs, [copying(reached, after[:-1]), above(reached[-1:], 0.0, after[-1:])]
 
         parts, start = places({"reading": slice(6), "left_out": slice(6, 7)}), np.append(self._start, 0.0)
         return ArrayStage(7, parts, bind, frozenset(names), start=start, period=self._dt)
@@ -187,7 +185,7 @@ class ValidatedWrench(PortMethods, LeafSystem):
         sensors = self._wrench.size() // 6
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            solved, stood = _Solved(6 * sensors, sensors, self._start.size), arrays.inputs.get("contacts")
+            solved, stood = _Solved(6 * sensors, sensors, self._start.size), arrays.inputs.get("contacts", self._all)
             now, before, out = [arrays.inputs[name] for name in names], arrays.before, arrays.out[6 * sensors :]
             solved.reading = arrays.out[: 6 * sensors]
 
@@ -195,7 +193,8 @@ class ValidatedWrench(PortMethods, LeafSystem):
                 self._check(now, time, before, solved)
                 out[:] = self._stood(solved, stood)
 
-            return outputs, copying(solved.after, arrays.after)
+            fixed = (SETTLED, self._options, before, solved.reading, solved.good, solved.after, out, stood)
+            return KernelCall(WRENCHES, outputs, *now, *fixed), copying(solved.after, arrays.after)
 
         parts = places({"reading": slice(6 * sensors), "contacts": slice(6 * sensors, 6 * sensors + contacts)})
         reads = frozenset({*names, "contacts"})

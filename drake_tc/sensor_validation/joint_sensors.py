@@ -8,9 +8,10 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.kernels.calls import REMEMBER, VOTE, KernelCall, above, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import BoolArray, Call, FloatArray
+from drake_tc.types import Call, FloatArray
 
 FLAGS = (
     "motor_encoder/missing",
@@ -27,9 +28,9 @@ HOLD = 0.1
 """How long a flag stays up after its cause [s]."""
 GAUGE_REPEATS, LINK_REPEATS = 6, 20
 """Ticks from which a gauge, and an encoder behind a spring, is frozen."""
-ROWS = 256
-"""Of the vote's memory, `drake_tc.kernels.joint_voting.ROWS`."""
-_VOTE = Kernel("joint_voting", "vote")
+ROWS, HISTORY = 19, 80
+"""Of the vote's memory, and ticks of the readings that it looks at, as in `drake_tc.kernels.joint_voting`."""
+_VOTE, _REMEMBER = Kernel("joint_voting", "vote"), Kernel("joint_voting", "remember")
 _NAMES = ("motor_angle", "torque", "link_angle")
 _OUTPUTS = (*_NAMES, "position")
 
@@ -41,7 +42,6 @@ class _Vote:
         self.after: FloatArray = np.zeros(ROWS * n + 1)
         self.given: FloatArray = np.zeros((len(_OUTPUTS), n))
         self.found: FloatArray = np.zeros((10, n))
-        self.well = True
 
 
 class JointSensors(PortMethods, LeafSystem):
@@ -53,8 +53,8 @@ class JointSensors(PortMethods, LeafSystem):
     and, of the state alone,
         flags (7): 1 up, 0 down, `FLAGS`, from the tick after the cause;
         lost (n): 1 for `HOLD` after the joint had two of its three sensors wrong.
-    State x: memory of the vote (ROWS, n), whether there was a tick; ticks that each flag, and each joint's loss, stays
-    up; the flags. With V the vote,
+    State x: memory of the vote (ROWS, n) and the number of ticks; the raw readings of `HISTORY` ticks as a ring; ticks
+    that each flag, and each joint's loss, stays up; the flags. With V the vote,
 
         x[n+1], y[n] = V(x[n], u[n])
 
@@ -78,11 +78,13 @@ class JointSensors(PortMethods, LeafSystem):
         self._repeats = np.where((False, *noisy), (np.inf, GAUGE_REPEATS, LINK_REPEATS), np.inf)
         self._hold, self._dt = float(np.ceil(HOLD / dt)), dt
         self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in _NAMES]
-        state = self.DeclareDiscreteState(ROWS * n + 1)
+        state, past = self.DeclareDiscreteState(ROWS * n + 1), self.DeclareDiscreteState(HISTORY * 3 * n)
         left, flags = self.DeclareDiscreteState(len(FLAGS)), self.DeclareDiscreteState(len(FLAGS))
         lost = self.DeclareDiscreteState(n)
-        self._state, self._left, self._flags, self._lost = int(state), int(left), int(flags), int(lost)
-        tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
+        self._state, self._past, self._lost = int(state), int(past), int(lost)
+        self._counters = (int(left), int(flags), int(lost))
+        remembered = {self.discrete_state_ticket(state), self.discrete_state_ticket(past)}
+        tickets = remembered | {port.ticket() for port in self._inputs}
         self._solved: Any = self.DeclareCacheEntry(
             "solved", ValueProducer(allocate=Value(_Vote(n)).Clone, calc=self._solve), tickets
         )
@@ -93,39 +95,40 @@ class JointSensors(PortMethods, LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
 
     def on_arrays(self) -> ArrayStage:
-        """This stage without its ports; the state is [memory of the vote; ticks of flags; flags; ticks of losses]."""
-        n, memory = self._springs.shape[1], ROWS * self._springs.shape[1] + 1
-        shown, ends = len(_OUTPUTS) * n, (memory, memory + len(FLAGS), memory + 2 * len(FLAGS))
+        """This stage without its ports; the state is [memory of the vote; ring; ticks of flags; flags; of losses]."""
+        n, flags = self._springs.shape[1], len(FLAGS)
+        memory, ring = ROWS * n + 1, HISTORY * 3 * n
+        shown, ends = len(_OUTPUTS) * n, np.cumsum([memory, ring, flags, flags]).tolist()
 
-        def bind(arrays: Arrays) -> tuple[Call, Call]:
+        def bind(arrays: Arrays) -> tuple[Sequence[Call], Call]:
             now, vote, out = [arrays.inputs[name] for name in _NAMES], _Vote(n), arrays.out
-            before, _, up, left_of_lost = np.split(arrays.before, ends)
-            after, left, flags, lost = np.split(arrays.after, ends)
+            before, past, _, up, left_of_lost = np.split(arrays.before, ends)
+            after, next_past, *counters = np.split(arrays.after, ends)
             vote.given = out[:shown].reshape(len(_OUTPUTS), n)
+            given = (*now, before, past.reshape(HISTORY, 3 * n), self._springs, self._repeats)
+            kept = (after, next_past.reshape(HISTORY, 3 * n), *counters)
 
-            def outputs(time: float) -> None:
-                self._vote(now, before, vote)
-                out[shown : shown + len(FLAGS)], out[shown + len(FLAGS) :] = up, left_of_lost > 0.0
+            def voted(time: float) -> None:
+                _VOTE(*given, vote.after, vote.given, vote.found)
 
             def update(time: float) -> None:
-                after[:] = vote.after
-                self._count(vote, left, flags, lost)
+                _REMEMBER(vote.after, vote.found, self._hold, *kept)
 
-            return outputs, update
+            shows = copying(up, out[shown : shown + flags]), above(left_of_lost, 0.0, out[shown + flags :])
+            calls = [KernelCall(VOTE, voted, *given, vote.after, vote.given, vote.found), *shows]
+            return calls, KernelCall(REMEMBER, update, vote.after, vote.found, self._hold, *kept)
 
         parts = {name: slice(row * n, (row + 1) * n) for row, name in enumerate(_OUTPUTS)}
-        parts |= {"flags": slice(shown, shown + len(FLAGS)), "lost": slice(shown + len(FLAGS), shown + len(FLAGS) + n)}
-        width, start = shown + len(FLAGS) + n, np.zeros(ends[-1] + n)
+        parts |= {"flags": slice(shown, shown + flags), "lost": slice(shown + flags, shown + flags + n)}
+        width, start = shown + flags + n, np.zeros(ends[-1] + n)
         return ArrayStage(width, places(parts), bind, frozenset(_NAMES), start=start, period=self._dt)
-
-    def _vote(self, now: Sequence[FloatArray], before: FloatArray, vote: _Vote) -> None:
-        """The vote of a tick."""
-        vote.well = _VOTE(*now, before, self._springs, self._repeats, vote.after, vote.given, vote.found)
 
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's vote."""
-        now = [port.Eval(context) for port in self._inputs]
-        self._vote(now, context.get_discrete_state(self._state).value(), box.get_mutable_value())
+        now, vote = [port.Eval(context) for port in self._inputs], box.get_mutable_value()
+        before, past = (context.get_discrete_state(index).value() for index in (self._state, self._past))
+        given = (before, past.reshape(HISTORY, -1), self._springs, self._repeats)
+        _VOTE(*now, *given, vote.after, vote.given, vote.found)
 
     def _writer(self, row: int) -> Any:
         """The calc function of one output."""
@@ -143,19 +146,6 @@ class JointSensors(PortMethods, LeafSystem):
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """x[n+1]."""
         vote: Any = self._solved.Eval(context)
-        values.set_value(self._state, vote.after)
-        counters: Any = [values.get_mutable_value(index) for index in (self._left, self._flags, self._lost)]
-        self._count(vote, *counters)
-
-    def _count(self, vote: _Vote, left: FloatArray, flags: FloatArray, lost: FloatArray) -> None:
-        """Count down how long flags and losses stay up, and begin anew where the vote found a cause; in place."""
-        if vote.well and not np.count_nonzero(left):
-            return
-        lost[:] = np.where(vote.found[-1], self._hold, np.maximum(lost - 1.0, 0.0))
-        left -= 1.0
-        np.maximum(left, 0.0, out=left)
-        any_of: BoolArray = np.asarray(vote.found.any(axis=1))
-        missing, frozen, odd = any_of[:3], any_of[3:6], any_of[6:9]
-        causes = [missing[0], odd[0], missing[1], frozen[1], odd[1], odd[2], any_of[9]]
-        left[causes] = self._hold
-        flags[:] = left > 0.0
+        after: Any = values
+        state, past, *counters = (after.get_mutable_value(i) for i in (self._state, self._past, *self._counters))
+        _REMEMBER(vote.after, vote.found, self._hold, state, past.reshape(HISTORY, -1), *counters)

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.estimation.link_position import LinkPosition
-from drake_tc.kernels.joint_voting import TAU, THETA, Q
+from drake_tc.kernels.joint_voting import TAU, THETA, Q, past_of, remember
 from drake_tc.kernels.joint_voting import vote as vote_of
 from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import SensorSpec, corrupt
-from drake_tc.sensor_validation.joint_sensors import FLAGS, GAUGE_REPEATS, LINK_REPEATS, ROWS, JointSensors
+from drake_tc.sensor_validation.joint_sensors import FLAGS, GAUGE_REPEATS, HISTORY, LINK_REPEATS, ROWS, JointSensors
 
 DT = 1e-3
 C, TIME = np.array([0.005, 1.0 / 120.0]), np.array([1.2e-3, 0.7e-3])
@@ -57,15 +57,16 @@ class Voted(NamedTuple):
 def voted(y, compliance=C, time=TIME):
     """All votes, and what was given (T, 3, n)."""
     n, repeats = y.shape[2], np.array([np.inf, GAUGE_REPEATS, LINK_REPEATS])
-    springs, state, votes, out = np.array([compliance, DT / (DT + time)]), np.zeros(ROWS * n + 1), [], []
+    springs, votes, out = np.array([compliance, DT / (DT + time)]), [], []
+    state, past, flags = np.zeros(ROWS * n + 1), np.zeros((HISTORY, 3 * n)), np.zeros((3, max(n, len(FLAGS))))
     for row in y:
         after, given_, found = np.zeros(ROWS * n + 1), np.zeros((4, n)), np.zeros((10, n))
-        well = vote_of(*np.ascontiguousarray(row), state, springs, repeats, after, given_, found)
+        well = vote_of(*np.ascontiguousarray(row), state, past, springs, repeats, after, given_, found)
         marks = found > 0.0
         votes.append(Voted(marks[:3], marks[3:6], marks[6:9], marks[9], after[:-1].reshape(ROWS, n)))
         assert well == (not marks.any())
         out.append(given_[:3])
-        state = after
+        remember(after, found, 100.0, state, past, flags[0, : len(FLAGS)], flags[1, : len(FLAGS)], flags[2, :n])
     return votes, np.array(out)
 
 
@@ -74,6 +75,24 @@ def test_sound_readings_go_through_bit_by_bit():
     votes, given_ = voted(y)
     assert_array_equal(given_, y)
     assert not any(vote.odd.any() or vote.missing.any() or vote.frozen.any() for vote in votes)
+
+
+def test_the_past_is_the_readings_of_the_ticks_before():
+    y, n = readings(joints(0.25)), 2
+    state, past, flags = np.zeros(ROWS * n + 1), np.zeros((HISTORY, 3 * n)), np.zeros((3, len(FLAGS)))
+    springs, repeats = np.array([C, DT / (DT + TIME)]), np.full(3, np.inf)
+    raw, deflection = [], C * y[0, TAU]
+    for ticks, row in enumerate(y):
+        after, found = np.zeros(ROWS * n + 1), np.zeros((10, n))
+        vote_of(*np.ascontiguousarray(row), state, past, springs, repeats, after, np.zeros((4, n)), found)
+        deflection = deflection + springs[1] * (C * row[TAU] - deflection)
+        raw.append([row[THETA], deflection.copy(), row[Q]])
+        ages = np.maximum(ticks - np.arange(HISTORY), 0)
+        for j in range(n):
+            seen = past_of(past, ticks, after[:-1].reshape(ROWS, n), j)
+            assert_array_equal(seen, np.array(raw)[ages, :, j].T)
+        remember(after, found, 100.0, state, past, flags[0], flags[1], flags[2, :n])
+    assert len(y) > 2 * HISTORY
 
 
 FAULTS = {

@@ -89,10 +89,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
             now = Readings(*(arrays.inputs.get(name, self._zeros) for name in names))
             before, rows, reached = arrays.before, arrays.out.reshape(len(_ROWS), n), np.zeros(self._law.state_size)
 
-            def outputs(time: float) -> None:
-                self._law.step(before, now, reached, rows)
-
-            return outputs, copying(reached, arrays.after)
+            return self._law.bind(before, now, reached, rows), copying(reached, arrays.after)
 
         parts = {name: slice(row * n, (row + 1) * n) for row, name in enumerate(_ROWS)}
         start = np.zeros(self._law.state_size)

@@ -33,6 +33,7 @@ from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.series_elastic.friction import motor_arrays, observer_weights
 from drake_tc.control.series_elastic.memory import MEMORY_ROWS, cubic_weights, padded
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
+from drake_tc.kernels.calls import SPRING_LAW, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
 
@@ -119,3 +120,11 @@ class SeriesElasticLaw:
                 written.
         """
         _LAW(*now, state, *self._tables, after, rows)
+
+    def bind(self, state: FloatArray, now: Readings, after: FloatArray, rows: FloatArray) -> KernelCall:
+        """`step` on arrays that stay the same objects."""
+
+        def step(time: float) -> None:
+            self.step(state, now, after, rows)
+
+        return KernelCall(SPRING_LAW, step, *now, state, *self._tables, after, rows)

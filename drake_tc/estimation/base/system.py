@@ -13,6 +13,7 @@ from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEst
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Sample, packed, place_of, unpacked
+from drake_tc.kernels.calls import BASE_OUTPUTS, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
@@ -128,21 +129,21 @@ class BaseEstimator(PortMethods, LeafSystem):
         names = ("position", "velocity", "imu", "imu_tilt", "wrench", "contact_switch")
         ends = np.cumsum([shown, *(self._start[part].size for part in (cop, flags))]).tolist()
 
-        def bind(arrays: Arrays) -> tuple[Call, Call]:
+        def bind(arrays: Arrays) -> tuple[list[Call], Call]:
             given = absent | {
                 name: arrays.inputs[name] for name in names if name not in absent or name in arrays.inputs
             }
             sample, before, after = Sample(*(given[name] for name in names)), arrays.before, arrays.after
             whole, pressure, status = np.split(arrays.out, ends[:2])
 
-            def outputs(time: float) -> None:
+            def show(time: float) -> None:
                 _OUTPUTS(before, self._n, self._k, self._order, whole)
-                pressure[:], status[:] = before[cop], before[flags]
 
             def update(time: float) -> None:
                 self._estimator.advance(before, sample, after)
 
-            return outputs, update
+            showing = KernelCall(BASE_OUTPUTS, show, before, self._n, self._k, self._order, whole)
+            return [showing, copying(before[cop], pressure), copying(before[flags], status)], update
 
         parts = {**self._shown_parts, "cop": slice(ends[0], ends[1]), "status": slice(ends[1], ends[2])}
         updates = frozenset(names)

@@ -11,7 +11,7 @@ from drake_tc.loops.fused.nodes import Connections
 from drake_tc.loops.fused.plan import AlgebraicLoopError, Plan
 from drake_tc.loops.fused.scratch import Scratch
 from drake_tc.loops.fused.system import FusedStages
-from drake_tc.loops.ports import picked
+from drake_tc.loops.ports import split
 
 NAME = "stages"
 """Name of the system that replaces the stages."""
@@ -133,13 +133,11 @@ def _suffices(system: System, stages: Mapping[System, ArrayStage], connections: 
 
 
 def _connect_readers(builder: DiagramBuilder, connections: Connections, plan: Plan, system: FusedStages) -> None:
-    """Connect each system outside that reads a stage, through a Selector that picks the elements that it reads."""
+    """Connect each system outside that reads a stage, through a block that splits the signals of a level."""
     for level in sorted(set(plan.export_level.values())):
-        sources = [source for source, at in plan.export_level.items() if at == level]
-        exported = {int(element): i for i, element in enumerate(system.exported_at(level))}
-        names = {source: str(number) for number, source in enumerate(sources)}
-        wanted = {names[source]: [exported[int(each)] for each in plan.exported[source]] for source in sources}
-        ports = picked(builder, f"{NAME}_out_{level}", system.get_output_port(level), wanted)
+        sources = system.exported_at(level)
+        sizes = [int(plan.exported[source].size) for source in sources]
+        ports = split(builder, f"{NAME}_out_{level}", system.get_output_port(level), sizes)
         for (reader, entering), source in connections.items():
-            if source in names and reader not in plan.fused:
-                builder.Connect(ports[names[source]], reader.get_input_port(entering))
+            if source in sources and reader not in plan.fused:
+                builder.Connect(ports[sources.index(source)], reader.get_input_port(entering))

@@ -1,6 +1,6 @@
 """`FusedStages`: the stages of a plan as one Drake system."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -10,12 +10,12 @@ from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, V
 
 from drake_tc.array_stage import Arrays
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import gathering, sequences
-from drake_tc.loops.fused.nodes import Node
+from drake_tc.kernels.calls import KernelCall, gathering, sequences
+from drake_tc.loops.fused.nodes import Node, Source
 from drake_tc.loops.fused.plan import Plan
 from drake_tc.loops.fused.scratch import Inputs, Scratch, place_of, read_only
 from drake_tc.port_methods import PortMethods
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import Call, FloatArray, IntArray
 
 
 class FusedStages(PortMethods, LeafSystem):
@@ -58,7 +58,7 @@ class FusedStages(PortMethods, LeafSystem):
         self._ports: list[list[tuple[int, Callable[[Context], Any]]]] = []
         for level in range(plan.num_levels):
             tickets |= {self._inputs[number].ticket() for number in self._read_at(level)}
-            width, name = self.exported_at(level).size, f"signals_{level}"
+            width, name = self._elements_at(level).size, f"signals_{level}"
             self._levels.append(self.DeclareVectorOutputPort(name, width, self._writer(level), set(tickets)))
         late = sorted(set(range(len(self._inputs))) - plan.read_now)
         self._late_ports = [(number, self._inputs[number].Eval) for number in late]
@@ -78,11 +78,14 @@ class FusedStages(PortMethods, LeafSystem):
             return self.DeclareAbstractInputPort(name, port.Allocate())
         return self.DeclareVectorInputPort(name, port.size())
 
-    def exported_at(self, level: int) -> IntArray:
+    def exported_at(self, level: int) -> list[Source]:
+        """The output ports of replaced systems whose values the port of a level has, in this order."""
+        return [source for source, at in self._plan.export_level.items() if at == level]
+
+    def _elements_at(self, level: int) -> IntArray:
         """The elements among the signals that the port of a level has."""
-        plan = self._plan
-        found = [elements for source, elements in plan.exported.items() if plan.export_level[source] == level]
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *found]))
+        found = [self._plan.exported[source] for source in self.exported_at(level)]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *found])
 
     def _read_at(self, level: int) -> list[int]:
         """Numbers of the inputs that are read for the outputs of a level."""
@@ -91,7 +94,7 @@ class FusedStages(PortMethods, LeafSystem):
 
     def _writer(self, level: int) -> Callable[[Context, Any], None]:
         """The calc function of a level's port."""
-        chosen, eval_scratch = self.exported_at(level), self._scratch.Eval
+        chosen, eval_scratch = self._elements_at(level), self._scratch.Eval
         eval_lower = self._levels[level - 1].Eval if level else None
         self._ports.append([(number, self._inputs[number].Eval) for number in self._read_at(level)])
 
@@ -203,7 +206,7 @@ class FusedStages(PortMethods, LeafSystem):
         given, time = scratch.given, context.get_time()
         for level in levels:
             if not level:
-                scratch.before[:] = context.get_discrete_state(self._memory).value()
+                scratch.before[:] = context.get_discrete_state(self._memory).get_mutable_value()  # `value` copies
             for number, evaluate in self._ports[level]:
                 given[number][:] = evaluate(context)
             for call in scratch.outputs[level]:
@@ -218,6 +221,7 @@ class FusedStages(PortMethods, LeafSystem):
         scratch.given = [place_of(scratch.signals, given.elements) for given in plan.given]
         scratch.outputs = [[] for _ in self._levels]
         scratch.updates, scratch.begins = {node.stage.period: [] for node in plan.nodes}, []
+        others: list[tuple[float | None, Sequence[Call]]] = []
         for node in plan.nodes:
             inputs = Inputs(node.name)
             for name, where in node.inputs.items():
@@ -230,9 +234,15 @@ class FusedStages(PortMethods, LeafSystem):
             if outputs is not None:
                 scratch.outputs[node.level] += [outputs] if callable(outputs) else outputs
             if update is not None:
-                scratch.updates[node.stage.period] += [update] if callable(update) else update
+                group: Sequence[Call] = [update] if callable(update) else update
+                if all(isinstance(call, KernelCall) for call in group):
+                    scratch.updates[node.stage.period] += group
+                else:
+                    others.append((node.stage.period, group))
             if node.stage.begin is not None:
                 scratch.begins.append(node.stage.begin(arrays))
+        for period, group in others:  # behind all kernels, so that these are neighbours: no update reads another's
+            scratch.updates[period] += group
         scratch.outputs = [sequences(calls) for calls in scratch.outputs]
         scratch.updates = {period: sequences(calls) for period, calls in scratch.updates.items()}
 

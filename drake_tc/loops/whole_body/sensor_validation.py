@@ -26,6 +26,7 @@ from pydrake.systems.framework import Context, LeafSystem, OutputPort
 from drake_tc.array_stage import Arrays, ArrayStage
 from drake_tc.control.sensor_loss_stop import SensorLossStop
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import COPY_AFTER, KernelCall
 from drake_tc.loops.ports import first_imu, picked
 from drake_tc.loops.whole_body.base_estimation import sensor_of
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
@@ -44,6 +45,8 @@ from drake_tc.tsid.law import Law
 from drake_tc.types import BoolArray, Call, FloatArray
 
 MONITOR = MonitorSpec(gyro_jump=0.3, accel_jump=1.5, force_jump=8.0, moment_jump=1.0, wrench_jump_lasts=False)
+_SETTLED = SETTLED + MONITOR.hold
+"""From when on flags count [s]."""
 """Twice to six times the largest steps in a tick of a robot that stands, turns at 1 Hz or bows, once its soles are
 loaded: 0.05 rad/s, 0.42 m/s^2, 4.3 N, 0.25 N m (simulated)."""
 _BELIEVED_NOT = ("missing", "frozen")
@@ -267,16 +270,11 @@ class Settled(LeafSystem):
             signal, out = arrays.inputs["signal"], arrays.out
 
             def outputs(time: float) -> None:
-                out[:] = signal if _settled(time) else 0.0
+                out[:] = signal if time >= _SETTLED else 0.0
 
-            return outputs, None
+            return KernelCall(COPY_AFTER, outputs, signal, out, _SETTLED), None
 
         return ArrayStage(size, {"settled": np.arange(size)}, bind, frozenset({"signal"}))
 
     def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._signal.Eval(context) if _settled(context.get_time()) else self._none)
-
-
-def _settled(time: float) -> bool:
-    """Whether flags count at this time [s]."""
-    return time >= SETTLED + MONITOR.hold
+        vector.set_value(self._signal.Eval(context) if context.get_time() >= _SETTLED else self._none)
