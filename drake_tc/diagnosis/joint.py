@@ -95,6 +95,7 @@ def diagnose_joint(
         width_s=options.width_s,
         common=options.common,
         command_held=options.command_held,
+        sampled_late=options.effort_age,
     )
     stage, prepare = of_its_gear(prepare, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms
