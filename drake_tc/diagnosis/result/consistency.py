@@ -109,6 +109,11 @@ def loads_differ(parameters: Sequence[ParameterByCondition]) -> bool:
     return any(p.moves and p.by == "run" and p.effect.partition(".")[0] == UnknownLoadEffect.id for p in parameters)
 
 
+def friction_differs(parameters: Sequence[ParameterByCondition]) -> bool:
+    """Whether viscous or Coulomb friction differs significantly from run to run."""
+    return any(p.moves and p.by == "run" and p.effect in ("viscous", "coulomb") for p in parameters)
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Design (N, m), target (N,), effect, name and unit of the m coefficients, and lengths of the contiguous stretches.
