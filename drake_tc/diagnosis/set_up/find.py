@@ -75,6 +75,7 @@ def _error(
         gains={j: (float(gains[j][0]), float(gains[j][1])) for j in joints} if change.kind == "drive_gain" else {},
         zero=zero,
         gravity=(float(direction[0]), float(direction[1]), float(direction[2])),
+        turns=float(set_up.turns[change.joints]) if change.kind == "coupled" and set_up.turns is not None else 0.0,
     )
 
 

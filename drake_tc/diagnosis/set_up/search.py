@@ -5,7 +5,7 @@ therefore looked at first, and only where the declared model leaves much of an e
 well as the fast one of `balance`. A set of changes is
 found if, on the training runs and on the held-out runs,
 
-- some joint's error falls to at most half (`HALVED`),
+- the error of some joint of which much is left falls to at most half (`HALVED`),
 - the mean logarithm of all joints' errors falls by at least that of `TOGETHER`, and
 - no joint's error grows by more than `GROWS`, unless it is small after it (`SMALL`).
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
 from drake_tc.diagnosis.set_up.changes import Change, Tried, tried_changes
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 MUCH = 0.1
 """Share of an effort's RMS, left by the declared model, from which the set-up is looked at."""
@@ -84,7 +84,8 @@ def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetU
         return none
     after, alternatives = steps[-1][0].balance, steps[-1][1]
     changes = tuple(step.change for step, _ in steps)
-    if not (is_found(before, after) and is_found(held.fit(start), held.fit(at))):
+    much = before.share > MUCH
+    if not (is_found(fitted, after, much) and is_found(held.fit(start), held.fit(at), much)):
         return none
     return SetUpSearch(changes, at, alternatives, before, after)
 
@@ -98,8 +99,15 @@ def _best(tried: Sequence[Tried]) -> tuple[Tried, tuple[Tried, ...]]:
     return alike[0], tuple(others)[:MOST_ALTERNATIVES]
 
 
-def is_found(before: Balance, after: Balance) -> bool:
-    """Whether the errors of these fits say that the set-up of the second one is right and that of the first wrong."""
+def is_found(before: Balance, after: Balance, much: BoolArray) -> bool:
+    """Whether the errors of these fits say that the set-up of the second one is right and that of the first wrong.
+
+    Args:
+        before: Fit with the first set-up.
+        after: Fit of the same kind, to the same rows, with the second one.
+        much: (n,) joints of which the declared set-up leaves much.
+    """
     ratio = after.share / before.share
     grows = (ratio > GROWS) & (after.share > SMALL)
-    return bool(np.nanmin(ratio) <= HALVED and after.error <= before.error + np.log(TOGETHER) and not grows.any())
+    halved = (ratio[much] <= HALVED).any()
+    return bool(halved and after.error <= before.error + np.log(TOGETHER) and not grows.any())
