@@ -16,6 +16,9 @@ from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
 
+KNOWN = 0.1
+"""Standard deviation of a link's mass, as a share of it, where the links are taken as the robot's file says."""
+
 
 def check_set_up(
     logs: RobotLogs,
@@ -32,12 +35,12 @@ def check_set_up(
         links: Of its file.
         train: Runs to fit.
         held: Held-out runs, which confirm what was found.
-        rig: With a `RobotLoad` whose links are fitted.
+        rig: With a `RobotLoad`.
         left: By joint, share of the effort that the declared model of the diagnosis leaves.
     """
     names = logs.robot.joints
     load = next(iter(rig.load.values()))
-    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) else 1.0)
+    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) and load.fitted else KNOWN)
     gain = np.array([rig.drive_gain.get(joint, np.nan) for joint in names])
     own = np.array([rig.drive.get(joint) != "position_servo" for joint in names])
     rows = [set_up_rows(logs, runs, rig) for runs in (train, held)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from fitted_arm import JOINTS, RIG, URDF, record, rig_file, torques
+from fitted_arm import JOINTS, RIG, ROTOR, URDF, record, rig_file, torques
 from numpy.testing import assert_allclose
 from robot_files import joint_tag, link_tag, urdf, write_robot
 
@@ -33,6 +33,7 @@ ELBOW = urdf(
     joint_tag("roll", "upper", "fore", xyz=(0, 0, 0.35), axis=(0, 0, 1)),
     joint_tag("bend", "fore", "hand", xyz=(0.05, 0, 0.3), axis=(0, 1, 0)),
 )
+ROTORS = [{"rotor_inertia": each} for each in ROTOR.tolist()]
 ELBOW_JOINTS = ("turn", "lift", "roll", "bend")
 ELBOW_RIG = {"drive_gain": dict.fromkeys(ELBOW_JOINTS, 1.0)}
 
@@ -289,3 +290,21 @@ def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path, capsys)
     print_summary(result, tmp_path)
     printed = capsys.readouterr().out
     assert [line for line in printed.splitlines() if line.startswith("fold:")] == ["fold: Wrong set-up"]
+
+
+def test_links_that_are_taken_as_known_are_no_reason_to_trust_the_set_up(tmp_path):
+    """A base that stands on a slope of 8 deg: a link's centre of mass was named, far from where it is."""
+    slope = np.radians(8.0)
+    mount = '<link name="mount"/><joint name="mounting" type="fixed"><parent link="mount"/><child link="base"/>'
+    tilted = URDF.replace("</robot>", f'{mount}<origin rpy="0 {slope} 0"/></joint></robot>')
+    robot = load_robot(write_robot(tmp_path, tilted, JOINTS, base="mount"))
+    logs = [record(tmp_path, robot, f"run_{k}", k) for k in range(3)]
+    rig = {"load": {"robot": "inverse_dynamics"}, "declared": dict(zip(JOINTS, ROTORS, strict=True))}
+    right = close_loop(rig_file(tmp_path, **rig), logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+    assert right.set_up is None
+    write_robot(tmp_path, URDF, JOINTS)
+    result = close_loop(rig_file(tmp_path, **rig), logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+    assert kinds(result.set_up) == [("gravity", ())]
+    assert_allclose(result.set_up.errors[0].gravity, [np.sin(slope), 0.0, -np.cos(slope)], atol=0.01)
+    assert result.shared == () and [joint.effects for joint in result.joints.values()] == [()] * len(JOINTS)
+    assert all(joint.set_up_wrong for joint in result.joints.values())
