@@ -180,9 +180,14 @@ def unexplained(joint: JointResult) -> str:
         )
     if left.period_hz is not None:
         parts.append(f"the remaining error repeats at {significant(left.period_hz)} Hz")
-    if not parts:
-        parts.append("the remaining error is larger on the held-out runs than on the training runs")
-    return joined(parts) + "."
+    growth = joint.after.heldout / max(joint.after.train, 1e-300)
+    if growth <= ResidualThresholds().most_growth:
+        return (joined(parts) or "the remaining error is larger on the held-out runs than on the training runs") + "."
+    other = (
+        f"the remaining error is {significant(growth, 2)} times as large on the held-out runs as on the training runs, "
+        "as if they were recorded under other conditions, for example with another load."
+    )
+    return f"{other} {capital(joined(parts))}." if parts else other
 
 
 def _gear_not_looked_for(joint: JointResult) -> str:

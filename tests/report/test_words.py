@@ -117,6 +117,17 @@ def test_beside_fitted_links_a_wrong_drive_gain_is_a_possible_cause(joint):
     assert "a load in some of the runs that the rig file does not declare" in said
 
 
+def test_a_held_out_run_under_other_conditions_is_named_first(joint):
+    """A load that the arm carries in the held-out run alone, for example."""
+    left = replace(QUIET, structured=True, floors=80.0, fraction=0.3, depends_on=("position",))
+    made = replace(joint, unexplained=left, after=Errors(0.014, 1.12, None))
+    growth = "80 times as large on the held-out runs as on the training runs"
+    said = unexplained(made)
+    assert said.startswith(f"the remaining error is {growth}")
+    assert "with another load. 30 % of the remaining error can be predicted from position" in plain(said)
+    assert growth not in unexplained(replace(made, after=Errors(0.014, 0.03, None)))
+
+
 def test_play_and_elasticity_of_a_gear_that_the_drive_does_not_show_are_possible_causes(joint):
     left = replace(QUIET, floors=5.1, excess=True, share_of_signal=0.019)
     alone = replace(with_errors(joint, 0.2, 0.0816, 0.002), unexplained=left, verdict="unexplained_residual")
