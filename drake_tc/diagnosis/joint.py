@@ -23,7 +23,7 @@ from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
 from drake_tc.diagnosis.residual.verdict import compared, verdict_of, what_is_left
 from drake_tc.diagnosis.result.break_away_note import sticking
-from drake_tc.diagnosis.result.consistency import consistency, loads_differ
+from drake_tc.diagnosis.result.consistency import consistency, friction_differs, loads_differ
 from drake_tc.diagnosis.result.drive_notes import (
     age_note,
     drive_notes,
@@ -95,6 +95,7 @@ def diagnose_joint(
         width_s=options.width_s,
         common=options.common,
         command_held=options.command_held,
+        sampled_late=options.effort_age,
     )
     stage, prepare = of_its_gear(prepare, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms
@@ -175,6 +176,8 @@ def diagnose_joint(
             [each.reason for each in did_not_hold],
             loads_differ=loads_differ(by_condition),
             load_measured=context.load == "torque",
+            friction_differs=friction_differs(by_condition) and not columns.samples.signals.has("temperature"),
+            among_joints=len(rig.joints) > 1,
         ),
         unexplained=unexplained,
         verdict=verdict_of(unexplained, found=bool(effects)),

@@ -18,6 +18,8 @@ class DiagnosisOptions:
     in place of the library; a result names effects by their id, so those that are not of the library are registered
     first (`drake_tc.register_effect`). `common`: terms that every joint's declared model has besides its own.
     `command_held`: whether position servos hold their commands, decided for all joints; None: each joint decides.
+    `effort_age`: age of the efforts of all joints beyond that of held commands [sampling periods]; negative: they are
+    recorded late.
 
     Raises:
         ParamsError: an effect that is neither of the library nor registered.
@@ -31,6 +33,7 @@ class DiagnosisOptions:
     effects: tuple[Effect, ...] | None = None
     common: tuple[Term, ...] = ()
     command_held: bool | None = None
+    effort_age: float = 0.0
 
     def __post_init__(self) -> None:
         for given in self.effects or ():

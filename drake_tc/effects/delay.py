@@ -14,7 +14,9 @@ from drake_tc.types import FloatArray
 
 
 def shift(values: FloatArray, samples: float) -> FloatArray:
-    """values(t - d) on a uniform clock, d in samples >= 0, linear between samples; the first value before."""
+    """values(t - d) on a uniform clock, d in samples, linear between samples; constant beyond the ends."""
+    if samples < 0.0:
+        return shift(values[::-1], -samples)[::-1]
     whole = int(np.floor(samples))
     part = samples - whole
     padded = np.concatenate([np.full(whole + 1, values[0]), values])

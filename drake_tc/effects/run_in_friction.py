@@ -1,5 +1,6 @@
 """Friction that is higher at the start of a run and settles while the lubricant is worked."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,6 +28,10 @@ RUN_IN_TIME_RANGE = Plausible(
     10000.0,
     "a lubricant settles within seconds to hours",
 )
+
+LEAST_SETTLED = 0.1
+"""Share of this friction that must be gone at the end of the longest run. With less of its curve, it is a straight line
+over time, and its size, its time and the friction of a warm joint cannot be told apart."""
 
 
 class RunInFriction(EquationEffect):
@@ -66,6 +71,17 @@ class RunInFriction(EquationEffect):
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Seconds to minutes."""
         return [{"run_in_time": t} for t in (1.0, 3.0, 10.0, 60.0)]
+
+    def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
+        """It must settle within the longest run."""
+        settled = -math.expm1(-context.duration / parameters["run_in_time"])
+        if settled >= LEAST_SETTLED:
+            return ""
+        return (
+            f"With run_in_time {parameters['run_in_time']:.3g} s, {100.0 * settled:.2g} % of this friction is gone "
+            f"after the longest run of {context.duration:.3g} s. With less than {100.0 * LEAST_SETTLED:.0f} %, it was "
+            "not seen to settle."
+        )
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): see the class."""

@@ -44,9 +44,11 @@ NO_CAUSE = (
 )
 NO_CAUSE_OF_AN_ARM = (
     "It depends on no recorded signal of this joint: possible causes are an unrecorded disturbance, a sensor that "
-    "drifts, an effect that needs another sensor, or a wrong drive gain of this or another joint, because the links "
-    "were fitted at the declared gains"
+    "drifts, an effect that needs another sensor, a wrong drive gain of this or another joint (the links were fitted "
+    "at the declared gains), or a load in some of the runs that the rig file does not declare (unknown_payload)"
 )
+GEAR = ("backlash", "elasticity")
+"""Effects of the gear between the encoders, which not every drive shows."""
 NO_FLOOR = "there is no noise floor, because the logs show neither noise nor steps of the sensors"
 
 
@@ -165,6 +167,7 @@ def unexplained(joint: JointResult) -> str:
         return (
             f"the remaining error on the held-out runs is {significant(left.floors, 2)} times the noise floor"
             f"{elsewhere} and {percent(left.share_of_signal)} of the effort's RMS. {causes}."
+            f"{_gear_not_looked_for(joint)}"
         )
     if left.depends_on and left.fraction > 0.0 and any(name != "time" for name in left.depends_on):
         names = joined([signal_name(n) for n in left.depends_on])
@@ -177,9 +180,22 @@ def unexplained(joint: JointResult) -> str:
         )
     if left.period_hz is not None:
         parts.append(f"the remaining error repeats at {significant(left.period_hz)} Hz")
-    if not parts:
-        parts.append("the remaining error is larger on the held-out runs than on the training runs")
-    return joined(parts) + "."
+    growth = joint.after.heldout / max(joint.after.train, 1e-300)
+    if growth <= ResidualThresholds().most_growth:
+        return (joined(parts) or "the remaining error is larger on the held-out runs than on the training runs") + "."
+    other = (
+        f"the remaining error is {significant(growth, 2)} times as large on the held-out runs as on the training runs, "
+        "as if they were recorded under other conditions, for example with another load."
+    )
+    return f"{other} {capital(joined(parts))}." if parts else other
+
+
+def _gear_not_looked_for(joint: JointResult) -> str:
+    """That play and elasticity of the gear may be the cause, where this joint's drive does not show them."""
+    hidden = [each.id for each in joint.rejected if each.id in GEAR and each.reason == "cannot_be_looked_for"]
+    if set(hidden) != set(GEAR):
+        return ""
+    return " Backlash and elasticity of the gear are possible causes too, but cannot be looked for with these logs."
 
 
 def _near(joint: JointResult) -> str:

@@ -201,6 +201,14 @@ def test_less_than_one_period_of_a_wave_is_a_curve():
     assert implausible(effect("torque_ripple"), ripple, replace(RIG, position_span=(-1.5, 1.5))) == ""
 
 
+def test_friction_that_falls_by_less_than_a_tenth_within_a_run_was_not_seen_to_settle():
+    settling = {"run_in_coulomb": 1.0, "run_in_viscous": 0.0, "run_in_time": 400.0}
+    told = implausible(effect("run_in_friction"), settling, replace(RIG, duration=40.0))
+    assert "9.5 % of this friction is gone" in told and "not seen to settle" in told
+    assert implausible(effect("run_in_friction"), settling, replace(RIG, duration=45.0)) == ""  # 10.6 %
+    assert implausible(effect("run_in_friction"), settling, replace(RIG, duration=math.inf)) == ""
+
+
 def test_units_are_those_of_the_drive():
     servo = replace(RIG, drive="position_servo")
     assert "3.7 rad" in implausible(effect("deadzone"), {"deadzone": 3.7}, servo)

@@ -114,6 +114,30 @@ def test_beside_fitted_links_a_wrong_drive_gain_is_a_possible_cause(joint):
     said = unexplained(replace(alone, links_fitted=True))
     assert "no recorded signal of this joint" in said
     assert "a wrong drive gain of this or another joint" in said
+    assert "a load in some of the runs that the rig file does not declare" in said
+
+
+def test_a_held_out_run_under_other_conditions_is_named_first(joint):
+    """A load that the arm carries in the held-out run alone, for example."""
+    left = replace(QUIET, structured=True, floors=80.0, fraction=0.3, depends_on=("position",))
+    made = replace(joint, unexplained=left, after=Errors(0.014, 1.12, None))
+    growth = "80 times as large on the held-out runs as on the training runs"
+    said = unexplained(made)
+    assert said.startswith(f"the remaining error is {growth}")
+    assert "with another load. 30 % of the remaining error can be predicted from position" in plain(said)
+    assert growth not in unexplained(replace(made, after=Errors(0.014, 0.03, None)))
+
+
+def test_play_and_elasticity_of_a_gear_that_the_drive_does_not_show_are_possible_causes(joint):
+    left = replace(QUIET, floors=5.1, excess=True, share_of_signal=0.019)
+    alone = replace(with_errors(joint, 0.2, 0.0816, 0.002), unexplained=left, verdict="unexplained_residual")
+    hidden = tuple(
+        RejectedEffect(name, name, 0.0, 0.0, "cannot_be_looked_for", "needs a position servo")
+        for name in ("backlash", "elasticity")
+    )
+    tried = replace(alone, rejected=(replace(hidden[0], reason="too_little_gain"), hidden[1]))
+    assert "Backlash and elasticity of the gear are possible causes too" in unexplained(replace(alone, rejected=hidden))
+    assert "Backlash" not in unexplained(tried)
 
 
 @pytest.mark.parametrize("verdict", ["unexplained_residual", "unexplained_structure"])

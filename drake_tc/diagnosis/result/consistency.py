@@ -40,6 +40,12 @@ LEAST_CHANGE = 0.10
 LEAST_OF_NOISE = 3.0
 """Acceleration of a part over the encoder's noise in it, from which on its inertia is compared: noise of variance s^2
 makes an inertia smaller by s^2/(s^2 + a^2), here by a tenth."""
+LEAST_OWN = 0.1
+"""Share of a part's column, by RMS, that no combination of the other columns may explain; with less, the values of the
+parts are those of the few rows in which the columns differ. Coulomb friction and its asymmetry have this in each
+direction of motion."""
+ROUNDING = 1e-12
+"""Of a Gram matrix of columns at unit length."""
 MOST_RUNS = 24
 MOST_NAMED = 3
 """Parameters that one split names at most; each of them costs another fit of all others."""
@@ -103,6 +109,11 @@ def loads_differ(parameters: Sequence[ParameterByCondition]) -> bool:
     return any(p.moves and p.by == "run" and p.effect.partition(".")[0] == UnknownLoadEffect.id for p in parameters)
 
 
+def friction_differs(parameters: Sequence[ParameterByCondition]) -> bool:
+    """Whether viscous or Coulomb friction differs significantly from run to run."""
+    return any(p.moves and p.by == "run" and p.effect in ("viscous", "coulomb") for p in parameters)
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Design (N, m), target (N,), effect, name and unit of the m coefficients, and lengths of the contiguous stretches.
@@ -151,12 +162,23 @@ def _by_part(rows: _Rows, split: Split, parted: Sequence[int]) -> LinearFit | No
         return None
     others = np.delete(rows.design, parted, axis=1)
     alive = np.sqrt(np.mean(others**2, axis=0)) > 1e-12
+    design = np.hstack([*parts, others[:, alive]])
+    if _least_own(design)[: len(masks)].min() < LEAST_OWN:
+        return None
     try:
-        return least_squares(
-            np.hstack([*parts, others[:, alive]]), rows.target, lengths=rows.lengths, max_condition=1e4
-        )
+        return least_squares(design, rows.target, lengths=rows.lengths, max_condition=1e4)
     except IdentificationError:
         return None
+
+
+def _least_own(design: FloatArray) -> FloatArray:
+    """(m,) RMS of what all other columns leave of each column of (N, m), over its own RMS: 1/sqrt([G^-1]_kk).
+
+    G is the Gram matrix of the columns at unit length, and [G^-1]_kk the variance inflation factor of column k.
+    """
+    unit = design / np.linalg.norm(design, axis=0)
+    gram = unit.T @ unit + ROUNDING * np.eye(unit.shape[1])
+    return np.asarray(1.0 / np.sqrt(np.diag(np.linalg.inv(gram))))
 
 
 def _entry(split: Split, effect: str, name: str, unit: str, found: LinearFit) -> ParameterByCondition:

@@ -40,6 +40,11 @@ class SeparateLoads:
 
 
 @dataclass(frozen=True)
+class RecordTemperature:
+    """Record the temperature: friction differs from run to run, and without a temperature no effect explains why."""
+
+
+@dataclass(frozen=True)
 class RepeatRun:
     """Repeat a run: between `start` and `end` [s] something acted that the log does not show."""
 
@@ -57,9 +62,14 @@ class CoverRange:
 
 @dataclass(frozen=True)
 class FindPeriodicSource:
-    """Look for what acts on the joint at this frequency."""
+    """Look for what acts on the joint at this frequency.
+
+    Attributes:
+        frequency_hz: Of the line. among_joints: whether the robot has other joints, which may move at this frequency.
+    """
 
     frequency_hz: float
+    among_joints: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,6 +89,7 @@ NextExperiment = (
     | CheckScale
     | CheckLoad
     | SeparateLoads
+    | RecordTemperature
     | CoverRange
     | RepeatRun
     | FindPeriodicSource
@@ -100,6 +111,8 @@ def next_experiment(
     *,
     loads_differ: bool = False,
     load_measured: bool = False,
+    friction_differs: bool = False,
+    among_joints: bool = False,
 ) -> NextExperiment | None:
     """What to do first; None when nothing is open.
 
@@ -109,6 +122,8 @@ def next_experiment(
         reasons: Why effects did not hold.
         load_measured: Whether a torque sensor measures the load.
         loads_differ: Whether the parameters of an unknown load differ from run to run.
+        friction_differs: Whether viscous or Coulomb friction does, and no temperature was recorded.
+        among_joints: Whether the robot has other joints.
     """
     if alternatives:
         first = alternatives[0]
@@ -119,12 +134,14 @@ def next_experiment(
         return CoverRange(unexplained.beyond)
     if loads_differ:
         return SeparateLoads()
+    if friction_differs and (unexplained.structured or unexplained.excess):
+        return RecordTemperature()
     if unexplained.confined_to:
         stretch = unexplained.confined_to[0]
         return RepeatRun(stretch.run, stretch.start, stretch.end)
     signals = tuple(name for name in unexplained.depends_on if name != "time")
     if unexplained.period_hz is not None and not (signals and unexplained.fraction >= EXPLAINED):
-        return FindPeriodicSource(unexplained.period_hz)
+        return FindPeriodicSource(unexplained.period_hz, among_joints)
     if unexplained.structured:
         return VarySignals(signals) if signals else RepeatUnchanged()
     return None

@@ -13,6 +13,7 @@ SetUpErrorKind = Literal[
     "zero",
     "drive_gain",
     "gravity",
+    "coupled",
 ]
 SET_UP_ERRORS: tuple[SetUpErrorKind, ...] = get_args(SetUpErrorKind)
 """What is tried, in the order in which errors that explain as much are preferred."""
@@ -24,11 +25,13 @@ class SetUpError:
 
     Attributes:
         kind: What.
-        joints: Which; the two whose columns or efforts are exchanged; empty for gravity.
+        joints: Which; the two whose columns or efforts are exchanged; the one whose motor also turns with the other
+            one, and that other one; empty for gravity.
         units: Entries of the rig file's `units` that mend it, for what is reversed.
         gains: By joint, the drive gain that the logs ask for, and the declared one [effort/(N m)].
         zero: Reading of the joint's column at the zero of the URDF [rad].
         gravity: Direction in which gravity acts, by the axes of the robot's base.
+        turns: Of the first joint's motor for one turn of the second joint.
     """
 
     kind: SetUpErrorKind
@@ -37,6 +40,7 @@ class SetUpError:
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     zero: float = 0.0
     gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    turns: float = 0.0
 
 
 @dataclass(frozen=True)

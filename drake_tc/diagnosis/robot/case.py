@@ -97,7 +97,13 @@ class RobotCase:
     def prepared(self, train: Sequence[Run], held: Sequence[Run]) -> dict[str, Prepared]:
         """Each joint with its declared model."""
         train, held = self.at_motors(train), self.at_motors(held)
-        made = partial(prepare_joint, width_s=self.options.width_s, command_held=self.options.command_held)
+        options = self.options
+        made = partial(
+            prepare_joint,
+            width_s=options.width_s,
+            command_held=options.command_held,
+            sampled_late=options.effort_age,
+        )
         return {j: made(train, held, self.rig, j) for j in self.rig.joints}
 
     def diagnose(
@@ -186,6 +192,7 @@ def _searched(
             width_s=options.width_s,
             common=options.common,
             command_held=options.command_held,
+            sampled_late=options.effort_age,
         )
         return OwnModel.of(prepared.train, own_search(prepared, options).chosen)
 

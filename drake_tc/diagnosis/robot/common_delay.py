@@ -12,6 +12,10 @@ links' parameters (`problem.shared.stacked`) and before the joints' own effects.
 - the error of no joint grows;
 
 and if it lowers the error of the held-out runs in nearly all of their block resamples.
+
+Efforts that are all recorded a time d after they acted (a low-pass before the logging, the time stamps of another bus)
+are a delay of -d. No drive acts before its command, so this is no effect but an age of the recorded efforts; it is
+looked for in the same way, between half a sampling period and `LONGEST_LEAD`.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +31,7 @@ from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.shared_effects import on_held_out
 from drake_tc.diagnosis.robot.all_joints import AllJoints
-from drake_tc.diagnosis.thresholds import COMMON_DELAY, HELDOUT_CERTAIN
+from drake_tc.diagnosis.thresholds import COMMON_DELAY, HELDOUT_CERTAIN, LONGEST_LEAD
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.types import FloatArray
@@ -64,6 +68,11 @@ class SharedDelay:
 @dataclass(frozen=True, eq=False)
 class DelayProblem(AllJoints):
     """All joints, whose drives may all be late."""
+
+    @property
+    def period(self) -> float:
+        """Of the sampling [s]."""
+        return next(iter(self.prepared.values())).context.period
 
     def late(self, delay: float, *, held: bool = False) -> list[JointRows]:
         """The rows with efforts that act `delay` [s] late."""
@@ -109,9 +118,13 @@ class DelayProblem(AllJoints):
 
 
 def agree(delay: float, own: FloatArray, spread: FloatArray) -> bool:
-    """Whether most joints' own delays (n,) are the common `delay`, and none is clearly shorter; all in seconds."""
-    allowed = np.maximum(ALIKE * delay, 2.0 * spread)
-    return bool((np.abs(own - delay) <= allowed).mean() >= MOST and (own >= delay - allowed).all())
+    """Whether most joints' own delays (n,) are the common `delay`, and none is clearly shorter; all in seconds.
+
+    A negative delay is a lead, and the joints' own ones are then compared as leads.
+    """
+    allowed = np.maximum(ALIKE * abs(delay), 2.0 * spread)
+    beyond = np.sign(delay) * (own - delay)
+    return bool((np.abs(beyond) <= allowed).mean() >= MOST and (beyond >= -allowed).all())
 
 
 def term_of(delay: float) -> Term:
@@ -121,18 +134,28 @@ def term_of(delay: float) -> Term:
 
 def common_delay(problem: DelayProblem) -> SharedDelay | None:
     """The delay that all joints share, or None."""
-    period = next(iter(problem.prepared.values())).context.period
-    grid = np.geomspace(max(5e-4, 0.3 * period), LONGEST, GRID)
+    return _shared(problem, np.geomspace(max(5e-4, 0.3 * problem.period), LONGEST, GRID))
+
+
+def common_lead(problem: DelayProblem) -> float | None:
+    """Time [s] by which the efforts of all joints are recorded after they acted, or None."""
+    grid = np.geomspace(0.5 * min(problem.period, LONGEST_LEAD), LONGEST_LEAD, GRID)
+    found = _shared(problem, -grid)
+    return None if found is None else -found.effect.parameters["delay"].value
+
+
+def _shared(problem: DelayProblem, grid: FloatArray) -> SharedDelay | None:
+    """The best delay between the ends of the grid [s], all of one sign, where the joints share it; else None."""
     fits = [problem.fit(float(delay)) for delay in grid]
     best = int(np.argmin([problem.error(each) for each in fits]))
     if problem.error(fits[best]) > problem.error(problem.fitted) + np.log1p(-0.5 * COMMON_DELAY.second_gain):
         return None
-    around = grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]
+    bounds = sorted((grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]))
     found = minimize_scalar(
         lambda delay: problem.error(problem.fit(float(delay))),
-        bounds=around,
+        bounds=bounds,
         method="bounded",
-        options={"xatol": 1e-3 * grid[best], "maxiter": 16},
+        options={"xatol": 1e-3 * abs(grid[best]), "maxiter": 16},
     )
     delay = float(found.x) if found.fun < problem.error(fits[best]) else float(grid[best])
     fitted = problem.fit(delay)

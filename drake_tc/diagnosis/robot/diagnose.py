@@ -52,4 +52,4 @@ def diagnose_robot(
     options = replace(options, search=replace(options.search, least_removed=least))
     turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
     case = RobotCase(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor, turns)
-    return diagnose_shared(case) if logs.links is None else diagnose_fitted(case, logs, logs.links)
+    return diagnose_shared(case, logs) if logs.links is None else diagnose_fitted(case, logs, logs.links)

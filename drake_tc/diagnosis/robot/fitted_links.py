@@ -4,8 +4,10 @@
    (`problem.shared.stacked`). Where much of an effort is left, wider filters are tried. Whether position servos hold
    their commands is decided for all joints together. Where much is left, gross errors of the set-up are tried
    (`diagnosis.set_up`). With such an error no effects are looked for: a wrong set-up makes effects that are not there.
-2. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's model from here on.
-   An encoder that comes late (`late_encoder`); where there is one, its readings are moved from here on.
+2. Efforts that are all recorded late (`common_delay.common_lead`); where they are, the declared models are fitted to
+   the earlier efforts. A delay that all joints share (`common_delay`); where there is one, it is part of each joint's
+   model from here on. An encoder that comes late (`late_encoder`); where there is one, its readings are moved from
+   here on.
 3. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
    (`problem.shared.open_directions`).
 4. The links anew beside these effects; steps 3 and 4 until the effects no longer change.
@@ -34,7 +36,7 @@ from drake_tc.diagnosis.result.shared_effects import original_baseline
 from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
-from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, common_delay
+from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, common_delay, common_lead
 from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_first
 from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, estimated_anew, late_encoder, with_encoder_in_time
 from drake_tc.diagnosis.robot.result import RobotResult
@@ -76,6 +78,8 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     if wrong:
         options = replace(declared.case.options, effects=(), assess_residual=False)
         declared = replace(declared, case=replace(declared.case, options=options))
+    else:
+        declared = _with_earlier_efforts(declared)
     start = declared
     first, delay = declared.links, None if wrong else _common_delay(declared)
     encoder = None if wrong else _late_encoder(declared, delay, logs, model)
@@ -107,12 +111,31 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     )
 
 
+def _with_earlier_efforts(start: Start) -> Start:
+    """The declared models with efforts as old as the joints together say that they are recorded late.
+
+    The effort of a position servo holds the position, which is recorded at its own time.
+    """
+    if "position_servo" in start.case.rig.drive.values():
+        return start
+    problem = _delays(start)
+    lead = common_lead(problem)
+    if lead is None:
+        return start
+    return at_width(replace(start.case, options=replace(start.case.options, effort_age=-lead / problem.period)))
+
+
 def _common_delay(start: Start) -> SharedDelay | None:
     """The delay that all joints share, or None."""
+    return common_delay(_delays(start))
+
+
+def _delays(start: Start) -> DelayProblem:
+    """The declared models of all joints, whose drives may all be late."""
     held = {joint: p.held for joint, p in start.prepared.items()}
     terms = {joint: p.terms for joint, p in start.prepared.items()}
     rows = stack(held, terms, start.case.causes)
-    return common_delay(DelayProblem(start.prepared, start.links.rows, rows, start.links.fitted))
+    return DelayProblem(start.prepared, start.links.rows, rows, start.links.fitted)
 
 
 def _late_encoder(start: Start, delay: SharedDelay | None, logs: RobotLogs, model: LinkModel) -> SharedEffect | None:

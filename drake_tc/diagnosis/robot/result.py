@@ -22,7 +22,7 @@ class RobotResult:
         robot_gains: (joint, effect key) to the effect's held-out gain of the whole robot, which compares with
             `SharedEffect.heldout_gain`.
         links: The links' parameters where they were fitted.
-        set_up: Of such a robot, where the declared model leaves much of an effort.
+        set_up: Of a robot with a fixed base, where the declared model leaves much of an effort.
     """
 
     joints: Mapping[str, JointResult]

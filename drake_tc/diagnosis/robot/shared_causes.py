@@ -1,5 +1,9 @@
 """A robot whose links' parameters are known: shared causes first, then each joint's own.
 
+Before that, gross errors of the set-up are tried where the declared models leave much of an effort
+(`diagnosis.set_up`). With such an error, no causes and no effects are looked for. This needs a robot with a fixed base
+and no sensor but the encoders.
+
 1. All joints together, with the declared models: which causes that no single joint owns are missing (`selection`).
    Errors of sensors within their tolerances are estimated along (`stacked`).
 2. Each joint by itself, on loads without all of these (`diagnose_joint`).
@@ -13,16 +17,18 @@ tolerance.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
 from drake_tc.diagnosis.result.shared_effects import (
     both_sides,
     original_baseline,
@@ -35,28 +41,46 @@ from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.selection.shared import SharedSearch, active, search_shared, substituted
+from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE_BESIDE, NEAR_NOISE, SHARED, SearchThresholds
+from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.record import Run
+from drake_tc.robot.link_parameters import link_model
 from drake_tc.types import FloatArray
 
 
-def diagnose_shared(case: RobotCase, shared_thresholds: SearchThresholds = SHARED) -> RobotResult:
+def diagnose_shared(case: RobotCase, logs: RobotLogs, shared_thresholds: SearchThresholds = SHARED) -> RobotResult:
     """Diagnose a robot whose links' parameters are known. The held-out runs are looked at only after every choice.
 
     Args:
         case: The robot's runs.
+        logs: The robot.
         shared_thresholds: Of the shared causes.
 
     Raises:
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
     raw = case.prepared(case.train, case.held)
+    set_up = _set_up(case, logs, raw)
+    if is_wrong(set_up):
+        case = replace(case, options=replace(case.options, effects=(), assess_residual=False))
     found = _search(case, raw, shared_thresholds)
     before = case.without(found.baseline)
     prepared = case.prepared(*before)
-    if found.chosen and _evidence(case, prepared, found) <= 0.0:
+    if is_wrong(set_up) or (found.chosen and _evidence(case, prepared, found) <= 0.0):
         found = SharedSearch((), found.baseline, found.baseline, ())
-    return _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
+    result = _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
+    return replace(result, set_up=set_up)
+
+
+def _set_up(case: RobotCase, logs: RobotLogs, raw: Mapping[str, Prepared]) -> SetUpCheck | None:
+    """What the runs say against the set-up; None where this is not looked at or little of every effort is left."""
+    if not logs.robot.fixed_base or logs.reads_imu or logs.robot.force_torque:
+        return None
+    left = {
+        joint: fit(p.train, p.terms).cv_rms / max(float(np.std(p.train.effort(()))), 1e-300) for joint, p in raw.items()
+    }
+    return check_set_up(logs, link_model(logs.robot), case.train, case.held, case.rig, left)
 
 
 @dataclass(frozen=True, eq=False)

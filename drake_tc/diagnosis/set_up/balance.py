@@ -55,6 +55,7 @@ class SetUp:
         zero: (n,) reading of the joint at the zero of the robot's file [rad or m], after the sign.
         gravity: (3,) of the base [m/s^2].
         free: (n,) whether the drive gain is fitted.
+        turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`); None where none does.
     """
 
     source: IntArray
@@ -64,6 +65,7 @@ class SetUp:
     zero: FloatArray
     gravity: FloatArray
     free: BoolArray
+    turns: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,7 @@ class ArmBalance:
         gain: (n,) declared K; NaN where none is.
         own_effort: (n,) whether the effort is a column of its own; not so for a servo, whose effort is the difference
             of command and position.
-        turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`).
+        turns: Those of the rig file.
     """
 
     links: LinkModel
@@ -119,6 +121,7 @@ class ArmBalance:
             zero=np.zeros(n),
             gravity=self.links.tree.gravity,
             free=np.isnan(self.gain),
+            turns=self.turns,
         )
 
     @cached_property
@@ -159,8 +162,8 @@ class ArmBalance:
         """
         v, a = (set_up.turned * x[:, set_up.source] for x in (self.rows.velocity, self.rows.acceleration))
         y = set_up.effort * self.rows.effort[:, set_up.effort_source]
-        if self.turns is not None:
-            columns, v, a = motor_loads(self.turns, columns), v @ self.turns.T, a @ self.turns.T
+        if set_up.turns is not None:
+            columns, v, a = motor_loads(set_up.turns, columns), v @ set_up.turns.T, a @ set_up.turns.T
         grams: list[FloatArray | None] = []
         fast = np.percentile(np.abs(v), 90, axis=0)
         for j in range(y.shape[1]):

@@ -23,6 +23,10 @@ DIRECTIONS = np.array(
 OTHER_GAIN = 1.5
 """Factor between a fitted and a declared drive gain from which the declared one is called wrong: a smaller difference
 may be an effect of the joint, such as friction that depends on the load."""
+NEIGHBOURS = 2
+"""How many joints a gear that couples two of them may lie apart, counted along the arm."""
+TURNS = (-1.0, -0.3, 0.3, 1.0)
+"""Of a motor for one turn of another joint, before the best one is refined: a bevel gear at a wrist gives 1."""
 EVALUATIONS = 60
 """Of a refinement, at most."""
 
@@ -53,7 +57,7 @@ class Tried:
 def tried_changes(arm: ArmBalance, start: SetUp) -> list[Tried]:
     """Every change of one thing, fitted."""
     found = [*_efforts(arm, start), *_reversed(arm, start), *_exchanged_columns(arm, start), *_zeros(arm, start)]
-    found.append(_gravity(arm, start))
+    found += [_gravity(arm, start), *_coupled(arm, start)]
     return sorted(found, key=_simplest_first)
 
 
@@ -190,3 +194,28 @@ def _gravity(arm: ArmBalance, start: SetUp) -> Tried:
     starts = (first,) if first is start.gravity else (first, start.gravity)
     set_up, balance = min((refined(d / np.linalg.norm(d)) for d in starts), key=lambda found: found[1].error)
     return Tried(Change("gravity", (), set_up), balance)
+
+
+def _coupled(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
+    """The pair of joints whose coupling by a gear explains most."""
+    n, columns = start.zero.size, arm.columns(start)
+
+    def fitted(pair: tuple[int, int], share: float) -> tuple[SetUp, Balance]:
+        turns = np.eye(n) if start.turns is None else start.turns.copy()
+        turns[pair] += share
+        set_up = replace(start, turns=turns)
+        return set_up, arm.fit(set_up, columns)
+
+    near = [(i, j) for i in range(n) for j in range(n) if 0 < abs(i - j) <= NEIGHBOURS and arm.own_effort[[i, j]].all()]
+    if not near:
+        return
+    tried = [(fitted(pair, share)[1].error, pair, share) for pair in near for share in TURNS]
+    _, pair, first = min(tried)
+    best = minimize(
+        lambda share: fitted(pair, float(share[0]))[1].error,
+        np.array([first]),
+        method="Nelder-Mead",
+        options={"maxfev": EVALUATIONS // 2, "initial_simplex": [[first], [1.3 * first]], "xatol": 1e-4},
+    )
+    set_up, balance = fitted(pair, float(best.x[0]))
+    yield Tried(Change("coupled", pair, set_up), balance)

@@ -16,6 +16,9 @@ from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
 
+KNOWN = 0.1
+"""Standard deviation of a link's mass, as a share of it, where the links are taken as the robot's file says."""
+
 
 def check_set_up(
     logs: RobotLogs,
@@ -32,12 +35,12 @@ def check_set_up(
         links: Of its file.
         train: Runs to fit.
         held: Held-out runs, which confirm what was found.
-        rig: With a `RobotLoad` whose links are fitted.
+        rig: With a `RobotLoad`.
         left: By joint, share of the effort that the declared model of the diagnosis leaves.
     """
     names = logs.robot.joints
     load = next(iter(rig.load.values()))
-    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) else 1.0)
+    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) and load.fitted else KNOWN)
     gain = np.array([rig.drive_gain.get(joint, np.nan) for joint in names])
     own = np.array([rig.drive.get(joint) != "position_servo" for joint in names])
     rows = [set_up_rows(logs, runs, rig) for runs in (train, held)]
@@ -75,6 +78,7 @@ def _error(
         gains={j: (float(gains[j][0]), float(gains[j][1])) for j in joints} if change.kind == "drive_gain" else {},
         zero=zero,
         gravity=(float(direction[0]), float(direction[1]), float(direction[2])),
+        turns=float(set_up.turns[change.joints]) if change.kind == "coupled" and set_up.turns is not None else 0.0,
     )
 
 

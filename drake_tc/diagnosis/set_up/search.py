@@ -5,7 +5,7 @@ therefore looked at first, and only where the declared model leaves much of an e
 well as the fast one of `balance`. A set of changes is
 found if, on the training runs and on the held-out runs,
 
-- some joint's error falls to at most half (`HALVED`),
+- the error of some joint of which much is left falls to at most half (`HALVED`),
 - the mean logarithm of all joints' errors falls by at least that of `TOGETHER`, and
 - no joint's error grows by more than `GROWS`, unless it is small after it (`SMALL`).
 
@@ -23,7 +23,7 @@ import numpy as np
 
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
 from drake_tc.diagnosis.set_up.changes import Change, Tried, gains_of_one_joint, tried_changes
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 MUCH = 0.1
 """Share of an effort's RMS, left by the declared model, from which the set-up is looked at."""
@@ -91,7 +91,8 @@ def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetU
         return none
     after, alternatives = steps[-1][0].balance, steps[-1][1]
     changes = tuple(step.change for step, _ in steps)
-    found = is_found(before, after) and is_found(held.fit(start), held.fit(at))
+    much = before.share > MUCH
+    found = is_found(before, after, much) and is_found(held.fit(start), held.fit(at), much)
     if not (found and _is_half_of(left, after)):
         return none
     return SetUpSearch(changes, at, alternatives, before, after)
@@ -104,8 +105,8 @@ def _one_gain(train: ArmBalance, held: ArmBalance, before: Balance, left: FloatA
         return None
     best, others = _best(tried)
     at = best.change.set_up
-    sides = (before, best.balance), (held.fit(train.as_declared), held.fit(at))
-    if not (all(is_found(*side, together=1.0) for side in sides) and _is_half_of(left, best.balance)):
+    sides, known = ((before, best.balance), (held.fit(train.as_declared), held.fit(at))), ~np.isnan(before.share)
+    if not (all(is_found(*side, known, together=1.0) for side in sides) and _is_half_of(left, best.balance)):
         return None
     return SetUpSearch((best.change,), at, others, before, best.balance)
 
@@ -123,11 +124,16 @@ def _is_half_of(left: FloatArray, after: Balance) -> bool:
     return bool(np.nanmin(after.share / left) <= HALVED)
 
 
-def is_found(before: Balance, after: Balance, together: float = TOGETHER) -> bool:
+def is_found(before: Balance, after: Balance, much: BoolArray, together: float = TOGETHER) -> bool:
     """Whether the errors of these fits say that the set-up of the second one is right and that of the first wrong.
 
-    `together`: factor by which the geometric mean of all joints' errors must fall.
+    Args:
+        before: Fit with the first set-up.
+        after: Fit to the same rows, with the second one.
+        much: (n,) joints of which the declared set-up leaves much.
+        together: Factor by which the geometric mean of all joints' errors must fall.
     """
     ratio = after.share / before.share
     grows = (ratio > GROWS) & (after.share > SMALL)
-    return bool(np.nanmin(ratio) <= HALVED and after.error <= before.error + np.log(together) and not grows.any())
+    halved = (ratio[much] <= HALVED).any()
+    return bool(halved and after.error <= before.error + np.log(together) and not grows.any())

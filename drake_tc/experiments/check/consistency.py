@@ -151,7 +151,7 @@ def _clock(prepared: Prepared, declared: Fit) -> Finding:
     for late in shifts:
         values = np.zeros(len(samples.signals))
         for part in samples.segments:
-            values[part] = _shifted(samples.signals.effort[part], late / period)
+            values[part] = shift(samples.signals.effort[part], late / period)
         effort = samples.reduce(values)
         if columns.effort_is_target:  # nothing but the effort tells the torques: a free gain would be zero
             moved, explained = design[:, 1:], effort
@@ -177,11 +177,6 @@ def _clock(prepared: Prepared, declared: Fit) -> Finding:
         "torque comes late, by a filter or another clock."
     )
     return Finding("clocks", "warning", late, "s", text)
-
-
-def _shifted(values: FloatArray, samples: float) -> FloatArray:
-    """values(t - d) (T,), d in samples of either sign."""
-    return shift(values, samples) if samples >= 0.0 else shift(values[::-1], -samples)[::-1]
 
 
 def _signs(declared: Fit, prepared: Prepared) -> Finding:

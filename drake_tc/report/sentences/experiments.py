@@ -10,6 +10,7 @@ from drake_tc.diagnosis.result.experiments import (
     CoverRange,
     FindPeriodicSource,
     NextExperiment,
+    RecordTemperature,
     RepeatRun,
     RepeatUnchanged,
     SeparateLoads,
@@ -112,11 +113,23 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
                 "The fitted load differs from run to run. If the joint carried different loads, run close-loop "
                 f"separately for the runs of each load{declare}."
             )
+        case RecordTemperature():
+            return (
+                "Friction differs from run to run. Record the temperature of the joint: without it, "
+                "temperature-dependent friction cannot be looked for. If the loads of the runs were different, declare "
+                "them."
+            )
         case RepeatRun(run, start, end):
             return (
                 f"Repeat {run}. If the error between {start:.1f} and {end:.1f} s comes back, the joint causes it, for "
                 "example by play of the gear where the load reverses. If not, something acted on the joint that the "
                 "log does not show."
+            )
+        case FindPeriodicSource(frequency_hz, among_joints) if among_joints:
+            return (
+                f"The residual is periodic at {frequency_hz:.2f} Hz. If another joint moves at this frequency, its "
+                "motor or its load acts here: check the effort columns, and whether a gear couples the two joints "
+                "(`coupled` in the rig file). Otherwise look for a source of this frequency near the robot."
             )
         case FindPeriodicSource(frequency_hz):
             return (

@@ -13,7 +13,10 @@ from drake_tc.report.words import joined
 
 COMMON = 1.1
 """Factor within which the drive gains of several joints are wrong by the same factor."""
-TESTED = "reversed joints, positions and efforts, exchanged columns and efforts, other zeros, drive gains and mountings"
+TESTED = (
+    "reversed joints, positions and efforts, exchanged columns and efforts, other zeros, drive gains and mountings, "
+    "and gears that couple two joints"
+)
 
 
 def set_up_sentences(check: SetUpCheck | None) -> tuple[str, ...]:
@@ -56,6 +59,13 @@ def _error(error: SetUpError) -> str:
         return _gravity(error)
     if error.kind == "drive_gain":
         return _gains(error.gains)
+    if error.kind == "coupled":
+        motor, other = error.joints
+        turns = f"{error.turns:.3g}"  # as YAML reads it
+        return (
+            f"The motor of {motor} also turns with {other}, by {turns} for 1: a gear couples the two joints. State "
+            f"`coupled: {{{motor}: {{{other}: {turns}}}}}` in the rig file."
+        )
     if error.kind == "columns_exchanged":
         return f"The columns of {names} are exchanged: exchange them under `columns:` in the rig file."
     if error.kind == "efforts_exchanged":
@@ -134,6 +144,7 @@ def _entries(errors: Sequence[SetUpError]) -> list[dict[str, Any]]:
             "drive_gain": {j: {"fitted": f, "declared": d} for j, (f, d) in error.gains.items()},
             "zero": error.zero if error.kind == "zero" else None,
             "gravity": list(error.gravity) if error.kind == "gravity" else None,
+            "turns": error.turns if error.kind == "coupled" else None,
         }
         for error in errors
     ]

@@ -88,6 +88,16 @@ def test_friction_that_differs_between_directions_moves_by_direction():
     assert not found["viscous", "viscous", "run"].moves
 
 
+def test_an_asymmetry_has_no_values_by_direction():
+    """Its column is that of Coulomb friction in each direction: only rows at reversals would tell them apart."""
+    columns, _ = fitted([replace(NOISY, extra=lambda m: np.full_like(m.v, 0.8))] * 2)
+    final = fit(columns, (*DECLARED, Term(effect("asymmetric_friction.coulomb"))))
+    found = {(p.effect, p.by) for p in consistency(columns, final, "current")}
+    assert ("asymmetric_friction.coulomb", "run") in found
+    assert not {("asymmetric_friction.coulomb", "direction"), ("coulomb", "direction")} & found
+    assert ("viscous", "direction") in found
+
+
 def test_a_gain_that_falls_with_the_load_moves_by_load():
     """Each further N m costs less current: K falls by 4 % for each N m of the load."""
 

@@ -8,6 +8,7 @@ from drake_tc.diagnosis.result.experiments import (
     CheckScale,
     CoverRange,
     FindPeriodicSource,
+    RecordTemperature,
     RepeatRun,
     RepeatUnchanged,
     SeparateLoads,
@@ -31,8 +32,12 @@ def test_what_is_open_asks_for_an_experiment_effects_first():
     for measured in (False, True):
         assert next_experiment((), everything, refused, load_measured=measured) == CheckLoad(measured)
     assert next_experiment((), everything, loads_differ=True) == SeparateLoads()
+    assert next_experiment((), everything, friction_differs=True) == RecordTemperature()
+    assert next_experiment((), QUIET, friction_differs=True) is None
     assert next_experiment((), everything) == RepeatRun("run_1", 2.0, 3.5)
     assert next_experiment((), replace(everything, confined_to=())) == FindPeriodicSource(4.0)
+    line = replace(everything, confined_to=())
+    assert next_experiment((), line, among_joints=True) == FindPeriodicSource(4.0, among_joints=True)
     assert next_experiment((), STRUCTURED) == VarySignals(("velocity",))
     assert next_experiment((), replace(STRUCTURED, depends_on=("time",))) == RepeatUnchanged()
     assert next_experiment((), QUIET) is None

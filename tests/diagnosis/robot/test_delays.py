@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from fitted_arm import JOINTS, PERIOD, URDF, record, rig_file
+from fitted_arm import COULOMB, JOINTS, PERIOD, URDF, VISCOUS, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.robot.common_delay import agree
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.timing_notes import RecordedLate
 from drake_tc.robot.robot import load_robot
 
 
@@ -28,6 +29,25 @@ def test_a_delay_of_all_joints_is_named_once_and_that_of_one_joint_is_its_own(tm
     for joint in found.joints.values():
         assert joint.after.heldout < 0.5 * joint.before.heldout
         assert [t.shape for t in joint.final.terms if t.effect.id == "delay"] == [delay_shape(delay)]
+
+
+@pytest.mark.parametrize(("late", "share"), [((0.018,) * 3, True), ((0.0, 0.018, 0.0), False)])
+def test_efforts_that_are_all_recorded_late_are_moved_back(tmp_path, late, share):
+    """A current that passes a low-pass before it is logged. One joint's alone is no matter of a clock or a bus."""
+    loaded = load_robot(write_robot(tmp_path, URDF, JOINTS))
+    behind = tuple(-each for each in late)
+    runs = [record(tmp_path, loaded, name, k, late=behind) for k, name in enumerate(("one", "two", "held"))]
+    found = close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
+    leads = [note.lead for joint in found.joints.values() for note in joint.notes if isinstance(note, RecordedLate)]
+    if not share:
+        assert leads == []
+        return
+    assert found.shared == () and all(joint.effects == () for joint in found.joints.values())
+    assert_allclose(leads, [0.018] * 3, atol=0.05 * PERIOD)
+    for joint, viscous, coulomb in zip(JOINTS, VISCOUS, COULOMB, strict=True):
+        numbers = found.joints[joint].final_parameters
+        assert_allclose(numbers["viscous"]["viscous"].value, viscous, rtol=0.01)
+        assert_allclose(numbers["coulomb"]["coulomb"].value, coulomb, rtol=0.01)
 
 
 def test_each_joint_tells_its_own_delay(tmp_path, monkeypatch):
@@ -51,6 +71,8 @@ def test_joints_agree_on_a_delay_that_is_shorter_in_none():
     assert not agree(0.02, np.array([0.02, 0.018, 0.050, 0.060]), spread)
     assert not agree(0.02, np.array([0.02, 0.018, 0.023, 0.004]), spread)
     assert agree(0.02, np.array([0.02, 0.018, 0.023, 0.004]), np.array([1e-3, 1e-3, 1e-3, 0.01]))
+    assert agree(-0.02, np.array([-0.02, -0.018, -0.023, -0.060]), spread)
+    assert not agree(-0.02, np.array([-0.02, -0.018, -0.023, 0.004]), spread)
 
 
 def delay_shape(delay):

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fitted_arm import JOINTS, RIG, URDF, record, rig_file, torques
+import yaml
+from fitted_arm import JOINTS, RIG, ROTOR, URDF, record, rig_file, torques
 from numpy.testing import assert_allclose
 from robot_files import joint_tag, link_tag, urdf, write_robot
 
@@ -33,6 +34,7 @@ ELBOW = urdf(
     joint_tag("roll", "upper", "fore", xyz=(0, 0, 0.35), axis=(0, 0, 1)),
     joint_tag("bend", "fore", "hand", xyz=(0.05, 0, 0.3), axis=(0, 1, 0)),
 )
+ROTORS = [{"rotor_inertia": each} for each in ROTOR.tolist()]
 ELBOW_JOINTS = ("turn", "lift", "roll", "bend")
 ELBOW_RIG = {"drive_gain": dict.fromkeys(ELBOW_JOINTS, 1.0)}
 
@@ -229,6 +231,49 @@ def test_a_slope_is_found_although_a_coarse_direction_leads_elsewhere(tmp_path, 
     assert_allclose(check.errors[0].gravity, down, atol=0.01)
 
 
+@pytest.mark.parametrize("turns", [0.6, -1.0])
+def test_a_gear_that_couples_two_joints(tmp_path, turns):
+    """The motor of `bend` turns with `bend` and with `roll`, where its rotor and its friction are."""
+    robot = load_robot(write_robot(tmp_path, ELBOW, ELBOW_JOINTS))
+    logs = []
+    for seed in range(3):
+        rng = np.random.default_rng(10 + seed)
+        time = np.arange(0.0, 30.0, 0.01)
+        omega = 2.0 * np.pi * rng.uniform(0.05, 0.5, (4, 4))
+        phase = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (4, 4))
+        size = 0.3 / (1.0 + omega)
+        q, v, a = (
+            f.sum(axis=2)
+            for f in (size * np.sin(phase), size * omega * np.cos(phase), -size * omega**2 * np.sin(phase))
+        )
+        load = torques(robot, q, v, a, 0.0)
+        load[:, 2] -= turns * load[:, 3]  # power balance of the motors
+        v, a = (np.column_stack([x[:, :3], x[:, 3] + turns * x[:, 2]]) for x in (v, a))
+        effort = load + 0.1 * a + 0.5 * v + 0.4 * np.tanh(v / 1e-3) + 0.02 * rng.standard_normal(load.shape)
+        columns = {"time": time} | {f"{joint}/position": q[:, i] for i, joint in enumerate(ELBOW_JOINTS)}
+        columns |= {f"{joint}/current": effort[:, i] for i, joint in enumerate(ELBOW_JOINTS)}
+        logs.append(tmp_path / f"run_{seed}.npz")
+        np.savez(logs[-1], **columns)
+    arm = tmp_path, logs[:2], logs[2]
+    check = checked(arm, **ELBOW_RIG)
+    assert kinds(check) == [("coupled", ("bend", "roll"))]
+    assert_allclose(check.errors[0].turns, turns, atol=0.01)
+    (shown,) = [line.split("`")[1] for line in set_up_sentences(check) if "coupled: " in line]
+    assert checked(arm, **yaml.safe_load(shown), **ELBOW_RIG) is None
+
+
+def test_one_joint_that_is_wrong_among_many_that_fit_well_in_the_diagnosis(elbow_arm):
+    """The diagnosis has all rows and fits the other joints better than the fast fit, with either set-up."""
+    folder, logs, held = elbow_arm
+    rig = load_rig(rig_file(folder, **ELBOW_RIG))
+    change = scaled(bend__current=-1.0)
+    runs = [replace(run, columns=change(dict(run.columns))) for run in load_runs([*logs, held], rig)]
+    robot = robot_logs(rig, runs)
+    left = dict.fromkeys(ELBOW_JOINTS, 1e-4) | {"bend": 1.0}
+    check = check_set_up(robot, robot.links, runs[:2], runs[2:], rig, left)
+    assert kinds(check) == [("effort_reversed", ("bend",))]
+
+
 def test_friction_of_a_joint_is_no_error_of_the_set_up(arm):
     """A large asymmetric friction: most of the effort is left, and neither gain nor mounting takes it."""
     v = {joint: lambda columns, joint=joint: np.gradient(columns[f"{joint}/position"]) for joint in JOINTS}
@@ -278,3 +323,21 @@ def test_no_effect_is_named_beside_an_error_of_the_set_up(arm, tmp_path, capsys)
     print_summary(result, tmp_path)
     printed = capsys.readouterr().out
     assert [line for line in printed.splitlines() if line.startswith("fold:")] == ["fold: Wrong set-up"]
+
+
+def test_links_that_are_taken_as_known_are_no_reason_to_trust_the_set_up(tmp_path):
+    """A base that stands on a slope of 8 deg: a link's centre of mass was named, far from where it is."""
+    slope = np.radians(8.0)
+    mount = '<link name="mount"/><joint name="mounting" type="fixed"><parent link="mount"/><child link="base"/>'
+    tilted = URDF.replace("</robot>", f'{mount}<origin rpy="0 {slope} 0"/></joint></robot>')
+    robot = load_robot(write_robot(tmp_path, tilted, JOINTS, base="mount"))
+    logs = [record(tmp_path, robot, f"run_{k}", k) for k in range(3)]
+    rig = {"load": {"robot": "inverse_dynamics"}, "declared": dict(zip(JOINTS, ROTORS, strict=True))}
+    right = close_loop(rig_file(tmp_path, **rig), logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+    assert right.set_up is None
+    write_robot(tmp_path, URDF, JOINTS)
+    result = close_loop(rig_file(tmp_path, **rig), logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+    assert kinds(result.set_up) == [("gravity", ())]
+    assert_allclose(result.set_up.errors[0].gravity, [np.sin(slope), 0.0, -np.cos(slope)], atol=0.01)
+    assert result.shared == () and [joint.effects for joint in result.joints.values()] == [()] * len(JOINTS)
+    assert all(joint.set_up_wrong for joint in result.joints.values())
