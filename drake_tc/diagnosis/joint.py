@@ -226,7 +226,8 @@ def _refitted(stage: Stage) -> Search:
     if stage.subsample is prepared.train:
         return found
     baseline, chosen = (fit(prepared.train, f.terms) for f in (found.baseline, found.chosen))
-    return replace(found, baseline=at_reverse_regression(prepared.train, baseline), chosen=chosen)
+    baseline = at_reverse_regression(prepared.train, baseline, prepared.context.drive)
+    return replace(found, baseline=baseline, chosen=chosen)
 
 
 def _settled(

@@ -253,3 +253,46 @@ def test_one_unit_of_length_or_force_tells_those_of_the_other_columns(tmp_path, 
     rig = inspect_log(path).rig
     assert rig["units"] == {f"joint/{name}": unit for name, unit in units.items()}
     assert parse_rig(rig).joint_type("joint") == "prismatic"
+
+
+@pytest.mark.parametrize(
+    ("names", "joint", "drive", "load"),
+    [
+        (("timestamp_ms", "knee_angle_deg", "motor_i", "torque_knee"), "knee", "current", "torque"),
+        (("t_us", "q_link", "motor_current", "tau_jts"), "link", "current", "torque"),
+        (("time_ms", "q_deg", "speed_rpm", "iq_mA"), "joint", "current", "unknown"),
+        (("ts", "pos_mm", "Iq_A", "loadcell_N"), "joint", "current", "torque"),
+        (("t", "present_pos", "goal_pos", "vbat_mV"), "joint", "position_servo", "unknown"),
+        (("t", "q", "i_cmd", "motor_temp"), "joint", "current", "unknown"),
+        (("t", "knee_enc", "u", "v_bat"), "knee", "voltage", "unknown"),
+    ],
+)
+def test_a_log_with_every_quantity_once_is_the_log_of_one_joint(tmp_path, names, joint, drive, load):
+    """A single joint's columns name the motor, the sensor or the link, and these are no joints."""
+    time = np.arange(500) / 100.0
+    scale = {"timestamp_ms": 1e3, "t_us": 1e6, "time_ms": 1e3}.get(names[0], 1.0)
+    path = tmp_path / "run.csv"
+    pd.DataFrame({names[0]: scale * time} | {name: np.sin(time + k) for k, name in enumerate(names[1:])}).to_csv(
+        path, index=False
+    )
+    rig = inspect_log(path).rig
+    assert (rig["joint"], rig["drive"], rig["load"]) == (joint, drive, load)
+    assert {names[0], names[1]} <= set(rig["columns"].values())
+
+
+def test_names_before_a_slash_are_joints_even_where_every_quantity_is_there_once(tmp_path):
+    time = np.arange(500) / 100.0
+    path = tmp_path / "run.csv"
+    pd.DataFrame({"time": time, "hip/position": np.sin(time), "knee/current": np.cos(time)}).to_csv(path, index=False)
+    assert inspect_log(path).rig == {}
+
+
+def test_a_duty_cycle_is_a_voltage_whose_unit_only_the_user_knows(tmp_path):
+    """100 % of an unknown supply voltage is no number of volts."""
+    time = np.arange(500) / 100.0
+    path = tmp_path / "run.csv"
+    pd.DataFrame({"t": time, "enc_rad": np.sin(time), "duty_pct": 60.0 * np.cos(time)}).to_csv(path, index=False)
+    found = inspect_log(path)
+    assert (found.rig["drive"], found.rig["columns"]["joint/voltage"]) == ("voltage", "duty_pct")
+    assert any("unit of 'duty_pct' is not clear" in note for note in found.notes)
+    assert "0.12 for percent of 12 V" in next(column.why for column in found.columns if column.name == "duty_pct")

@@ -154,7 +154,7 @@ def prepare_joint(
         _require_identified(first, plain.terms)
     if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
         require_consistent_signs(first, plain, joint, context.drive, context.load)
-        plain = at_reverse_regression(first, plain)
+        plain = at_reverse_regression(first, plain, context.drive)
     first, other, plain = _with_sensor_errors(first, other, plain, context)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     floor = noise_floor(first, plain)

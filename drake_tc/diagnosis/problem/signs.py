@@ -8,13 +8,14 @@ An effort that goes against the balance altogether (1/K <= 0 in the declared mod
 sign the load explains next to nothing of the effort), or a load tau whose negative leaves at most half as much of an
 effort that is far from explained, is a column of the wrong sign and not a property of the joint.
 
-Where 1/K is 0 although the effort rises with the load, no sign is wrong (`drive_gain`).
+Where 1/K is 0 although the effort rises with the load, no sign is wrong (`drive_gain`). Nor is one wrong where the
+balance of a position servo holds with integral action, y + K_i int y dt in place of y.
 """
 
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
-from drake_tc.diagnosis.problem.drive_gain import not_identifiable, tells_drive_gain, turned_column
+from drake_tc.diagnosis.problem.drive_gain import beside_the_load, not_identifiable, tells_drive_gain, turned_column
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
@@ -38,26 +39,38 @@ def require_consistent_signs(
     Raises:
         IdentificationError: One line that names the column and the repair.
     """
+    tells = tells_drive_gain(columns, declared)
+    found = [
+        _objection(columns, others, joint, drive, load_kind, tells=tells) for others in beside_the_load(columns, drive)
+    ]
+    if (objection := found[0]) is not None and None not in found:
+        raise objection
+
+
+def _objection(
+    columns: Columns, others: FloatArray, joint: str, drive: DriveKind, load_kind: LoadKind, *, tells: bool
+) -> IdentificationError | None:
+    """What the signs of load and effort are accused of, if the effort holds `others` (N, k) beside the load."""
     samples = columns.samples
     s = samples.signals
     effort = samples.reduce(s.effort)
     load = samples.reduce(s.load_torque)
     inertia = s.rotor_inertia * samples.reduce(s.acceleration)
-    friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(load.size)])
-    as_it_is, turned, without = (_unexplained(effort, x, friction) for x in (load + inertia, -load + inertia, 0 * load))
-    if not tells_drive_gain(columns, declared) and as_it_is > LOAD_EXPLAINS * without:
-        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
+    as_it_is, turned, without = (_unexplained(effort, x, others) for x in (load + inertia, -load + inertia, 0 * load))
+    if not tells and as_it_is > LOAD_EXPLAINS * without:
+        return not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
     if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
-        raise IdentificationError(
+        return IdentificationError(
             f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "
             f"of the effort unexplained, as it is {as_it_is:.3g}; {turned_column(joint, drive, load_kind)}"
         )
+    return None
 
 
-def _unexplained(effort: FloatArray, torque: FloatArray, friction: FloatArray) -> float:
+def _unexplained(effort: FloatArray, torque: FloatArray, others: FloatArray) -> float:
     """RMS of the effort (N,) that the balance with this joint torque (N,) leaves, its gain K not negative."""
-    columns = np.column_stack([torque, friction])
+    columns = np.column_stack([torque, others])
     solution = np.linalg.lstsq(columns, effort, rcond=None)[0]
     if solution[0] < 0.0:
-        columns, solution = friction, np.linalg.lstsq(friction, effort, rcond=None)[0]
+        columns, solution = others, np.linalg.lstsq(others, effort, rcond=None)[0]
     return float(np.sqrt(np.mean((effort - columns @ solution) ** 2)))

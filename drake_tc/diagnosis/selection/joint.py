@@ -46,7 +46,7 @@ def search(
     """
     known = frozenset(t.effect.key for t in declared)
     problem = JointProblem(columns, effects, context, known, floor, executor)
-    baseline = at_reverse_regression(columns, refine(columns, fit(columns, declared)))
+    baseline = at_reverse_regression(columns, refine(columns, fit(columns, declared)), context.drive)
     found = select(problem, baseline, thresholds, progress)
     problem, found = with_uncommon_effects(problem, found, uncommon, thresholds, progress)
     found = _of_simplest_causes(problem, found, thresholds, progress)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.logs.channels import grid_step
-from drake_tc.logs.inspection.names import Meaning
+from drake_tc.logs.inspection.names import DUTY_CYCLE, Meaning
 from drake_tc.logs.units import SENSOR_SUFFIXES
 from drake_tc.types import FloatArray
 
@@ -95,6 +95,8 @@ def describe(
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.unit:
         unit, why = told.unit, f"its name states {told.unit}"
+    elif told.by in DUTY_CYCLE:
+        unit, why = "", "a duty cycle: its unit is the voltage [V] of one step of it, 0.12 for percent of 12 V"
     elif told.quantity != "time":
         unit, why = (
             ("rpm", "") if "rpm" in told.by else _unit(told.quantity, float(both.min()), float(both.max()), whole=whole)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
-from drake_tc.logs.inspection.column import Column, describe
+from drake_tc.logs.inspection.column import NAMELESS, Column, describe
 from drake_tc.logs.inspection.column import numbers as in_numbers
 from drake_tc.logs.inspection.names import Meaning, meaning
 from drake_tc.logs.inspection.suggestion import suggested_rig
@@ -73,7 +73,7 @@ def inspect_log(path: Path) -> Inspection:
     notes = [str(note) for note in table.attrs.get("notes", ())]
     numbers = {str(name): in_numbers(table[name]) for name in table.columns}
     found = {name: meaning(name) for name, values in numbers.items() if values is not None}
-    meanings = _distinct(_of_the_only_joint(found), notes)
+    meanings = _distinct(_of_the_only_joint(_of_one_joint(found, notes)), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name])
     columns = tuple(
@@ -105,6 +105,34 @@ def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, 
             column = replace(column, unit=unit, why=why)
         out.append(column)
     return tuple(out)
+
+
+def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning | None]:
+    """The meanings, where a log that has no quantity of two joints is the log of one joint.
+
+    `knee_angle`, `motor_i` and `tau_sensor` then belong together: what their names say beside the quantity are parts
+    of that joint. It is called like its position. Names with an owner before a slash are taken at their word.
+    """
+    of_joints = {
+        name: told
+        for name, told in found.items()
+        if told is not None and told.quantity != "time" and not told.joint.startswith(("imu_", "ft_"))
+    }
+    owners: dict[str, set[str]] = {}
+    for told in of_joints.values():
+        owners.setdefault(told.quantity, set()).add(told.joint)
+    joints = {told.joint for told in of_joints.values()}
+    if len(joints) < 2 or any("/" in name for name in of_joints) or any(len(own) > 1 for own in owners.values()):
+        return dict(found)
+    motion = next((owners[quantity] for quantity in ("position", "velocity") if quantity in owners), {""})
+    joint = next(iter(motion))
+    others = sorted(joints - {joint, ""})
+    if others:
+        notes.append(
+            "The log has every quantity only once, so its columns are taken for those of one joint "
+            f"(named {joint or NAMELESS}). No joint of their own: {', '.join(others)}."
+        )
+    return {name: replace(of_joints[name], joint=joint) if name in of_joints else told for name, told in found.items()}
 
 
 def _of_the_only_joint(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:

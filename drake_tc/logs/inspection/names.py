@@ -7,11 +7,14 @@ from types import MappingProxyType
 
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
 
+DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
+"""Names of a voltage that is stated as a share of the supply voltage."""
 QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "position": (
             *("position", "pos", "q", "qpos", "angle", "ang", "theta", "actual_q", "present_position", "encoder"),
             *("joint_position", "joint_pos", "q_actual", "q_meas", "measured_position", "state_position", "phi"),
+            *("present_pos", "actual_pos", "enc", "encoder_position", "encoder_pos", "encoder_angle"),
         ),
         "position_command": (
             *(
@@ -29,6 +32,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("q_ref", "q_d", "q_des", "q_cmd", "q_target", "target_q", "desired_position", "position_desired"),
             *("goal_position", "position_reference", "reference", "ref", "desired", "target_position", "position_ref"),
             *("position_target", "theta_ref", "theta_des", "action", "pos_ref", "pos_des", "pos_target", "target_pos"),
+            *("goal_pos", "desired_pos"),
         ),
         "velocity": (
             *("velocity", "vel", "dq", "qd", "speed", "omega", "actual_qd", "present_velocity", "q_dot", "qvel"),
@@ -38,7 +42,10 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
             *("i_q", "i_meas", "current_a", "actual_i"),
         ),
-        "voltage": ("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor"),
+        "voltage": (
+            *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor"),
+            *DUTY_CYCLE,
+        ),
         "torque": (
             *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
             *("load_torque", "tau_ext", "torque_meas", "torque_nm"),
@@ -53,7 +60,10 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "velocity_command": ("velocity_command", "vel_cmd", "cmd_vel", "dq_ref", "dq_des", "velocity_ref", "qd_des"),
         "motor_position": ("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position"),
         "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature"),
-        "supply_voltage": ("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts"),
+        "supply_voltage": (
+            *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
+            *("v_bat", "v_bus", "v_supply", "vsupply"),
+        ),
         "time": ("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
     }
 )

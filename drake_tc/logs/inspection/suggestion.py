@@ -1,6 +1,7 @@
 """From the columns of a log to a rig file to start from."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from drake_tc.logs.inspection.column import SI, Column
@@ -31,6 +32,10 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
         if told is not None and column.canonical and not told.joint.startswith(("imu_", "ft_")):
             by_joint.setdefault(column.canonical.rpartition("/")[0], {})[told.quantity] = column
     time = by_joint.pop("", {}).get("time")
+    for has in by_joint.values():
+        if "current" not in has and "current_command" in has:
+            commanded = has["current_command"]
+            has["current"] = replace(commanded, canonical=f"{commanded.canonical.rpartition('/')[0]}/current")
     drives: dict[str, str] = {}
     for joint, has in by_joint.items():
         drive = next((kind for kind, command in DRIVES if command in has), None)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.joint import diagnose_joint
@@ -16,7 +17,7 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.record import Run
 
-from ..rigs import COMMAND, Joint, motion, record, rig_of, servo
+from ..rigs import COMMAND, Joint, Motion, motion, record, rig_of, servo, sines
 
 TERMS = (Term(effect("viscous")), Term(effect("coulomb")))
 NOISY = Joint(torque_noise=0.3)
@@ -123,3 +124,39 @@ def test_a_computed_load_has_no_torque_column_that_could_be_turned(turned, load,
     with pytest.raises(IdentificationError, match=r"units: \{joint/current: -A\}") as caught:
         require_consistent_signs(rows, fit(rows, TERMS), "joint", "current", load)
     assert source in str(caught.value) and "-N*m" not in str(caught.value)
+
+
+def with_integral_action(rate: float) -> tuple[Run, Joint]:
+    """A pendulum on a servo with y + rate int y dt = K (tau + ...), by the bilinear transform of s/(s + rate)."""
+    joint = servo(inertia=0.05, viscous=0.2, coulomb=1.0, duration=40.0)
+    time = joint.times()
+    q, v, a = sines(time, ((0.11, 0.6, 0.0), (0.17, 0.4, 0.9)), 0.0)
+    m = Motion(time, q, v, a, 8.0 * np.sin(q))
+    need = joint.gain * (m.tau + joint.inertia * m.a + joint.viscous * m.v + joint.coulomb * np.sign(m.v))
+    half = 0.5 * rate * joint.period
+    at_start = need[:1] * (1.0 - 1.0 / (1.0 + half))  # the integral is 0, and the effort is the need
+    effort = lfilter([1.0, -1.0], [1.0 + half, half - 1.0], need, zi=at_start)[0]
+    torque = m.tau + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    columns = {"joint/position": m.q, "joint/torque": torque, "joint/position_command": m.q + effort}
+    return joint.run("run", columns), joint
+
+
+def test_a_strong_integral_action_is_no_wrong_sign_and_is_found():
+    """Its integral rate is above the frequencies of the motion, and the effort does not rise with the load."""
+    rate = 8.0
+    made, joint = with_integral_action(rate)
+    columns = columns_of(made, joint)
+    assert not tells_drive_gain(columns, fit(columns, TERMS))
+    found = diagnose_joint([made], [], rig_of(joint), "joint", DiagnosisOptions(assess_residual=False))
+    (integrator,) = found.effects
+    assert integrator.id == "servo_integrator"
+    assert integrator.parameters["integral_rate"].value == pytest.approx(rate, rel=0.02)
+    assert found.final.gain == pytest.approx(joint.gain, rel=0.02)
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0, 4.0])
+def test_a_wrong_sign_is_refused_also_where_integral_action_is_missing(rate):
+    made, joint = with_integral_action(rate)
+    columns = columns_of(replace(made, columns=made.columns | {"joint/torque": -made.columns["joint/torque"]}), joint)
+    with pytest.raises(IdentificationError, match=r"torque: -N\*m"):
+        require_consistent_signs(columns, fit(columns, TERMS), "joint", "position_servo")
