@@ -94,10 +94,12 @@ def headline(joint: JointResult) -> str:
     scale = scale_for(max((e for e in (before, after) if np.isfinite(e)), default=0.0), joint.unit)
     names = joined([e.title for e in joint.effects])
     above = f"{significant(after / floor)} times the noise floor" if floor > 0.0 else f"and {NO_FLOOR}"
+    left = "" if joint.verdict in ("no_missing_effect", "effects_found") else unexplained(joint)
     change = (
-        f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)}), "
-        f"{above}"
+        f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)})"
     )
+    if "times the noise floor" not in left:
+        change += f", {above}"
     if joint.set_up_wrong:
         return (
             "No effects were looked for, because the set-up of the robot is wrong. The held-out error is "
@@ -113,14 +115,14 @@ def headline(joint: JointResult) -> str:
         fits = "fits" if one else "fit"
         return (
             f"The cause of most of the error was not found. Of the effects in the library, {names} {fits} best: with "
-            f"{'it' if one else 'them'}, {change}. {capital(unexplained(joint))}"
+            f"{'it' if one else 'them'}, {change}. {capital(left)}"
         )
     found = f"Missing in the model: {names}. With {'it' if one else 'them'}, {change}." if joint.effects else ""
     if joint.verdict == "effects_found":
         return found
     if found:
-        return f"{found} However, {unexplained(joint)}"
-    return f"No effect of the library was added. {capital(unexplained(joint))}"
+        return f"{found} However, {left}"
+    return f"No effect of the library was added. {capital(left)}"
 
 
 def capital(sentence: str) -> str:

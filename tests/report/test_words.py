@@ -147,9 +147,9 @@ def test_effects_that_leave_most_of_the_error_are_not_called_missing(joint, verd
     titles = [e.title for e in joint.effects]
     assert plain(headline(most)).startswith(
         f"The cause of most of the error was not found. Of the effects in the library, {titles[0]} and {titles[1]} fit "
-        "best: with them, the held-out error goes from 100 mA to 80.0 mA (1.2 times smaller), 40.0 times the noise "
-        "floor. The remaining error"
+        "best: with them, the held-out error goes from 100 mA to 80.0 mA (1.2 times smaller)"
     )
+    assert plain(headline(most)).count("times the noise floor") == 1
     assert f"{titles[0]} fits best: with it," in plain(headline(replace(most, effects=most.effects[:1])))
     assert any("80 % of the held-out error is left" in plain(each) for each in warnings(most))
     less = replace(most, before=Errors(1.0, 0.2, None))
