@@ -2,8 +2,8 @@
 
 import math
 
-from drake_tc.control.instant import unit
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.instant import unit
 
 SHORTEST = 1e-6
 """Duration [s]: below it, rates are no numbers any more."""

@@ -2,12 +2,15 @@
 
 from typing import Any
 
+import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.array_stage import Arrays, ArrayStage, places
-from drake_tc.control.references import Path
+from drake_tc.control.references import Path, Swing
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call
+
+_ALWAYS = np.array([np.inf])
 
 
 class ReferenceSource(PortMethods, LeafSystem):
@@ -32,16 +35,21 @@ class ReferenceSource(PortMethods, LeafSystem):
         self._path = path
         self.DeclareVectorOutputPort("reference", path.size, self._write, {self.time_ticket()})
 
+    @property
+    def path(self) -> Path:
+        """What is followed."""
+        return self._path
+
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
 
         def bind(arrays: Arrays) -> tuple[Call, None]:
-            out, row = arrays.out, self._path.row
+            out, path = arrays.out, self._path
 
             def outputs(time: float) -> None:
-                out[:] = row(time)
+                out[:] = path.row(time)
 
-            return outputs, None
+            return (path.call(_ALWAYS, out, outputs) if isinstance(path, Swing) else outputs), None
 
         return ArrayStage(self._path.size, places({"reference": slice(self._path.size)}), bind)
 

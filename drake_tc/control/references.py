@@ -12,12 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
-from drake_tc.control.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
 from drake_tc.control.reference_checks import check_quaternions, check_times
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.control.smooth_step import Motion, smooth_step
 from drake_tc.errors import ParamsError
-from drake_tc.types import FloatArray
+from drake_tc.kernels.calls import SWING, KernelCall
+from drake_tc.kernels.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
+from drake_tc.types import Call, FloatArray
 
 
 class Path(Protocol):
@@ -212,6 +213,18 @@ class Swing:
         """The axis, and R_0, for `row`."""
         (x, y, z), length = self.axis, math.hypot(*self.axis)
         return (x / length, y / length, z / length), unit(self.start)
+
+    def call(self, until: FloatArray, out: FloatArray, later: Call) -> KernelCall:
+        """`row` into `out` (10,), as a function of the time [s].
+
+        Args:
+            until: (1,) up to which time [s].
+            out: Written.
+            later: What to call after that time.
+        """
+        axis, first = self._plain
+        numbers = np.array([*axis, self.amplitude, self.begin, self.rise, 2.0 * math.pi * self.frequency_hz, *first])
+        return KernelCall(SWING, later, numbers, until, out)
 
     def row(self, time: float) -> FloatArray:
         """[quaternion w x y z; omega; alpha] at `time` [s]: the reference of an orientation."""

@@ -9,6 +9,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.array_stage import Arrays, ArrayStage, offered_stage, places
+from drake_tc.control.reference_source import ReferenceSource
+from drake_tc.control.references import Swing
 from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
@@ -41,6 +43,7 @@ class StoppingReference(PortMethods, LeafSystem):
         output = source.get_output_port()
         size = int(output.size())
         self._source, self._output, self._dt = source, output, dt
+        self._path = source.path if type(source) is ReferenceSource else None
         self._layout = LAYOUTS[size]
         self._stop: Any = self.DeclareVectorInputPort("stop", 1)
         never: Any = np.array([math.inf])
@@ -63,7 +66,7 @@ class StoppingReference(PortMethods, LeafSystem):
         def bind(arrays: Arrays) -> tuple[Call, Call | None]:
             out, before, after = arrays.out, arrays.before, arrays.after
             stop: Any = arrays.inputs.get("stop")
-            source = self._source_on_arrays()
+            source, path = self._source_on_arrays(), self._path
 
             def outputs(time: float) -> None:
                 out[:] = _slowed(source, self._layout, time, float(before[0]))
@@ -72,7 +75,8 @@ class StoppingReference(PortMethods, LeafSystem):
                 if before[0] == math.inf and stop[0] > 0.5:
                     after[0] = time
 
-            return outputs, None if stop is None else update
+            calculated = path.call(before, out, outputs) if isinstance(path, Swing) else outputs
+            return calculated, None if stop is None else update
 
         ports, start = places({"reference": slice(size)}), np.array([math.inf])
         return ArrayStage(size, ports, bind, updates=frozenset({"stop"}), start=start, period=self._dt)

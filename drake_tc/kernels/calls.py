@@ -10,7 +10,7 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import Call, FloatArray, IntArray
 
 COPY, GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(12)
-ABOVE, COPY_BELOW, COPY_AFTER, MOTORS, BASE_OUTPUTS, VOTE, REMEMBER, SPRING_LAW, IMU, WRENCHES = range(12, 22)
+ABOVE, COPY_BELOW, COPY_AFTER, MOTORS, BASE_OUTPUTS, VOTE, REMEMBER, SPRING_LAW, IMU, WRENCHES, SWING = range(12, 23)
 """Kinds of calls in a sequence."""
 BETWEEN_TICKS = 1e-6
 """Fraction of a tick: a time that is later than a tick by less than this counts as the tick itself."""

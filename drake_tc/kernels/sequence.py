@@ -38,6 +38,7 @@ from drake_tc.kernels.calls import (
     REMEMBER,
     SOLVE,
     SPRING_LAW,
+    SWING,
     VOTE,
     WRENCHES,
 )
@@ -47,6 +48,7 @@ from drake_tc.kernels.guard import step
 from drake_tc.kernels.inverse_dynamics import motion_torque
 from drake_tc.kernels.joint_torque import estimate
 from drake_tc.kernels.joint_voting import remember, vote
+from drake_tc.kernels.reference import swing
 from drake_tc.kernels.savitzky_golay import advance as filtered
 from drake_tc.kernels.sensor import reading
 from drake_tc.kernels.series_elastic import law
@@ -168,6 +170,10 @@ def run(calls: IntArray, time: float) -> int:
             given, kept, begins = vector(c, 0), vector(c, 1), time >= vector(c, 2)[0]
             for k in range(kept.shape[0]):
                 kept[k] = given[k] if begins else 0.0
+        elif kind == SWING:
+            if not time <= vector(c, 1)[0]:
+                return i
+            swing(time, vector(c, 0), vector(c, 2))
         elif kind == MOTORS:
             motors(vector(c, 0), vector(c, 1), table(c, 2), matrix(c, 3), vector(c, 4))
         elif kind == BASE_OUTPUTS:

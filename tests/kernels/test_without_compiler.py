@@ -23,6 +23,7 @@ FILES = (
     "tsid/test_warm_start.py",
     "tsid/test_warm_tick.py",
     "sensor_validation/test_fault_monitor.py",
+    "kernels/test_instant.py",
     "kernels/test_newton_euler.py",
     "kernels/test_sensor_reading.py",
     "estimation/test_torque_model.py",

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
-from drake_tc.control.instant import step_at, turned, unit
 from drake_tc.control.references import PointToPoint, Slerp, Swing, smooth_step
 from drake_tc.control.rotation import cross, quaternion_of, rotation_matrix
+from drake_tc.kernels.calls import sequences
+from drake_tc.kernels.compiling import interpreted
+from drake_tc.kernels.instant import step_at, turned, unit
+from drake_tc.kernels.reference import swing
 
 MOVE = PointToPoint((0.1, -0.2, 0.9), (0.3, 0.1, 0.7), 0.4, 0.9)
 TURN = Slerp((0.9, 0.1, -0.3, 0.2), (-0.2, 0.7, 0.1, 0.5), 0.4, 0.9)
@@ -51,3 +54,17 @@ def test_the_cross_product_is_numpys_own_to_the_bit():
     rng = np.random.default_rng(3)
     for a, b in rng.standard_normal((20, 2, 3)):
         assert_allclose(cross(a, b), np.cross(a, b), rtol=0, atol=0)
+
+
+def test_a_compiled_swing_is_its_row_bit_by_bit_and_ends_where_it_is_told():
+    out, asked, until = np.zeros(10), [], np.array([2.0])
+    (call,) = sequences([SWING.call(until, out, asked.append)] * (1 if interpreted() else 2))
+    for now in TIMES[TIMES <= 2.0]:
+        if not interpreted():
+            call(now)
+            assert_array_equal(out, SWING.row(now))
+        swing(now, *SWING.call(until, out, asked.append).arguments[::2])
+        assert_array_equal(out, SWING.row(now))
+    assert not asked
+    call(2.1)
+    assert set(asked) == {2.1}

@@ -1,6 +1,7 @@
 """References at one instant on plain floats, for loops in which an array of one sample costs more than its numbers.
 
-The numbers are those of `drake_tc.control.references` for many samples, to rounding.
+The numbers are those of `drake_tc.control.references` for many samples, to rounding. `drake_tc.kernels.reference`
+compiles the same functions; they take powers by `math.pow`, as a compiled `**` multiplies.
 """
 
 import math
@@ -28,9 +29,9 @@ def step_at(time: float, begin: float, duration: float) -> Triple:
         return u, u, u
     left = 1.0 - u
     hump = u * left
-    value = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+    value = math.pow(u, 4.0) * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
     second = 420.0 * hump * hump * (1.0 - 2.0 * u)
-    return value, 140.0 * hump**3 / duration, second / duration**2
+    return value, 140.0 * math.pow(hump, 3.0) / duration, second / math.pow(duration, 2.0)
 
 
 def swinging(size: Triple, frequency: float, phase: float) -> Triple:
@@ -45,7 +46,7 @@ def swinging(size: Triple, frequency: float, phase: float) -> Triple:
         return phase * 0.0, phase * 0.0, phase * 0.0
     w, sine, cosine = frequency, math.sin(phase), math.cos(phase)
     a, rate, growth = size
-    return a * sine, rate * sine + a * w * cosine, growth * sine + 2.0 * rate * w * cosine - a * w**2 * sine
+    return a * sine, rate * sine + a * w * cosine, growth * sine + 2.0 * rate * w * cosine - a * math.pow(w, 2.0) * sine
 
 
 def unit(values: FloatArray | tuple[float, ...]) -> Quadruple:
