@@ -10,7 +10,7 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
-from drake_tc.diagnosis.notes import GapCrossings, GearBetweenEncoders, Sticking
+from drake_tc.diagnosis.notes import ChargedIntegrator, GapCrossings, GearBetweenEncoders, Sticking
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_drive_gain, with_drive_gain
@@ -42,6 +42,7 @@ from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.result.widening import parameters_of
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.searches import Stage, of_its_gear, searched
+from drake_tc.diagnosis.selection.charged_integrator import charged_integrator
 from drake_tc.diagnosis.selection.confirmation import confirm
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
@@ -98,6 +99,9 @@ def diagnose_joint(
         sampled_late=options.effort_age,
     )
     stage, prepare = of_its_gear(prepare, options, progress, executor)
+    if charged := charged_integrator(prepare, stage.prepared, stage.found.chosen.terms):
+        prepare = partial(prepare, centred=True)
+        stage = searched(charged, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms
     if moved := position_recorded_late(prepare, first, terms):
         stage = searched(moved, options, progress, executor, without=LATE)
@@ -195,6 +199,7 @@ def diagnose_joint(
             *notes,
             *without_rows((columns.samples, held.samples)),
             *_open_gap(columns.samples),
+            *((ChargedIntegrator(),) if columns.samples.centred else ()),
             *_sticking(columns, chosen, context),
         ),
     )

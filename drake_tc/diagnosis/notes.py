@@ -207,6 +207,11 @@ class RunsWithoutMotion:
 
 
 @dataclass(frozen=True)
+class ChargedIntegrator:
+    """The servo's integral was not zero when the runs began, so channels are taken less their means."""
+
+
+@dataclass(frozen=True)
 class GapCrossings:
     """Rows near a sign change of the load torque take no part, because the teeth of the gear are apart there.
 
@@ -269,6 +274,7 @@ Note = (
     | NoiseNote
     | RunsWithoutMotion
     | GapCrossings
+    | ChargedIntegrator
     | NoFreeRun
     | FreeRunDiverges
 )

@@ -10,6 +10,7 @@ import pytest
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.notes import (
+    ChargedIntegrator,
     CorrelatedTorqueNoise,
     DriveNote,
     FreeRunDiverges,
@@ -187,6 +188,7 @@ NOTES = [
         GapCrossings(0.0884),
         ["the gear has backlash, rows within 88 ms of a sign change of the load torque take no part"],
     ),
+    (ChargedIntegrator(), ["integral already held a torque", "Effects that act as a constant"]),
     (PositionRecordedLate(0.01), ["recorded 10 ms after it was measured", "Check the time stamps of the encoder."]),
     (
         ViscousByAge(0.04, 0.002),

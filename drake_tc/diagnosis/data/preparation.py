@@ -112,6 +112,7 @@ def build_samples(
     effort_age: float = 0.0,
     gap: OpenGap | None = None,
     position_late: float = 0.0,
+    centred: bool = False,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -127,6 +128,7 @@ def build_samples(
             negative if it is recorded after it acted.
         gap: Samples at which the teeth of the gear are apart, which take no part; None for a gear without backlash.
         position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
+        centred: Whether all channels of the balance are taken less their means over each stretch.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -208,6 +210,7 @@ def build_samples(
         effort_age=effort_age,
         units=replace(rig.units_of(joint), torque_as_effort=scale.as_effort),
         position_late=position_late,
+        centred=centred,
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )

@@ -19,6 +19,8 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 CHUNK_SECONDS = 5.0
 HELD = 0.5
 """Age of an effort that is held until the next sample [sampling periods]: the mean over one period."""
+CONSTANT = 1e-9
+"""Of the largest mean: values that vary less are constant but for rounding."""
 LONGEST_MEMORY = 0.5
 """Of a filter of the effort [s]."""
 
@@ -43,6 +45,7 @@ class Samples:
         units: Of the joint's quantities; torques are told as effort where nothing fixes their scale (`load_scale`).
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
         position_late: Delay with which the position is recorded [s].
+        centred: Whether `reduce` takes the mean over the rows of each stretch off all that it reduces.
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
         open_within: Samples nearer than this time to a sign change of the transmitted torque take no part [s]; 0 where
@@ -72,6 +75,7 @@ class Samples:
     loop_gains: tuple[float, ...] = ()
     open_within: float = 0.0
     position_late: float = 0.0
+    centred: bool = False
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""
@@ -87,7 +91,15 @@ class Samples:
             kept = [self.reduce(values[:, k], fresh=fresh) for k in range(values.shape[1])]
             return np.stack(kept, axis=-1) if kept else np.zeros((self.rows.size, 0))
         low_pass, places = self._both if fresh else self._final
-        return low_pass.at(values, places)
+        reduced = low_pass.at(values, places)
+        return self._less_means(reduced) if self.centred else reduced
+
+    def _less_means(self, values: FloatArray) -> FloatArray:
+        """Values (N,) of the rows less their means over each stretch; exactly 0 where they are constant."""
+        stretch = np.searchsorted([s.stop for s in self.segments], self.rows, side="right")
+        means = np.bincount(stretch, values) / np.maximum(np.bincount(stretch), 1)
+        left = values - means[stretch]
+        return np.where(np.abs(left) > CONSTANT * np.abs(means).max(initial=0.0), left, 0.0)
 
     def rate(self, values: FloatArray) -> FloatArray:
         """Time derivative of values (N,) of the rows from neighbouring rows; 0 of a row that has none [1/s]."""

@@ -39,8 +39,9 @@ def beside_the_load(columns: Columns, drive: DriveKind) -> Iterator[FloatArray]:
     s = samples.signals
     friction = np.column_stack([samples.reduce(s.velocity), samples.reduce(s.direction), np.ones(columns.target.size)])
     yield friction
-    if drive == "position_servo":
-        yield np.column_stack([friction, columns.of(Term(ServoIntegrator()))])
+    if drive == "position_servo":  # the integral may be charged when a run begins: a constant of its own for each run
+        runs = (samples.run[:, None] == np.unique(samples.run)).astype(np.float64)
+        yield np.column_stack([friction[:, :2], runs, columns.of(Term(ServoIntegrator()))])
 
 
 def at_reverse_regression(columns: Columns, declared: Fit, drive: DriveKind) -> Fit:

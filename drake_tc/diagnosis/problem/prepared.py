@@ -103,6 +103,7 @@ def prepare_joint(
     sampled_late: float = 0.0,
     gap: OpenGap | None = None,
     position_late: float = 0.0,
+    centred: bool = False,
     command_held: bool | None = None,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
@@ -119,6 +120,7 @@ def prepare_joint(
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
         gap: As in `build_samples`.
         position_late: As in `build_samples` [s].
+        centred: As in `build_samples`.
         command_held: Whether position servos hold their commands, where that is decided; None lets this joint decide.
 
     Raises:
@@ -134,6 +136,7 @@ def prepare_joint(
         compliance=compliance,
         gap=gap,
         position_late=position_late,
+        centred=centred,
     )
     servo = rig.drive[joint] == "position_servo"
     if command_held is None or not servo:

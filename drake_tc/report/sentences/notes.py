@@ -6,6 +6,7 @@ from typing import assert_never
 
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import (
+    ChargedIntegrator,
     CorrelatedTorqueNoise,
     FreeRunDiverges,
     FreeRunObstacle,
@@ -84,6 +85,13 @@ def note_sentence(note: Note) -> str:
             return (
                 f"Runs without a stretch of motion as long as the filter window ({1e3 * window:.3g} ms) take no part: "
                 f"{', '.join(runs)}."
+            )
+        case ChargedIntegrator():
+            return (
+                "The servo's integral already held a torque when the runs began, and the logs do not show how much. "
+                "The mean of every channel over each stretch without gaps therefore takes no part in the fit. Effects "
+                "that act as a constant, such as a bias of the torque sensor, cannot be found, and the free run begins "
+                "with an integral of zero."
             )
         case GapCrossings(within):
             return (

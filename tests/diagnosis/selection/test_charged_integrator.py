@@ -1,0 +1,47 @@
+"""A servo's integral that holds a load when the log begins is found as well as one that begins at zero."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.notes import ChargedIntegrator
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.logs.record import Run
+
+from ..rigs import Joint, record, rig_of, servo
+
+RATE = 1.5
+JOINT = servo(torque_noise=0.05)
+
+
+def integrating(joint: Joint, name: str, shift: float, charge: float) -> Run:
+    """y + RATE (I_0 + int y dt) = K (tau + ...), by the bilinear transform; RATE I_0 is `charge` first needs."""
+    made = record(joint, name, shift)
+    need = made.columns["joint/position_command"] - made.columns["joint/position"]
+    half = 0.5 * RATE * joint.period
+    need = need - charge * need[0]
+    effort = lfilter([1.0, -1.0], [1.0 + half, half - 1.0], need, zi=need[:1] * (1.0 - 1.0 / (1.0 + half)))[0]
+    return replace(made, columns=made.columns | {"joint/position_command": made.columns["joint/position"] + effort})
+
+
+@pytest.mark.parametrize(("charges", "noted"), [((0.0, 0.0), False), ((1.0, 1.6), True)])
+def test_integral_action_is_found_whatever_the_integral_holds_at_first(charges, noted):
+    runs = [integrating(JOINT, f"run{k}", 0.9 * k, charge) for k, charge in enumerate(charges)]
+    found = diagnose_joint(runs, [], rig_of(JOINT), "joint", DiagnosisOptions(assess_residual=False))
+    (integrator,) = found.effects
+    assert integrator.id == "servo_integrator"
+    assert integrator.parameters["integral_rate"].value == pytest.approx(RATE, rel=0.01)
+    assert found.final.gain == pytest.approx(JOINT.gain, rel=0.01)
+    assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(JOINT.viscous, rel=0.05)
+    assert any(isinstance(note, ChargedIntegrator) for note in found.notes) == noted
+
+
+def test_a_servo_without_integral_action_keeps_its_means():
+    """A torque ripple that is not in the library's reach leaves more than the noise, and no integral explains it."""
+    joint = replace(JOINT, extra=lambda m: 2.0 * np.sign(np.sin(40.0 * m.q)))
+    runs = [record(joint, f"run{k}", 0.9 * k) for k in range(2)]
+    found = diagnose_joint(runs, [], rig_of(joint), "joint", DiagnosisOptions(assess_residual=False))
+    assert not any(isinstance(note, ChargedIntegrator) for note in found.notes)
