@@ -3,6 +3,9 @@
 Each resembles a more common effect and would be named in its place now and then if both were always tried. Where the
 model of common effects is wrong, however, these imitate the cause: a torque constant that falls with the current looks
 like gear friction that depends on the direction of power, and two thirds of the error remain.
+
+A wave of any period, amplitude and phase fits much that it is not, for example viscous friction that varies with the
+position. It must therefore leave next to nothing but noise.
 """
 
 from collections.abc import Sequence
@@ -11,6 +14,7 @@ from dataclasses import replace
 from drake_tc.diagnosis.selection.engine import Progress, select
 from drake_tc.diagnosis.selection.joint_problem import JointProblem, Search
 from drake_tc.diagnosis.selection.shape_refinement import refine
+from drake_tc.diagnosis.selection.shapes import PERIOD
 from drake_tc.diagnosis.thresholds import LEAST_UNCOMMON, SearchThresholds
 from drake_tc.effects.base import Effect
 
@@ -20,7 +24,8 @@ def with_uncommon_effects(
 ) -> tuple[JointProblem, Search]:
     """The problem and its search with those uncommon effects that explain a quarter of what is left, else as they are.
 
-    The new search is taken where it chose one of them and leaves a quarter less than the old one.
+    The new search is taken where it chose one of them and leaves a quarter less than the old one, and with a wave
+    (`cycles_per_turn`) at most `own_floors` noise floors.
 
     Args:
         problem: One joint's, with common effects.
@@ -37,10 +42,11 @@ def with_uncommon_effects(
         return problem, found
     wider = replace(problem, effects=[*problem.effects, *telling])
     other = select(wider, found.baseline, thresholds, progress)
-    names = {effect.key for effect in telling}
-    if other.chosen.cv_rms <= most and any(term.effect.key in names for term in other.chosen.terms):
-        return wider, other
-    return problem, found
+    keys = {effect.key for effect in telling}
+    named = [term.effect for term in other.chosen.terms if term.effect.key in keys]
+    if any(parameter.name == PERIOD for effect in named for parameter in effect.shapes):
+        most = min(most, thresholds.own_floors * problem.noise)
+    return (wider, other) if named and other.chosen.cv_rms <= most else (problem, found)
 
 
 def _least_error(problem: JointProblem, found: Search, effect: Effect) -> float:

@@ -89,8 +89,9 @@ def test_a_torque_constant_that_varies_with_the_angle_is_found_at_its_size(cosin
         lambda m: 0.8 * np.cos(18.0 * m.q),
         lambda m: 0.8 * np.cos(9.0 * m.q) * np.sign(m.v),
         lambda m: 0.2 * np.abs(m.tau) * np.sign(m.v),
+        lambda m: 4.0 * np.sin(2.0 * m.q) * m.v,
     ],
-    ids=["cogging", "friction over the angle", "load-dependent friction"],
+    ids=["cogging", "friction over the angle", "load-dependent friction", "viscous friction over the angle"],
 )
 def test_no_varying_torque_constant_is_named_in_the_place_of_its_neighbours(extra):
     bench = Joint(torque_noise=0.05, extra=extra)
