@@ -38,7 +38,7 @@ def look(monkeypatch):
         with pytest.raises(Looked):
             close_loop(folder / "rig.yaml", [run for run in runs if run not in held], held, DiagnosisOptions())
         left, check = seen.pop()
-        return left, [] if check is None else check.errors
+        return left, [] if check is None else list(check.errors)
 
     return of
 
