@@ -11,7 +11,8 @@
 3. Each joint's own effects, searched on loads at that estimate, beside what the other joints leave open of the links
    (`problem.shared.open_directions`).
 4. The links anew beside these effects; steps 3 and 4 until the effects no longer change.
-5. Each joint's whole diagnosis on these loads, and the links beside what was confirmed (`confirmed_effects`).
+5. Each joint's whole diagnosis on these loads, and the links beside what was confirmed (`confirmed_effects`). Effects
+   whose sizes may all be zero by the uncertainty of the links go (`uncertain_sizes`).
 
 The model before is that of step 1.
 """
@@ -49,6 +50,7 @@ from drake_tc.diagnosis.robot.start import (
     fitted_beside,
     in_wide_enough_band,
 )
+from drake_tc.diagnosis.robot.uncertain_sizes import without_uncertain_sizes
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
@@ -91,13 +93,21 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
     case = start.case
     late, raw = (case, start.prepared) if delay is None else _with_term(start, delay.term)
     links = _searched(late, raw, start.links if delay is None else declared_links(raw, case.causes))
-    made, links = _confirmed(late, raw, links)
-    prepared = declared.case.prepared(*declared.case.without(first.fitted))
-    results = {joint: replace(original_baseline(made[joint], prepared[joint]), links_fitted=True) for joint in joints}
-    results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
     load = next(iter(case.rig.load.values()))
     tolerance = load.gain_tolerance if isinstance(load, RobotLoad) else 0.0
-    results = with_uncertain_gains(results, links.rows, links.fitted, tolerance)
+    prepared = declared.case.prepared(*declared.case.without(first.fitted))
+
+    def widened(made: Mapping[str, JointResult], links: Links) -> dict[str, JointResult]:
+        results = {j: replace(original_baseline(made[j], prepared[j]), links_fitted=True) for j in joints}
+        results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
+        return with_uncertain_gains(results, links.rows, links.fitted, tolerance)
+
+    made, links = _confirmed(late, raw, links, {})
+    results = widened(made, links)
+    certain = without_uncertain_sizes(made, results)
+    if certain is not None:
+        made, links = _confirmed(late, raw, links, certain)
+        results = widened(made, links)
     train_after, held_after = case.without(links.fitted)
     return RobotResult(
         joints=results,
@@ -200,14 +210,16 @@ def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: Links) -> Lin
     return links
 
 
-def _confirmed(case: RobotCase, raw: Mapping[str, Prepared], links: Links) -> tuple[dict[str, JointResult], Links]:
-    """Each joint's diagnosis, and the links beside what was confirmed.
+def _confirmed(
+    case: RobotCase, raw: Mapping[str, Prepared], links: Links, made: dict[str, JointResult]
+) -> tuple[dict[str, JointResult], Links]:
+    """Each joint's diagnosis, and the links beside what was confirmed; `made` is an earlier one, empty for none.
 
     The whole diagnosis may withdraw effects that the fast search found, or find more. The links then belong to other
     models than the joints' final ones. They are fitted anew, and the joints are diagnosed again on these loads with the
     confirmed effects as the only candidates, until nothing changes.
     """
-    joints, made = case.rig.joints, dict[str, JointResult]()
+    joints = case.rig.joints
     for _ in range(1 + MOST_ROUNDS):
         among = {joint: confirmed_effects(result) for joint, result in made.items()} or None
         train, held, priors = links.sides(case)

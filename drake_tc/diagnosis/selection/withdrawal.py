@@ -113,6 +113,18 @@ class SizeMayBeZero:
 
 
 @dataclass(frozen=True)
+class SizesMayBeZero:
+    """All sizes may be zero by the uncertainty of the links, and the effect lowers the held-out error by little.
+
+    Attributes:
+        gain: Relative drop of the held-out error.
+    """
+
+    gain: float
+    reason: ClassVar[Withdrawal] = "below_resolution"
+
+
+@dataclass(frozen=True)
 class ReplacesInertia:
     """An effect beside which nothing is left of a declared rotor inertia, though the declared model fits with it.
 
@@ -242,6 +254,7 @@ Objection = (
     | BelowEncoderStep
     | BelowLeastAmplitude
     | SizeMayBeZero
+    | SizesMayBeZero
     | ReplacesInertia
     | FormOfKnownLoad
     | LevelWithinWander

@@ -20,6 +20,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     Objection,
     ReplacesInertia,
     SizeMayBeZero,
+    SizesMayBeZero,
     TrainingRunAgainst,
     UncertainOnHeldOut,
 )
@@ -32,6 +33,7 @@ _OfValues = (
     | BelowEncoderStep
     | BelowLeastAmplitude
     | SizeMayBeZero
+    | SizesMayBeZero
     | ReplacesInertia
 )
 
@@ -117,6 +119,11 @@ def _of_values(objection: _OfValues) -> str:
             return (
                 f"{shape} is at its bound, and there {size} is not certain to differ from 0: {value:.3g} {unit}, 95 % "
                 f"interval {low:.3g} to {high:.3g}."
+            )
+        case SizesMayBeZero(gain):
+            return (
+                "With the uncertainty of the links, its sizes are not certain to differ from 0, and it lowers "
+                f"the held-out error by {100 * gain:.1f} % only."
             )
         case ReplacesInertia(inertia, floors):
             return (
