@@ -48,7 +48,7 @@ from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late
+from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late, torque_recorded_late
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
 from drake_tc.diagnosis.timing_notes import UnknownAge
 from drake_tc.effects.base import Context
@@ -103,7 +103,7 @@ def diagnose_joint(
         prepare = partial(prepare, centred=True)
         stage = searched(charged, options, progress, executor)
     first, terms = stage.prepared, stage.found.chosen.terms
-    if moved := position_recorded_late(prepare, first, terms):
+    if moved := (position_recorded_late(prepare, first, terms) or torque_recorded_late(prepare, first, terms)):
         stage = searched(moved, options, progress, executor, without=LATE)
     elif (late := sampled_late(rig.command_hold, first, terms)) > 0.0:
         stage = searched(prepare(sampled_late=late), options, progress, executor, without=LATE)

@@ -13,6 +13,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    TorqueRecordedLate,
     UnknownAge,
     ViscousByAge,
 )
@@ -256,6 +257,7 @@ DriveNote = (
     | OlderEffort
     | RecordedLate
     | PositionRecordedLate
+    | TorqueRecordedLate
     | HeldEffort
     | ViscousByAge
     | LateCommand

@@ -43,6 +43,13 @@ class PositionRecordedLate:
 
 
 @dataclass(frozen=True)
+class TorqueRecordedLate:
+    """The load torque is recorded `lead` [s] after it was measured."""
+
+    lead: float
+
+
+@dataclass(frozen=True)
 class HeldEffort:
     """The effort is taken to act unchanged from one sample to the next, one period [s]."""
 

@@ -18,6 +18,8 @@ OTHER_SPEEDS: Mapping[JointType, tuple[tuple[str, float], ...]] = {
     "prismatic": (("mm/s", 1e3), ("m/min", 60.0), ("mm/min", 6e4)),
 }
 """Units in which a velocity may be without a word, with their numbers for 1 rad/s or 1 m/s."""
+ITS_RATE, NOT_ITS_RATE = 0.9, 0.5
+"""Correlation above which a column is the rate of another one, and below which it is not."""
 SMOOTHING_SECONDS = 0.04
 FASTEST_UNSTATED = 50.0
 """Speed [rad/s] above which a velocity is believed only with a stated unit."""
@@ -55,10 +57,10 @@ def _looks_like_degrees(span: float, speed: float, *, servo: bool, stated: bool)
     """Whether numbers taken as radians are more likely degrees.
 
     A joint of a position servo that turns more than twice around, or any geared joint that turns many times around
-    fast, is rarer than a forgotten unit; a rig file that states `rad` is believed unless the speed is absurd.
+    fast, is rarer than a forgotten unit. A rig file that states `rad` is believed: a wheel may turn fast for long.
     """
     if stated:
-        return speed > 200.0 or (span > 50.0 and speed > 40.0)
+        return False
     if servo:
         return span > TWO_TURNS or speed > 50.0
     return speed > 100.0 or (span > 50.0 and speed > 15.0) or (span > TWO_TURNS and speed > 25.0)
@@ -86,9 +88,9 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
             if _looks_like_degrees(span, speed, servo=servo, stated=stated):
                 what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")
                 raise LogError(
-                    f"{path}: column {rig.columns.get(name, name)!r} {what}, no geared joint does: "
+                    f"{path}: column {rig.columns.get(name, name)!r} {what}, which the joints of robots do not: "
                     f"it looks like degrees; set units: {{{suffix}: deg}} in the rig file "
-                    f"(or {suffix}: rad if it is right)"
+                    f"(or {suffix}: rad if it is right, as for a wheel)"
                 )
         if servo:
             _check_command_scale(columns, usable, rig, joint, path)
@@ -155,7 +157,8 @@ def check_velocity(
     Changes `columns` in place when the sign is wrong.
 
     Raises:
-        LogError: A velocity that is degrees or turns a minute to the position's radians.
+        LogError: A velocity that is degrees or turns a minute to the position's radians, or one whose rate is the
+            position.
     """
     notes: tuple[str, ...] = ()
     for joint in rig.joints:
@@ -167,6 +170,12 @@ def check_velocity(
         if rate.std() == 0.0:
             continue
         correlation = float(np.corrcoef(rate, velocity)[0, 1])
+        if correlation < NOT_ITS_RATE and _is_rate_of(columns[f"{joint}/position"], columns[name], usable, period):
+            position = rig.columns.get(f"{joint}/position", f"{joint}/position")
+            raise LogError(
+                f"{path}: column {position!r} (position) is the rate of column {rig.columns.get(name, name)!r} "
+                "(velocity): the two are exchanged; exchange them under columns: in the rig file"
+            )
         ratio = float(velocity.std() / rate.std())
         if abs(correlation) < 0.8:
             continue
@@ -182,6 +191,15 @@ def check_velocity(
         if not 0.8 < ratio < 1.25:
             notes += (f"Column {name} is {ratio:.3g} times the rate of the position.",)
     return notes
+
+
+def _is_rate_of(values: FloatArray, other: FloatArray, usable: BoolArray, period: float) -> bool:
+    """Whether values (T,) follow the rate of other ones.
+
+    A bounded motion and its own acceleration have opposite signs, so a position never follows the rate of its velocity.
+    """
+    rate = derivative(other, period)[usable]
+    return bool(rate.std() > 0.0 and np.corrcoef(rate, values[usable])[0, 1] > ITS_RATE)
 
 
 def lag_notes(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig, period: float) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from drake_tc.config.utf8_names import utf8_text
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.csv_header import check_encoding, check_names_are_words
+from drake_tc.logs.decimal_comma import with_decimal_points
 from drake_tc.logs.json_log import read_json, read_json_lines
 from drake_tc.logs.lerobot import without_lists
 from drake_tc.logs.mat_file import Value, read_mat
@@ -100,6 +101,10 @@ def _read_csv(path: Path) -> pd.DataFrame:
     with opened() as file:
         check_encoding(path, file.read(4))
     separator = _separator(opened)
+    return with_decimal_points(_cells(path, opened, separator), separator)
+
+
+def _cells(path: Path, opened: Opener, separator: str) -> pd.DataFrame:
     _check_names(path, opened, separator)
     try:
         with opened() as file:

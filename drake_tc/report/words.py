@@ -12,7 +12,10 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.effects.backlash import Backlash
+from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import all_effects
+from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant, times
 from drake_tc.report.rows import LABELS
 
@@ -203,11 +206,28 @@ def _gear_not_looked_for(joint: JointResult) -> str:
 def _near(joint: JointResult) -> str:
     best = max(joint.rejected, key=lambda each: each.heldout_gain, default=None)
     if best is None or not best.heldout_gain >= NEAR:
-        return ", and no effect in the library has this form"
+        return f", and no effect that could be looked for has this form{_unseen(joint)}"
     return (
         f"; of the effects that were not added, {title_of(best.id)} would lower the held-out error most (by "
         f"{percent(best.heldout_gain)})"
     )
+
+
+def _unseen(joint: JointResult) -> str:
+    """The effects that may act although the logs cannot show them, as the end of a sentence.
+
+    Those lack a signal, or are of the gear behind which no torque is measured. Other effects that cannot be looked for
+    do not concern this drive, or the fitted load already has their form.
+    """
+    reasons = {each.id: each.reason for each in joint.rejected}
+    no_torque = reasons.get(TorqueSensorBias.id) == "cannot_be_looked_for"
+    gear = (Backlash.id, Elasticity.id) if no_torque else ()
+    names = [
+        title_of(name)
+        for name, reason in reasons.items()
+        if reason == "not_recorded" or (reason == "cannot_be_looked_for" and name in gear)
+    ]
+    return f"; {joined(names)} could not be looked for" if names else ""
 
 
 def _trained(beyond: BeyondTraining, units: JointUnits) -> str:

@@ -90,7 +90,7 @@ def exchanged(one: str, other: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
 
 REFUSED: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
     "position and current": (exchanged(POSITION, CURRENT), "friction would drive joint in this run"),
-    "position and torque": (exchanged(POSITION, TORQUE), "no geared joint does"),
+    "position and torque": (exchanged(POSITION, TORQUE), "the joints of robots do not"),
     "current and torque": (exchanged(CURRENT, TORQUE), "'joint/current' and 'joint/torque' are exchanged"),
     "position turned": (lambda t: t.assign(**{POSITION: -t[POSITION]}), "column 'joint/position' has the wrong sign"),
     "torque in mN m": (lambda t: t.assign(**{TORQUE: 1e3 * t[TORQUE]}), "the runs are not of one joint"),

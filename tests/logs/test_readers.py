@@ -103,3 +103,22 @@ def test_csv_without_a_header_is_refused(tmp_path):
 def test_arrays_of_different_length_are_refused(tmp_path):
     np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(29.0))
     assert "'q' has 29 rows" in _refusal(tmp_path / "run.npz")
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read_beside_a_separator_that_is_no_comma(tmp_path, separator):
+    """pandas writes them; a cell that is missing stays missing, and a column of whole numbers is none of them."""
+    frame = pd.DataFrame(VALUES | {"count": np.arange(40), "gap": [np.nan, *np.linspace(-1e-7, 2.5, 39)]})
+    frame.to_csv(tmp_path / "run.csv", index=False, sep=separator, decimal=",")
+    table = read_table(tmp_path / "run.csv")
+    for name in frame:
+        assert_allclose(table[name], frame[name], rtol=1e-15, atol=1e-15)
+    (note,) = table.attrs["notes"]
+    assert "'time', 'joint/position', 'gap' have a decimal comma" in note
+
+
+@pytest.mark.parametrize("texts", [["1.234,5", "2,5"], ["1,2", "two"], ["1,2,3", "1,2"]])
+def test_texts_that_may_mean_something_else_stay_texts(tmp_path, texts):
+    (tmp_path / "run.csv").write_text("time;a\n" + "".join(f"{k};{text}\n" for k, text in enumerate(texts)))
+    table = read_table(tmp_path / "run.csv")
+    assert table["a"].tolist() == texts and "notes" not in table.attrs

@@ -112,6 +112,30 @@ def test_many_turns_are_believed_when_stated(tmp_path):
     assert np.ptp(run.columns["joint/position"]) > 25.0
 
 
+def test_a_wheel_that_turns_fast_for_long_is_believed_when_stated(tmp_path):
+    """900 rpm in rad: the refusal of the unstated unit names the entry that lets the log in."""
+    table = bench().drop(columns="joint/velocity")
+    table["joint/position"] += 94.0 * table["time"]
+    assert "position: rad if it is right" in refusal(table, tmp_path / "run.csv", servo_rig(drive="voltage"))
+    run = load_run(tmp_path / "run.csv", servo_rig(drive="voltage", units={"position": "rad"}))
+    assert np.ptp(run.columns["joint/position"]) > 500.0
+
+
+@pytest.mark.parametrize("frequencies", [(0.3,), (0.2, 0.55, 0.9)])
+def test_a_position_that_is_the_rate_of_the_velocity_is_refused(tmp_path, table, frequencies):
+    """Of one sine, the rate of the velocity is the position turned, so the sign would seem to be wrong."""
+    time = table["time"].to_numpy()
+    waves = [(2.0 * np.pi * f, 0.4 / k) for k, f in enumerate(frequencies, start=1)]
+    q = sum(size * np.sin(w * time) for w, size in waves)
+    v = sum(size * w * np.cos(w * time) for w, size in waves)
+    right = table.assign(**{"joint/position": q, "joint/velocity": v})
+    write(right, tmp_path / "right.csv")
+    load_run(tmp_path / "right.csv", servo_rig(drive="voltage"))
+    wrong = table.assign(**{"joint/position": v, "joint/velocity": q})
+    message = refusal(wrong, tmp_path / "run.csv", servo_rig(drive="voltage"))
+    assert "'joint/position' (position) is the rate of column 'joint/velocity' (velocity)" in message
+
+
 def test_fewer_than_two_runs(tmp_path, table):
     write(table, tmp_path / "run.csv")
     runs = load_runs([tmp_path / "run.csv"], servo_rig())

@@ -79,6 +79,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    TorqueRecordedLate,
     UnknownAge,
     ViscousByAge,
 )
@@ -191,6 +192,7 @@ NOTES = [
         ["the gear has backlash, rows within 88 ms of a sign change of the load torque take no part"],
     ),
     (ChargedIntegrator(), ["integral already held a torque", "Effects that act as a constant"]),
+    (TorqueRecordedLate(0.02), ["torque seems to be recorded 20 ms after", "time stamps of the torque sensor"]),
     (PositionRecordedLate(0.01), ["recorded 10 ms after it was measured", "Check the time stamps of the encoder."]),
     (
         ViscousByAge(0.04, 0.002),

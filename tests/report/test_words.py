@@ -176,7 +176,23 @@ def test_structure_that_an_effect_not_added_would_explain_names_that_effect(join
     )
     said = plain(unexplained(replace(joint, unexplained=left, rejected=tried)))
     assert said.endswith("temperature-dependent friction would lower the held-out error most (by 86 %).")
-    assert "no effect in the library" in plain(unexplained(replace(joint, unexplained=left, rejected=tried[1:])))
+    said = plain(unexplained(replace(joint, unexplained=left, rejected=tried[1:])))
+    assert said.endswith("and no effect that could be looked for has this form.")
+
+
+def test_structure_that_nothing_explains_names_what_the_logs_cannot_show(joint):
+    """The gear of a joint without a torque sensor and a missing signal, but not what another drive would have."""
+    left = replace(QUIET, structured=True, fraction=0.93, depends_on=("velocity",))
+    missing = (
+        RejectedEffect("thermal_friction", "thermal_friction", 0.0, 0.0, "not_recorded", "temperature not recorded"),
+        RejectedEffect("backlash", "backlash", 0.0, 0.0, "cannot_be_looked_for", "needs a position servo"),
+        RejectedEffect("servo_integrator", "servo_integrator", 0.0, 0.0, "cannot_be_looked_for", "no servo"),
+    )
+    no_sensor = RejectedEffect("torque_sensor_bias", "torque_sensor_bias", 0.0, 0.0, "cannot_be_looked_for", "none")
+    said = plain(unexplained(replace(joint, unexplained=left, rejected=(*missing, no_sensor))))
+    assert said.endswith("; temperature-dependent friction and backlash of the gear could not be looked for.")
+    said = plain(unexplained(replace(joint, unexplained=left, rejected=missing)))
+    assert said.endswith("; temperature-dependent friction could not be looked for.")
 
 
 WARMER = BeyondTraining("temperature", ("warm",), (24.4, 30.7), (24.4, 59.2), 0.998)

@@ -29,7 +29,7 @@ SLOWER = 3.0
 
 
 def _load(
-    channels: Channels, rig: Rig, light: CommonKernel, q: FloatArray, a: FloatArray
+    channels: Channels, rig: Rig, light: CommonKernel, q: FloatArray, a: FloatArray, torque_late: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(tau, the same from a slower filter, d tau/dq), (T,) each: measured, a pendulum's, or 0 where unknown."""
     load = rig.load[channels.joint]
@@ -37,7 +37,7 @@ def _load(
         return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
     slow = CommonKernel(SLOWER * light.actual_width_s, channels.period)
     if not isinstance(load, Pendulum):
-        raw = channels.raw("torque")
+        raw = aged(channels.raw("torque"), channels.segments, -torque_late / channels.period)
         return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)
     pendulums = [load.in_run(run) for _, run, _ in channels.pieces]
     moment, inertia = (channels.by_piece(v) for v in zip(*((p.weight, p.inertia) for p in pendulums), strict=True))
@@ -112,6 +112,7 @@ def build_samples(
     effort_age: float = 0.0,
     gap: OpenGap | None = None,
     position_late: float = 0.0,
+    torque_late: float = 0.0,
     centred: bool = False,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
@@ -128,6 +129,7 @@ def build_samples(
             negative if it is recorded after it acted.
         gap: Samples at which the teeth of the gear are apart, which take no part; None for a gear without backlash.
         position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
+        torque_late: Delay [s] with which a measured load torque is recorded.
         centred: Whether all channels of the balance are taken less their means over each stretch.
 
     Raises:
@@ -142,7 +144,7 @@ def build_samples(
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(aged(raw_command, segments, effort_age))
-    torque, slow_torque, slope = _load(channels, rig, light, q, a)
+    torque, slow_torque, slope = _load(channels, rig, light, q, a, torque_late)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest)
@@ -210,6 +212,7 @@ def build_samples(
         effort_age=effort_age,
         units=replace(rig.units_of(joint), torque_as_effort=scale.as_effort),
         position_late=position_late,
+        torque_late=torque_late,
         centred=centred,
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),

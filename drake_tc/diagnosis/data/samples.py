@@ -45,6 +45,7 @@ class Samples:
         units: Of the joint's quantities; torques are told as effort where nothing fixes their scale (`load_scale`).
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
         position_late: Delay with which the position is recorded [s].
+        torque_late: Delay with which the torque is recorded [s].
         centred: Whether `reduce` takes the mean over the rows of each stretch off all that it reduces.
         link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
@@ -75,6 +76,7 @@ class Samples:
     loop_gains: tuple[float, ...] = ()
     open_within: float = 0.0
     position_late: float = 0.0
+    torque_late: float = 0.0
     centred: bool = False
 
     def __getstate__(self) -> dict[str, object]:

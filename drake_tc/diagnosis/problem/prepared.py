@@ -103,6 +103,7 @@ def prepare_joint(
     sampled_late: float = 0.0,
     gap: OpenGap | None = None,
     position_late: float = 0.0,
+    torque_late: float = 0.0,
     centred: bool = False,
     command_held: bool | None = None,
 ) -> Prepared:
@@ -120,6 +121,7 @@ def prepare_joint(
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
         gap: As in `build_samples`.
         position_late: As in `build_samples` [s].
+        torque_late: As in `build_samples` [s].
         centred: As in `build_samples`.
         command_held: Whether position servos hold their commands, where that is decided; None lets this joint decide.
 
@@ -136,6 +138,7 @@ def prepare_joint(
         compliance=compliance,
         gap=gap,
         position_late=position_late,
+        torque_late=torque_late,
         centred=centred,
     )
     servo = rig.drive[joint] == "position_servo"

@@ -40,17 +40,19 @@ def require_consistent_signs(
         IdentificationError: One line that names the column and the repair.
     """
     tells = tells_drive_gain(columns, declared)
-    found = [
-        _objection(columns, others, joint, drive, load_kind, tells=tells) for others in beside_the_load(columns, drive)
-    ]
-    if (objection := found[0]) is not None and None not in found:
-        raise objection
+    refused: list[IdentificationError] = []
+    for others in beside_the_load(columns, drive):
+        try:
+            return _require_beside(others, columns, joint, drive, load_kind, tells=tells)
+        except IdentificationError as error:
+            refused.append(error)
+    raise refused[0]
 
 
-def _objection(
-    columns: Columns, others: FloatArray, joint: str, drive: DriveKind, load_kind: LoadKind, *, tells: bool
-) -> IdentificationError | None:
-    """What the signs of load and effort are accused of, if the effort holds `others` (N, k) beside the load."""
+def _require_beside(
+    others: FloatArray, columns: Columns, joint: str, drive: DriveKind, load_kind: LoadKind, *, tells: bool
+) -> None:
+    """Refuse the signs of load and effort, if the effort holds `others` (N, k) beside the load."""
     samples = columns.samples
     s = samples.signals
     effort = samples.reduce(s.effort)
@@ -58,13 +60,12 @@ def _objection(
     inertia = s.rotor_inertia * samples.reduce(s.acceleration)
     as_it_is, turned, without = (_unexplained(effort, x, others) for x in (load + inertia, -load + inertia, 0 * load))
     if not tells and as_it_is > LOAD_EXPLAINS * without:
-        return not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
+        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
     if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
-        return IdentificationError(
+        raise IdentificationError(
             f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "
             f"of the effort unexplained, as it is {as_it_is:.3g}; {turned_column(joint, drive, load_kind)}"
         )
-    return None
 
 
 def _unexplained(effort: FloatArray, torque: FloatArray, others: FloatArray) -> float:

@@ -23,6 +23,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    TorqueRecordedLate,
     ViscousByAge,
 )
 from drake_tc.effects.base import DriveKind, Effect
@@ -100,12 +101,16 @@ def late_note(found: Parameters, samples: Samples) -> tuple[DelayBySampling, ...
 def age_note(samples: Samples, drive: DriveKind) -> tuple[DriveNote, ...]:
     """Notes that the command is taken to hold between samples, or that a column is older or younger than its sample."""
     period, age = samples.signals.period, samples.effort_age
-    position = () if samples.position_late == 0.0 else (PositionRecordedLate(samples.position_late),)
+    late: tuple[DriveNote, ...] = ()
+    if samples.position_late != 0.0:
+        late = (PositionRecordedLate(samples.position_late),)
+    elif samples.torque_late != 0.0:
+        late = (TorqueRecordedLate(samples.torque_late),)
     if age == 0.0:
-        return position
+        return late
     if age < 0.0:
         return (RecordedLate(drive, -age * period),)
-    return (*position, HeldEffort(drive, period) if age == HELD else OlderEffort(drive, age * period, period))
+    return (*late, HeldEffort(drive, period) if age == HELD else OlderEffort(drive, age * period, period))
 
 
 def viscous_age_note(

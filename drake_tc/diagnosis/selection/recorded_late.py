@@ -8,6 +8,10 @@ that they are fitted to.
 *The position of a servo with a torque sensor.* With the servo's stiffness K, a position that is late by d adds K d to
 the viscous friction, which is always fitted, and K d^2/2 to the inertia, which looks like a payload.
 
+*The torque sensor.* Behind a low-pass or a slow bus it comes late against motion and effort. The effect
+`delay.torque_sensor` tells a short delay to first order, d times the rate of the torque. A torque that changes within d
+is beyond that order, as at the reversals of a joint with friction.
+
 Where the declared model leaves more than the noise, leads d of up to 50 ms are therefore tried on the declared model. A
 lead is taken if with it the declared model leaves at most half of its error, and less than the model that was found
 without a lead.
@@ -64,11 +68,38 @@ def position_recorded_late(
     """
     if plain.context.drive != "position_servo" or plain.context.load != "torque":
         return None
-    several = sum(t.size for t in chosen) - sum(t.size for t in plain.terms) >= LEAD_PARAMETERS
-    if not several and any(term.effect.id in LATE for term in chosen):
+    if not _are_several(plain, chosen) and any(term.effect.id in LATE for term in chosen):
         return None
-    enough = LEAD_FLOORS * plain.floor if several else 0.0
-    return _earlier(lambda lead: prepare(position_late=lead), plain, chosen, enough)
+    return _earlier(lambda lead: prepare(position_late=lead), plain, chosen, _enough(plain, chosen))
+
+
+def torque_recorded_late(prepare: Callable[..., Prepared], plain: Prepared, chosen: Sequence[Term]) -> Prepared | None:
+    """The joint with a measured torque that is recorded late, where its declared model then fits much better.
+
+    The rule is that of `position_recorded_late`, but a delay or lag with fewer parameters is replaced where it leaves
+    more than `LEAD_FLOORS` noise floors: a delay that the effect `delay.torque_sensor` explains is named.
+
+    Args:
+        prepare: Called as `prepare(torque_late=d)`; the joint whose torque is recorded d [s] late.
+        plain: The joint with the torque as recorded.
+        chosen: Terms of the model that was found for it.
+    """
+    if plain.context.load != "torque":
+        return None
+    explained = fit(plain.train, chosen).cv_rms <= LEAD_FLOORS * plain.floor
+    if explained and not _are_several(plain, chosen):
+        return None
+    return _earlier(lambda lead: prepare(torque_late=lead), plain, chosen, _enough(plain, chosen))
+
+
+def _are_several(plain: Prepared, chosen: Sequence[Term]) -> bool:
+    """Whether a lead, which is one parameter, may replace what was found although it leaves more."""
+    return sum(t.size for t in chosen) - sum(t.size for t in plain.terms) >= LEAD_PARAMETERS
+
+
+def _enough(plain: Prepared, chosen: Sequence[Term]) -> float:
+    """Error [effort] that a lead may leave in place of what was found; 0 where it must leave less."""
+    return LEAD_FLOORS * plain.floor if _are_several(plain, chosen) else 0.0
 
 
 def _earlier(

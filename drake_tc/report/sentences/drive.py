@@ -20,6 +20,7 @@ from drake_tc.diagnosis.timing_notes import (
     OlderEffort,
     PositionRecordedLate,
     RecordedLate,
+    TorqueRecordedLate,
     UnknownAge,
     ViscousByAge,
 )
@@ -64,6 +65,12 @@ def drive_sentence(note: DriveNote) -> str:
                 f"The position seems to be recorded {_ms(lead)} after it was measured: if the positions are shifted by "
                 "this time, command and torque fit the motion. Both models and their errors are for the shifted "
                 "positions. Check the time stamps of the encoder."
+            )
+        case TorqueRecordedLate(lead):
+            return (
+                f"The torque seems to be recorded {_ms(lead)} after it was measured: if it is shifted by this time, "
+                "command and motion fit it. Both models and their errors are for the shifted torque, and the free run "
+                "is driven by the recorded one. Check the time stamps of the torque sensor, and whether it is filtered."
             )
         case HeldEffort(drive, period):
             return (
