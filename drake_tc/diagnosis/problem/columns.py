@@ -38,8 +38,8 @@ class Term:
 
     @property
     def cache_key(self) -> tuple[object, ...]:
-        """Same key, same columns."""
-        return (self.effect.key, *(round(float(v), 12) for v in self.shape.values()))
+        """Same key, same columns; those of a load of links have as many as the joint has open directions."""
+        return (self.effect.key, len(self.effect.coefficients), *(round(float(v), 12) for v in self.shape.values()))
 
     @property
     def size(self) -> int:
