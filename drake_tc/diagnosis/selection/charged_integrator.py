@@ -27,9 +27,9 @@ def charged_integrator(prepare: Callable[..., Prepared], plain: Prepared, chosen
         chosen: Terms of the model that was found for it.
 
     Returns:
-        None for other drives, for a load that is fitted, and where the charge of an integral is not the cause.
+        None for other drives, for the load of a robot's model, and where the charge of an integral is not the cause.
     """
-    if plain.context.drive != "position_servo" or plain.context.load not in ("torque", "pendulum"):
+    if plain.context.drive != "position_servo" or plain.context.load not in ("torque", "pendulum", "unknown"):
         return None
     if fit(plain.train, chosen).cv_rms <= LEAD_FLOORS * plain.floor:
         return None
