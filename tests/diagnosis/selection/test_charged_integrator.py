@@ -10,11 +10,14 @@ from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.notes import ChargedIntegrator
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.logs.record import Run
+from drake_tc.logs.rig import parse_rig
 
 from ..rigs import Joint, record, rig_of, servo
 
 RATE = 1.5
 JOINT = servo(torque_noise=0.05)
+HANGING = replace(JOINT, encoder_noise=5e-5, extra=lambda m: 8.0 * np.sin(m.q) + 0.3 * m.a - m.tau)
+"""Without the hand that pushes the other joint: a pendulum of 8 N m and 0.3 kg m^2."""
 
 
 def integrating(joint: Joint, name: str, shift: float, charge: float) -> Run:
@@ -37,6 +40,18 @@ def test_integral_action_is_found_whatever_the_integral_holds_at_first(charges, 
     assert found.final.gain == pytest.approx(JOINT.gain, rel=0.01)
     assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(JOINT.viscous, rel=0.05)
     assert any(isinstance(note, ChargedIntegrator) for note in found.notes) == noted
+
+
+def test_it_is_found_under_a_load_of_which_nothing_is_known():
+    """The constant of the fitted load is one number for all runs, and the charges are not."""
+    runs = [integrating(HANGING, f"run{k}", 0.9 * k, charge) for k, charge in enumerate((1.0, 1.6))]
+    rig = parse_rig({"joint": "joint", "drive": "position_servo", "load": "unknown", "drive_gain": JOINT.gain})
+    found = diagnose_joint(runs, [], rig, "joint", DiagnosisOptions(assess_residual=False))
+    (integrator,) = found.effects
+    assert integrator.id == "servo_integrator"
+    assert integrator.parameters["integral_rate"].value == pytest.approx(RATE, rel=0.01)
+    load = next(values for key, values in found.final_parameters.items() if key.startswith("unknown_load"))
+    assert load["moment"].value == pytest.approx(8.0, rel=0.01)
 
 
 def test_a_servo_without_integral_action_keeps_its_means():
