@@ -25,7 +25,8 @@ from drake_tc.report.sentences.experiments import experiment_sentence
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.set_up import set_up_sentences
-from drake_tc.report.words import REASONS, capital, ranked_effects, unexplained, verdict_words, warnings
+from drake_tc.report.sentences.warnings import warnings
+from drake_tc.report.words import REASONS, capital, ranked_effects, unexplained, verdict_words
 
 HANGING = 4
 """Columns by which the lines of a broken text are indented beyond its first."""

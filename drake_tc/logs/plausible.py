@@ -24,6 +24,8 @@ SMOOTHING_SECONDS = 0.04
 FASTEST_UNSTATED = 50.0
 """Speed [rad/s] above which a velocity is believed only with a stated unit."""
 TWO_TURNS = 4.0 * np.pi
+WIDEST_DEGREES = 1000.0
+"""Span that no joint has in degrees: cables allow two turns, seldom more."""
 LONGEST_AXIS, FASTEST_AXIS = 30.0, 20.0
 """Travel [m] and speed [m/s] that no joint which slides reaches: numbers in m above are rather mm."""
 
@@ -57,10 +59,11 @@ def _looks_like_degrees(span: float, speed: float, *, servo: bool, stated: bool)
     """Whether numbers taken as radians are more likely degrees.
 
     A joint of a position servo that turns more than twice around, or any geared joint that turns many times around
-    fast, is rarer than a forgotten unit. A rig file that states `rad` is believed: a wheel may turn fast for long.
+    fast, is rarer than a forgotten unit. A rig file that states `rad` is believed unless the speed is absurd, and even
+    then for a wheel that turns further than any joint does in degrees.
     """
     if stated:
-        return False
+        return span <= WIDEST_DEGREES and (speed > 200.0 or (span > 50.0 and speed > 40.0))
     if servo:
         return span > TWO_TURNS or speed > 50.0
     return speed > 100.0 or (span > 50.0 and speed > 15.0) or (span > TWO_TURNS and speed > 25.0)
@@ -85,12 +88,15 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
             if rig.units_of(joint).slides:
                 _check_length(span, speed, rig, name, path)
                 continue
+            unit = rig.units.get(name, rig.units.get(suffix))
+            if isinstance(unit, float | int):
+                continue
             if _looks_like_degrees(span, speed, servo=servo, stated=stated):
                 what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")
                 raise LogError(
                     f"{path}: column {rig.columns.get(name, name)!r} {what}, which the joints of robots do not: "
                     f"it looks like degrees; set units: {{{suffix}: deg}} in the rig file "
-                    f"(or {suffix}: rad if it is right, as for a wheel)"
+                    f"(or {suffix}: {'1.0, the factor to rad,' if stated else 'rad'} if it is right, as for a wheel)"
                 )
         if servo:
             _check_command_scale(columns, usable, rig, joint, path)

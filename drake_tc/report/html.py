@@ -35,6 +35,7 @@ from drake_tc.report.residual_plots import LEGEND
 from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.set_up import set_up_sentences
+from drake_tc.report.sentences.warnings import warnings
 from drake_tc.report.shared_section import shared_section
 from drake_tc.report.signature_plots import signature_plots
 from drake_tc.report.spectrum import spectrum_plot
@@ -58,7 +59,6 @@ from drake_tc.report.words import (
     title_of,
     unexplained,
     verdict_words,
-    warnings,
 )
 
 CODE = re.compile(r"`([^`]+)`")

@@ -14,6 +14,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.sentences.rejection import why_rejected
+from drake_tc.report.sentences.warnings import warnings
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
@@ -26,7 +27,6 @@ from drake_tc.report.words import (
     structure_words,
     title_of,
     unexplained,
-    warnings,
 )
 
 QUIET = Unexplained(1.0, 1.2, False, 0.1, 0.0, False, ())
