@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.effects.position_dependent_friction import LEAST_PERIODS
-from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, sliding_waves
+from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.types import FloatArray
 
 PART_RANGE = Plausible(
@@ -82,13 +82,7 @@ class GainRipple(DriveEffect):
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points that cover what the logs excite."""
-        if context.units.slides:
-            return sliding_waves(context, LEAST_PERIODS)
-        turns = context.turns
-        if turns <= 0.0:
-            return []
-        cycles = np.arange(max(1.0, LEAST_PERIODS / turns), min(420.0, 200.0 / turns), 0.35 / turns)
-        return [{"cycles_per_turn": float(n)} for n in cycles]
+        return waves(context, LEAST_PERIODS, 200.0, least=1.0, most=420.0)
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """The amplitude has the range of its two parts, and the positions span half a period."""

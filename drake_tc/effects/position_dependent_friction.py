@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
-from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, sliding_waves
+from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.kernels.torque_equations import FRICTION_WAVE
 
 WAVE_RANGE = Plausible(
@@ -60,11 +60,7 @@ class PositionDependentFriction(EquationEffect):
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points that cover what the logs excite."""
-        if context.units.slides:
-            return sliding_waves(context, 0.4)
-        turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
-        finest = min(60.0, 60.0 / turns)
-        return [{"cycles_per_turn": float(n)} for n in np.arange(max(0.5, 0.4 / turns), finest, 0.35 / turns)]
+        return waves(context, 0.4, 60.0, least=0.5, most=60.0)
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """The positions span half a period, and friction is positive everywhere: no wave is larger than the mean."""

@@ -1,6 +1,6 @@
-"""Waves over the position of a joint that slides: of its screw or pinion, the motor's poles, the balls of the guide.
+"""Waves over the position: of shafts, poles and teeth, or of screw, pinion and guide of a joint that slides.
 
-With n in cos(n q), a wave of the length l has n = 2 pi/l [rad/m].
+With n in cos(n q), a wave of the length l of a joint that slides has n = 2 pi/l [rad/m].
 """
 
 import numpy as np
@@ -21,10 +21,23 @@ OVERLAP = 0.35
 """Distance of the starting points, in periods over the travel."""
 
 
-def sliding_waves(context: Context, least_periods: float) -> list[dict[str, float]]:
-    """Starting points of n, from `least_periods` over the travel on."""
+def waves(
+    context: Context, least_periods: float, most_periods: float, least: float, most: float
+) -> list[dict[str, float]]:
+    """Starting points of n, from `least_periods` over the travel on.
+
+    Args:
+        context: Of the logs.
+        least_periods: Over the travel.
+        most_periods: The same, of a joint that turns.
+        least: n, cycles a turn of a joint that turns.
+        most: The same.
+    """
     turns = context.turns
     if turns <= 0.0:
         return []
-    values = np.arange(least_periods / turns, MOST_CYCLES, OVERLAP / turns)[:GRID]
+    if context.units.slides:
+        values = np.arange(least_periods / turns, MOST_CYCLES, OVERLAP / turns)[:GRID]
+    else:
+        values = np.arange(max(least, least_periods / turns), min(most, most_periods / turns), OVERLAP / turns)
     return [{"cycles_per_turn": float(n)} for n in values]

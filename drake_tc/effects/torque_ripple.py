@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
-from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, sliding_waves
+from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.kernels.torque_equations import WAVE
 
 WAVE_RANGE = Plausible(
@@ -58,13 +56,7 @@ class TorqueRipple(EquationEffect):
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Starting points that cover what the logs excite."""
-        if context.units.slides:
-            return sliding_waves(context, 1.2)
-        turns = (context.position_span[1] - context.position_span[0]) / (2 * np.pi)
-        return [
-            {"cycles_per_turn": float(n)}
-            for n in np.arange(max(2.0, 1.2 / turns), min(420.0, 200 / turns), 0.35 / turns)
-        ]
+        return waves(context, 1.2, 200.0, least=2.0, most=420.0)
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
         """The positions span at least one period: less of a wave is a curve."""

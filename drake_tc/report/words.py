@@ -12,8 +12,6 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import ResidualThresholds
-from drake_tc.effects.backlash import Backlash
-from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.library import all_effects
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, scale_for, significant, times
@@ -101,7 +99,7 @@ def headline(joint: JointResult) -> str:
     change = (
         f"the held-out error goes from {scale.quantity(before)} to {scale.quantity(after)} ({times(before, after)})"
     )
-    if "times the noise floor" not in left:
+    if not (left and joint.unexplained.excess and not joint.unexplained.structured):  # which states the distance
         change += f", {above}"
     if joint.set_up_wrong:
         return (
@@ -221,7 +219,7 @@ def _unseen(joint: JointResult) -> str:
     """
     reasons = {each.id: each.reason for each in joint.rejected}
     no_torque = reasons.get(TorqueSensorBias.id) == "cannot_be_looked_for"
-    gear = (Backlash.id, Elasticity.id) if no_torque else ()
+    gear = GEAR if no_torque else ()
     names = [
         title_of(name)
         for name, reason in reasons.items()

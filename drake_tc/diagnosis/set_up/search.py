@@ -105,8 +105,10 @@ def _one_gain(train: ArmBalance, held: ArmBalance, before: Balance, left: FloatA
         return None
     best, others = _best(tried)
     at = best.change.set_up
-    sides, known = ((before, best.balance), (held.fit(train.as_declared), held.fit(at))), ~np.isnan(before.share)
-    if not (all(is_found(*side, known, together=1.0) for side in sides) and _is_half_of(left, best.balance)):
+    known = ~np.isnan(before.share)
+    found = is_found(before, best.balance, known, together=1.0)
+    found = found and is_found(held.fit(train.as_declared), held.fit(at), known, together=1.0)
+    if not (found and _is_half_of(left, best.balance)):
         return None
     return SetUpSearch((best.change,), at, others, before, best.balance)
 

@@ -48,6 +48,16 @@ def arm(tmp_path_factory):
     return folder, logs[:2], logs[2]
 
 
+def swinging(rng):
+    """Time (T,) and motion (q, v, a), (T, 4) each, of four sines a joint."""
+    time = np.arange(0.0, 30.0, 0.01)
+    omega = 2.0 * np.pi * rng.uniform(0.05, 0.5, (4, 4))
+    phase = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (4, 4))
+    size = 0.3 / (1.0 + omega)
+    parts = size * np.sin(phase), size * omega * np.cos(phase), -size * omega**2 * np.sin(phase)
+    return time, *(part.sum(axis=2) for part in parts)
+
+
 @pytest.fixture(scope="module")
 def elbow_arm(tmp_path_factory):
     """The same of an arm whose axes are not parallel, each drive with 1 A for 1 N m."""
@@ -56,14 +66,7 @@ def elbow_arm(tmp_path_factory):
     logs = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        time = np.arange(0.0, 30.0, 0.01)
-        omega = 2.0 * np.pi * rng.uniform(0.05, 0.5, (4, 4))
-        phase = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (4, 4))
-        size = 0.3 / (1.0 + omega)
-        q, v, a = (
-            f.sum(axis=2)
-            for f in (size * np.sin(phase), size * omega * np.cos(phase), -size * omega**2 * np.sin(phase))
-        )
+        time, q, v, a = swinging(rng)
         effort = torques(robot, q, v, a, 0.0) + 0.1 * a + 0.5 * v + 0.4 * np.tanh(v / 1e-3)
         effort += 0.02 * rng.standard_normal(effort.shape)
         columns = {"time": time} | {f"{joint}/position": q[:, i] for i, joint in enumerate(ELBOW_JOINTS)}
@@ -238,14 +241,7 @@ def test_a_gear_that_couples_two_joints(tmp_path, turns):
     logs = []
     for seed in range(3):
         rng = np.random.default_rng(10 + seed)
-        time = np.arange(0.0, 30.0, 0.01)
-        omega = 2.0 * np.pi * rng.uniform(0.05, 0.5, (4, 4))
-        phase = time[:, None, None] * omega + rng.uniform(0.0, 2.0 * np.pi, (4, 4))
-        size = 0.3 / (1.0 + omega)
-        q, v, a = (
-            f.sum(axis=2)
-            for f in (size * np.sin(phase), size * omega * np.cos(phase), -size * omega**2 * np.sin(phase))
-        )
+        time, q, v, a = swinging(rng)
         load = torques(robot, q, v, a, 0.0)
         load[:, 2] -= turns * load[:, 3]  # power balance of the motors
         v, a = (np.column_stack([x[:, :3], x[:, 3] + turns * x[:, 2]]) for x in (v, a))
