@@ -31,7 +31,7 @@ class GainRipple(DriveEffect):
     """y* = y (1 + c cos(n q) + s sin(n q)): a torque constant that varies with the angle, n cycles a turn of the joint.
 
     Linear in c/K and s/K, so it is looked for as two columns. A torque ripple (cogging) does not depend on the effort;
-    this wave changes its sign with it.
+    this wave is proportional to it.
     """
 
     id = "gain_ripple"
@@ -54,7 +54,7 @@ class GainRipple(DriveEffect):
     signature = Signature(
         x="position modulo period",
         split="direction",
-        look_for="a wave over one period that grows with the effort and turns over where the effort changes its sign",
+        look_for="a wave over one period that grows with the effort and changes its sign with it",
     )
 
     @property
