@@ -107,6 +107,7 @@ PARTS = {
             "benchmarks/blind/*",
             "benchmarks/test_arm_rigs.py::*",
             "diagnosis/set_up/test_gains_of_makers_arms.py::*",
+            "diagnosis/robot/test_current_offsets_of_makers_arms.py::*",
             "diagnosis/test_blind_mini.py::*",
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",

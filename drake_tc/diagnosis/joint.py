@@ -31,6 +31,7 @@ from drake_tc.diagnosis.result.drive_notes import (
     late_note,
     scale_alternatives,
     viscous_age_note,
+    zero_of_effort,
 )
 from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.gear_note import gear_between_encoders
@@ -142,6 +143,7 @@ def diagnose_joint(
         *(late_command(columns, chosen) if context.drive == "position_servo" else ()),
         *_unknown_age(unexplained, splits[1], floor, context),
         *_gear(columns, context),
+        *zero_of_effort(effects, alternatives, chosen.gain, context),
     )
     alternatives = (
         *(pair for pair in scale_alternatives(rig, joint, final_parameters) if pair[0] in kept),

@@ -142,6 +142,20 @@ class GainDeclaredWrong:
 
 
 @dataclass(frozen=True)
+class ZeroOfEffort:
+    """An offset of the effort that a data sheet may allow, and that would look like an effect that was found.
+
+    Attributes:
+        effect: Title of the effect. drive: kind of drive. offset: [effort]. share: of the largest effort in the logs.
+    """
+
+    effect: str
+    drive: DriveKind
+    offset: float
+    share: float
+
+
+@dataclass(frozen=True)
 class ServoDamping:
     """The servo's own damping is part of the identified viscous friction.
 
@@ -253,6 +267,7 @@ DriveNote = (
     | PayloadFromRatio
     | GainBesideEffects
     | GainDeclaredWrong
+    | ZeroOfEffort
     | DelayBySampling
     | OlderEffort
     | RecordedLate

@@ -109,10 +109,10 @@ def _close_loop(
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
         if free_run is not None and not wrong:
             result = joints[joint]
-            own = [without_errors(runs, joint, result.final) for runs in (train, held)]
+            own = [without_errors(runs, rig, joint, result.final) for runs in (train, held)]
             refined = replace(result, refinement=refine_joint(result, rig, own[0], executor, progress))
             progress("free run", 0.0)
-            of_before = without_errors(held if before is None else before, joint, result.baseline)
+            of_before = without_errors(held if before is None else before, rig, joint, result.baseline)
             joints[joint] = with_free_runs(refined, rig, own[1], free_run, executor, of_before)
     verdict = _overall(joints.values())
     return CloseLoopResult(

@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.effort_bias import EffortBias
 from drake_tc.effects.library import effect
 from drake_tc.types import FloatArray
 
@@ -14,7 +15,7 @@ CUT_OFF = 3.0
 
 
 class WithinTolerance(SensorEffect):
-    """The columns, side by side, of sensor effects with one coefficient each (`members`).
+    """The columns, side by side, of effects of sensors with one coefficient each (`members`).
 
     Each coefficient theta_i has the prior N(0, t_i^2) with the declared tolerance t_i, cut off at 3 t_i. No search
     looks for this effect, and no report or model file holds it. A member that is itself among the terms of a fit takes
@@ -26,7 +27,7 @@ class WithinTolerance(SensorEffect):
     kind = "sensor"
     linear = True
     signature = Signature(x="load_torque", split="", look_for="nothing: such errors are expected")
-    members: tuple[SensorEffect, ...] = ()
+    members: tuple[SensorEffect | EffortBias, ...] = ()
     tolerances: tuple[float, ...] = ()
 
     def __reduce__(self) -> tuple[object, tuple[tuple[tuple[str, float], ...]]]:
@@ -52,15 +53,15 @@ class WithinTolerance(SensorEffect):
         return float(np.prod([member.torque_scale(np.array([each]), gain) for member, each in parts]))
 
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
-        """What the sensors would have recorded: the last member's error acts first."""
+        """What the sensors would have recorded: the last member's error acts first. The effort stays as it is."""
         for member in reversed(self.members):
-            signals = member.corrupt(signals, parameters)
+            signals = member.corrupt(signals, parameters) if isinstance(member, SensorEffect) else signals
         return signals
 
     def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
-        """The signals without these errors: the first member's error is taken off first."""
+        """The signals without these errors: the first member's error is taken off first. The effort stays as it is."""
         for member in self.members:
-            signals = member.restore(signals, parameters)
+            signals = member.restore(signals, parameters) if isinstance(member, SensorEffect) else signals
         return signals
 
 

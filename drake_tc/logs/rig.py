@@ -185,7 +185,8 @@ def parse_rig(document: object, source: Path | str = "rig") -> Rig:
     rig = _with_declared_files(rig, read)
     check_robot_load(name, rig.load, robot, coupled=bool(rig.coupled))
     check_sensors(name, rig.tolerances, rig.robot_sensors, robot)
-    check_joint_tolerances(name, (read.sensors or SensorsKeys()).of_joints, rig.load)
+    sensors = read.sensors or SensorsKeys()
+    check_joint_tolerances(name, sensors, sensors.of_joints, rig.load, rig.drive)
     if robot is not None:
         mapped = (column.rpartition("/")[0] for column in rig.columns)
         named = [owner for owner in mapped if owner.startswith(("ft_", "imu_"))]

@@ -9,7 +9,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, RobotLoad
-from drake_tc.logs.rig_document.sensors import JointSensorKeys
+from drake_tc.logs.rig_document.joint_sensors import JointSensorKeys
 
 
 def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:
@@ -60,12 +60,27 @@ def check_robot_load(source: str, load: Mapping[str, Load], robot: Path | None, 
         raise RigError(f"{source}: load: {{robot: ...}} must be the load of all joints; {others[0]!r} has another one")
 
 
-def check_joint_tolerances(source: str, sensors: Mapping[str, JointSensorKeys], load: Mapping[str, Load]) -> None:
-    """A torque sensor that the rig file describes for one joint by its name is there.
+def check_joint_tolerances(
+    source: str,
+    everywhere: JointSensorKeys,
+    sensors: Mapping[str, JointSensorKeys],
+    load: Mapping[str, Load],
+    drive: Mapping[str, str],
+) -> None:
+    """A torque sensor that the rig file describes for one joint by its name is there, and an effort is that of a drive.
 
     Raises:
-        RigError: Its load does not come from a torque sensor.
+        RigError: The joint's load does not come from a torque sensor, or the joint (of what is said of all joints:
+            every joint) has another kind of drive.
     """
+    every = set(drive.values())
+    for at, entry, kinds in (("", everywhere, every), *((f" {j}:", e, {drive[j]}) for j, e in sensors.items())):
+        for name, kind in entry.drives.items():
+            if kind not in kinds:
+                raise RigError(
+                    f"{source}: sensors:{at} {name}: this tolerance goes with drive: {kind}; got drive: "
+                    f"{', '.join(sorted(kinds))}"
+                )
     for joint, entry in sensors.items():
         if entry.torque is not None and load[joint] != "torque":
             raise RigError(

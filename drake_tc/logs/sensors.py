@@ -23,6 +23,8 @@ class JointSensors:
         torque_bias: Tolerance of the torque sensor's constant error [N m] (N).
         torque_gain: Tolerance of its relative error of scale [-].
         encoder_offset: Tolerance of the encoder's zero [rad] (m).
+        current_bias, voltage_bias, torque_command_bias: Tolerance of the effort's zero [A, V, N m (N)]; that of the
+            joint's drive counts.
     """
 
     torque_noise: float | None = None
@@ -32,14 +34,23 @@ class JointSensors:
     torque_bias: float | None = None
     torque_gain: float | None = None
     encoder_offset: float | None = None
+    current_bias: float | None = None
+    voltage_bias: float | None = None
+    torque_command_bias: float | None = None
 
-    @property
-    def tolerances(self) -> dict[str, float]:
-        """The tolerances above 0, by the id of the effect that a larger error is."""
+    def tolerances(self, drive: str, drive_gain: float) -> dict[str, float]:
+        """The tolerances above 0, by the id of the effect that a larger error is; those of torques in N m.
+
+        Args:
+            drive: Kind of drive.
+            drive_gain: K [effort/(N m)], which turns the effort's tolerance into one of the torque.
+        """
+        efforts = {"current": self.current_bias, "voltage": self.voltage_bias, "torque": self.torque_command_bias}
         known = {
             "torque_sensor_bias": self.torque_bias,
             "torque_sensor_gain": self.torque_gain,
             "encoder_offset": self.encoder_offset,
+            "effort_bias": (efforts.get(drive) or 0.0) / drive_gain,
         }
         return {name: size for name, size in known.items() if size}
 

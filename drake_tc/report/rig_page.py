@@ -12,8 +12,16 @@ from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.rig_document.document import RigDocument
+from drake_tc.logs.rig_document.joint_sensors import (
+    CurrentKeys,
+    EncoderKeys,
+    JointSensorKeys,
+    TorqueCommandKeys,
+    TorqueSensorKeys,
+    VoltageKeys,
+)
 from drake_tc.logs.rig_document.loads import KINDS, WORDS
-from drake_tc.logs.rig_document.sensors import EncoderKeys, ForceTorqueKeys, ImuKeys, JointSensorKeys, TorqueSensorKeys
+from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
 
@@ -33,6 +41,9 @@ def rig_page() -> str:
         "joint_sensors": key_table(JointSensorKeys),
         "torque_sensor": key_table(TorqueSensorKeys),
         "encoder": key_table(EncoderKeys),
+        "current": key_table(CurrentKeys),
+        "voltage": key_table(VoltageKeys),
+        "torque_command": key_table(TorqueCommandKeys),
         "force_torque": key_table(ForceTorqueKeys),
         "imu": key_table(ImuKeys),
         "parts": _part_table(),

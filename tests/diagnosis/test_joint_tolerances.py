@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from drake_tc.benchmarks.interval_coverage import friction_intervals
 from drake_tc.diagnosis import searches as module
 from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.notes import ZeroOfEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
@@ -119,33 +120,60 @@ def test_a_scale_that_nothing_tells_widens_friction_and_gain_by_the_tolerance(mo
         assert_allclose(np.sqrt(half[1] ** 2 - half[0] ** 2), 1.96 * 0.01 * truth, rtol=0.01)
 
 
-def pendulum(offset: float, sensors: dict[str, object]) -> JointResult:
-    """A pendulum of 2.5 N m under a current drive, whose encoder reads q + offset."""
-    swing = pendulum_rig.Swing(constant=0.0, duration=12.0, period=4e-3, effort_noise=1e-3)
+def swing_rig(swing: pendulum_rig.Swing, sensors: dict[str, object]) -> Rig:
+    """The rig of a pendulum of 2.5 N m under a current drive, of a gain that is not declared."""
     mass, length, rotor = 1.0, 2.5 / 9.81, 0.05
     load = {"mass": mass, "length": length, "inertia": swing.inertia - rotor, "zero": swing.zero}
-    rig = pendulum_rig.rig_of(
+    return pendulum_rig.rig_of(
         swing, {"pendulum": load}, drive_gain=None, declared={"rotor_inertia": rotor}, sensors=sensors
     )
+
+
+def pendulum(sensors: dict[str, object], offset: float = 0.0, constant: float = 0.0) -> JointResult:
+    """Of such a pendulum whose encoder reads q + offset, and whose current is that of `constant` [N m] too high."""
+    swing = pendulum_rig.Swing(constant=constant, duration=12.0, period=4e-3, effort_noise=1e-3)
     runs = [pendulum_rig.record(swing, f"run{k}", k, 0.37 * k) for k in range(3)]
     name = f"{pendulum_rig.JOINT}/position"
     runs = [replace(r, columns=dict(r.columns) | {name: r.columns[name] + offset}) for r in runs]
-    return diagnose_joint(runs[:2], runs[2:], rig, pendulum_rig.JOINT, QUICK)
+    return diagnose_joint(runs[:2], runs[2:], swing_rig(swing, sensors), pendulum_rig.JOINT, QUICK)
 
 
 @pytest.mark.parametrize(("offset", "named"), [(0.02, []), (0.08, ["encoder_offset"])])
 def test_the_zero_of_an_encoder(offset, named):
-    result = pendulum(offset, {"encoder": {"offset": "0.01 rad"}})
+    result = pendulum({"encoder": {"offset": "0.01 rad"}}, offset)
     assert [e.id for e in result.effects] == named
     assert holds(result, "coulomb", "coulomb", 0.4) and holds(result, "viscous", "viscous", 0.2)
     for each in result.effects:
         low, high = each.parameters["offset"].ci95
         assert low <= offset <= high
     if not named:  # the free runs are given the position without the error
-        (run,) = without_errors([pendulum_rig.record(pendulum_rig.Swing(), "run", 0)], "joint", result.final)
+        swung = [pendulum_rig.record(pendulum_rig.Swing(), "run", 0)]
+        (run,) = without_errors(swung, swing_rig(pendulum_rig.Swing(), {}), "joint", result.final)
         plain = pendulum_rig.record(pendulum_rig.Swing(), "run", 0)
         moved = plain.columns["joint/position"] - run.columns["joint/position"]
         assert_allclose(moved, offset, rtol=0.05)
+
+
+@pytest.mark.parametrize(("constant", "named"), [(0.05, False), (-0.08, False), (0.3, True)])
+def test_the_zero_of_a_current(constant, named):
+    """50 mN m at 0.4 A/(N m) are 20 mA, the tolerance; while the joint slides, such a constant is like a friction."""
+    without = pendulum({}, constant=constant)
+    assert without.effects  # without a tolerance it is an effect
+    said = [note for note in without.notes if isinstance(note, ZeroOfEffort)]
+    assert len(said) == (0 if named else 1)  # beyond 3 % of the largest current it is no data sheet's
+    assert_allclose([note.offset for note in said], 0.4 * abs(constant), rtol=0.05)
+    result = pendulum({"current": {"bias": "20 mA"}}, constant=constant)
+    assert bool(result.effects) == named
+    assert holds(result, "coulomb", "coulomb", 0.4) and holds(result, "viscous", "viscous", 0.2)
+    if named:
+        assert {e.id for e in result.effects} <= {"effort_bias", "asymmetric_friction"}
+    else:  # the free runs are given the current without the error
+        assert result.after.heldout < 1.1 * result.noise_floor
+        swing = pendulum_rig.Swing(constant=constant)
+        swung = [pendulum_rig.record(swing, "run", 0)]
+        (run,) = without_errors(swung, swing_rig(swing, {}), "joint", result.final)
+        moved = swung[0].columns["joint/current"] - run.columns["joint/current"]
+        assert_allclose(moved, swing.gain * constant, rtol=0.05)
 
 
 def test_joints_have_tolerances_of_their_own(monkeypatch):

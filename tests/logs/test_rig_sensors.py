@@ -65,9 +65,39 @@ def test_tolerances_of_joints_are_those_of_all_joints_unless_a_joint_has_its_own
     }
     rig = parse_rig({"joints": ["hip", "knee"], "drive": "current", "sensors": sensors})
     assert rig.joint_sensors("hip") == JointSensors(torque_bias=0.5, torque_gain=0.01, encoder_offset=0.001)
-    assert rig.joint_sensors("knee").tolerances == {"torque_sensor_bias": 0.2, "torque_sensor_gain": 0.01}
-    assert parse_rig({**BASE, "sensors": {"torque": {"bias": 0.0}}}).joint_sensors("knee").tolerances == {}
+    assert rig.joint_sensors("knee").tolerances("current", 1.0) == {
+        "torque_sensor_bias": 0.2,
+        "torque_sensor_gain": 0.01,
+    }
+    exact = parse_rig({**BASE, "sensors": {"torque": {"bias": 0.0}}})
+    assert exact.joint_sensors("knee").tolerances("current", 1.0) == {}
     assert parse_rig(rig_document(rig)) == rig
+
+
+@pytest.mark.parametrize(
+    ("drive", "key", "bias", "torque"),
+    [
+        ("current", "current", "20 mA", 0.02 / 4.0),
+        ("voltage", "voltage", "0.2 V", 0.2 / 4.0),
+        ("torque", "torque_command", "100 mN*m", 0.1 / 4.0),
+    ],
+)
+def test_the_tolerance_of_an_effort_is_one_of_a_torque_by_the_drive_s_gain(drive, key, bias, torque):
+    rig = parse_rig({"joints": ["hip", "knee"], "drive": drive, "sensors": {"hip": {key: {"bias": bias}}}})
+    assert_allclose(rig.joint_sensors("hip").tolerances(drive, 4.0)["effort_bias"], torque, rtol=1e-12)
+    assert rig.joint_sensors("knee").tolerances(drive, 4.0) == {}
+    assert rig.joint_sensors("hip").tolerances("position_servo", 4.0) == {}
+    assert parse_rig(rig_document(rig)) == rig
+
+
+@pytest.mark.parametrize("owner", [None, "knee"])
+def test_the_tolerance_of_an_effort_goes_with_its_drive(owner):
+    entry = {"current": {"bias": "20 mA"}}
+    drives = {"hip": "current" if owner else "voltage", "knee": "voltage"}
+    with pytest.raises(RigError, match=r"current: this tolerance goes with drive: current; got drive: voltage$"):
+        parse_rig({"joints": ["hip", "knee"], "drive": drives, "sensors": {owner: entry} if owner else entry})
+    with pytest.raises(RigError, match="bias: "):
+        parse_rig({"joint": "knee", "drive": "current", "sensors": {"current": {"bias": "20 mV"}}})
 
 
 def test_tolerances_fill_up_from_the_part_or_a_typical_one(tmp_path):
@@ -91,6 +121,7 @@ def test_every_part_is_a_plausible_sensor():
         {"torque_noise": 0.2, "correlation_time": 0.0},
         {"hip": {"encoder_step": 0.001}, "ft_foot": {"part": "typical"}},
         {"hip": {"encoder": {"offset": 0.001}}, "torque": {"gain": 0.01}},
+        {"current": {"bias": 0.02}, "knee": {"current": {"bias": 0.05}}},
         {"position_noise": 1e-4, "knee": {"torque_noise": 1.0}, "imu_trunk": {"bias": [0.02, 0.002]}},
         {},
     ],

@@ -17,9 +17,17 @@ from drake_tc.logs.effect_ids import EFFECT_IDS
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.logs.rig_document.document import RigDocument
+from drake_tc.logs.rig_document.joint_sensors import (
+    CurrentKeys,
+    EncoderKeys,
+    JointSensorKeys,
+    TorqueCommandKeys,
+    TorqueSensorKeys,
+    VoltageKeys,
+)
 from drake_tc.logs.rig_document.loads import KINDS, WORDS, ModelLoad, PendulumKeys
 from drake_tc.logs.rig_document.schema import rig_schema
-from drake_tc.logs.rig_document.sensors import EncoderKeys, ForceTorqueKeys, ImuKeys, JointSensorKeys, TorqueSensorKeys
+from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys
 from drake_tc.logs.rig_writing import rig_document
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
 from drake_tc.report.rig_page import EXAMPLES, example, rig_page
@@ -29,7 +37,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "drake_tc" / "logs" / "RIG.md"
 MODELS = (
     *(RigDocument, PendulumKeys, ModelLoad, JointSensorKeys, TorqueSensorKeys, EncoderKeys),
-    *(ForceTorqueKeys, ImuKeys),
+    *(ForceTorqueKeys, ImuKeys, CurrentKeys, VoltageKeys, TorqueCommandKeys),
 )
 BASE = {"joint": "knee", "drive": "current"}
 
@@ -78,9 +86,10 @@ def test_the_example_of_every_key_is_accepted(name):
 )
 def test_the_examples_of_the_sensors_are_accepted(model, owner, tmp_path):
     entries = {name: model.model_fields[name].examples[0] for name in keys_of(model)}
-    robot = "{joints: [knee], imu: {trunk: {}}, force_torque: {foot: {}}}"
+    robot = "{joints: [knee, hip, waist], imu: {trunk: {}}, force_torque: {foot: {}}}"
     (tmp_path / "robot.yaml").write_text(robot, encoding="utf-8")
-    document = {"robot": "robot.yaml", "drive": "current", "sensors": entries if owner is None else {owner: entries}}
+    drive = {"knee": "current", "hip": "voltage", "waist": "torque"}
+    document = {"robot": "robot.yaml", "drive": drive, "sensors": entries if owner is None else {owner: entries}}
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
     rig = load_rig(tmp_path / "rig.yaml")
     assert rig.joint_sensors("knee").torque_noise == 0.25 if owner is None else owner in rig.tolerances

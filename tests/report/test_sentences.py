@@ -34,6 +34,7 @@ from drake_tc.diagnosis.notes import (
     Sticking,
     TorqueAsCommanded,
     TorqueAsEffort,
+    ZeroOfEffort,
 )
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining
 from drake_tc.diagnosis.result.experiments import (
@@ -167,6 +168,11 @@ NOTES = [
     ),
     (PayloadFromRatio(3.04, None), ["close to the axis. A wrong rotor_inertia"]),
     (GainBesideEffects(("a", "b"), "position_servo", 0.0025, 0.005), ["With a and b,", "0.0025 rad per N*m", "0.005."]),
+    (
+        ZeroOfEffort("direction-dependent friction", "torque", 0.2, 0.0123),
+        ["torque of the drive of 0.2 N*m", "like the direction-", "1.2 %", "torque_command: {bias"],
+    ),
+    (ZeroOfEffort("offset of the recorded effort", "current", 0.05, 0.02), ["current of 0.05 A", "{current: {bias"]),
     (GainDeclaredWrong("current", 0.1, 0.12, 1.2), ["0.1 A per N*m", "0.12:", "1.2 times", "and torque_constant."]),
     (GainDeclaredWrong("position_servo", 0.1, 0.12, 1.2), ["0.1 rad per N*m", "Check proportional_gain."]),
     (LateCommand(0.0274, 0.744, 1.07, 1.083), ["then 27.4 ms", "0.744 N*m*s/rad instead of 1.07", "8 % larger"]),

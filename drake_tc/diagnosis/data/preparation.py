@@ -273,7 +273,6 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         torque_span=(float(s.load_torque[rows].min()), float(s.load_torque[rows].max())),
         duration=float(s.time.max()),
         position_recorded=samples.resolution.raw_velocity_noise == 0.0,
-        tolerances=rig.joint_sensors(joint).tolerances,
         joint_type=rig.joint_type(joint),
         load_follows_position=not (rig.units_of(joint).slides and unknown_form(load) == "pendulum"),
         **_slow_channels(s, rows),

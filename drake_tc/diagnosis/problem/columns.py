@@ -56,12 +56,13 @@ def coefficients_by_term(terms: Sequence[Term], beta: FloatArray) -> Iterator[tu
         yield term, theta
 
 
-def prior_coefficients(terms: Sequence[Term]) -> BoolArray:
+def prior_coefficients(terms: Sequence[Term], *kinds: type[Effect]) -> BoolArray:
     """(1 + sum k,) which coefficients of beta have a prior: the links' parameters and sensor errors within tolerance.
 
-    They are estimated along and not reported.
+    They are estimated along and not reported. `kinds`: one of the two alone.
     """
-    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, LinkLoad | WithinTolerance)) for t in terms]
+    asked = kinds or (LinkLoad, WithinTolerance)
+    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, asked)) for t in terms]
     return np.concatenate([np.zeros(1, dtype=np.bool_), *parts])
 
 

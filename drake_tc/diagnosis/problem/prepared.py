@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior
@@ -161,6 +161,7 @@ def prepare_joint(
     if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
         require_consistent_signs(first, plain, joint, context.drive, context.load)
         plain = at_reverse_regression(first, plain, context.drive)
+    context = replace(context, tolerances=rig.joint_sensors(joint).tolerances(context.drive, plain.gain))
     first, other, plain = _with_sensor_errors(first, other, plain, context)
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     floor = noise_floor(first, plain)

@@ -18,11 +18,11 @@ import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, coefficients_by_term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term, prior_coefficients
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of
 from drake_tc.diagnosis.problem.shared.covariance import covariance, own_response
-from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE
@@ -30,6 +30,7 @@ from drake_tc.effects.base import Context, plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance
 from drake_tc.logs.record import Run
+from drake_tc.logs.rig import COMMAND_COLUMN, Rig
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -44,7 +45,8 @@ def errors_of(context: Context) -> WithinTolerance | None:
         if name.startswith("torque_sensor"):
             acts = context.load == "torque"
         else:
-            acts = context.load not in ("robot", "links") and not effect(name).unavailable(context)
+            of_model = name == "encoder_offset" and context.load in ("robot", "links")
+            acts = not of_model and not effect(name).unavailable(context)
         if acts:
             found.append((name, size))
     return within_tolerance(tuple(found)) if found else None
@@ -68,20 +70,20 @@ def spread_of_errors(columns: Columns, fitted: Fit) -> FloatArray:
     """
     out = np.zeros((fitted.beta.size, fitted.beta.size))
     low, high = bounds_of(fitted.terms, columns.declared_gain)
-    errors, held = errors_in(fitted.terms), prior_coefficients(fitted.terms)
+    errors, held = errors_in(fitted.terms), prior_coefficients(fitted.terms, WithinTolerance)
     if errors is None or not (held & (low < high)).any():
         return out
     free = np.flatnonzero(held & (low < high))
     drive_held = bool(low[0] == high[0])
     own = np.flatnonzero(~held)[1 if drive_held else 0 :]
-    rows = _as_rows(columns, fitted, own, free, drive_held=drive_held)
+    rows, beta = _as_rows(columns, fitted, own, free, drive_held=drive_held)
     share = effective_samples(fitted.residual, columns.samples) / np.array([columns.target.size])
     stacked = StackedFit(
         columns=np.arange(free.size),
         tolerance=np.array(errors.tolerances)[(low < high)[held]],
         delta=fitted.beta[free],
-        beta=(fitted.beta[own],),
-        sigma=np.array([float(np.std(rows.target - rows.own @ fitted.beta[own] - rows.shared @ fitted.beta[free]))]),
+        beta=(beta,),
+        sigma=np.array([float(np.std(rows.target - rows.own @ beta - rows.shared @ fitted.beta[free]))]),
         effective=share,
         share=share,
         cv_rms=np.array([fitted.cv_rms]),
@@ -95,25 +97,31 @@ def spread_of_errors(columns: Columns, fitted: Fit) -> FloatArray:
     return out
 
 
-def _as_rows(columns: Columns, fitted: Fit, own: IntArray, free: IntArray, *, drive_held: bool) -> JointRows:
-    """One joint's rows as those of a whole robot, the errors' columns in place of shared causes'."""
-    design, block = columns.design(fitted.terms), columns.samples.block
-    target = columns.target - (fitted.beta[0] * design[:, 0] if drive_held else 0.0)
-    every = np.column_stack([design[:, own], design[:, free], target])
-    fold = fold_of(block)
+def _as_rows(
+    columns: Columns, fitted: Fit, own: IntArray, free: IntArray, *, drive_held: bool
+) -> tuple[JointRows, FloatArray]:
+    """One joint's rows as those of a whole robot, the errors' columns in place of shared causes', and its beta (k,).
+
+    Links' parameters among the own ones count from the mean of their prior; what is not known of them is told
+    elsewhere (`drake_tc.diagnosis.result.shared_uncertainty`).
+    """
+    design, block, links = columns.design(fitted.terms), columns.samples.block, columns.prior(fitted.terms)
+    target = columns.target - (fitted.beta[0] * design[:, 0] if drive_held else 0.0) - design[:, own] @ links.mean[own]
     none = np.zeros(free.size, dtype=np.bool_)  # these columns do not hold the noise of the torque
-    return JointRows(
+    rows = JointRows(
         joint="",
         samples=columns.samples,
         own=design[:, own],
         shared=design[:, free],
         target=target,
         block=block,
-        grams=np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)]),
+        grams=fold_grams(design[:, own], design[:, free], target, block, links.precision[own]),
         scaling=none,
         held=float(fitted.beta[0]) if drive_held else None,
         opposite=none,
+        precision=links.precision[own],
     )
+    return rows, fitted.beta[own] - links.mean[own]
 
 
 def errors_in(terms: Sequence[Term]) -> WithinTolerance | None:
@@ -144,19 +152,27 @@ def _is_expected(tolerance: float, found: Estimate) -> bool:
     return abs(found.value) <= BEYOND_TOLERANCE * math.hypot(tolerance, deviation)
 
 
-def without_errors(runs: Sequence[Run], joint: str, fitted: Fit) -> list[Run]:
+def without_errors(runs: Sequence[Run], rig: Rig, joint: str, fitted: Fit) -> list[Run]:
     """The runs as the joint's sensors would have recorded them without the errors within tolerance.
 
     Args:
         runs: As recorded.
+        rig: Says which column the effort is.
         joint: Whose columns are changed.
         fitted: Its model; the runs themselves where it has no such errors.
     """
     for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
         if isinstance(term.effect, WithinTolerance):
             values = term.effect.physical(theta, {}, fitted.gain)
-            return [_restored(run, joint, term.effect, values) for run in runs]
+            effort = {f"{joint}/{COMMAND_COLUMN[rig.drive[joint]]}": fitted.gain * values.get("bias_torque", 0.0)}
+            return [_less_bias(_restored(run, joint, term.effect, values), effort) for run in runs]
     return list(runs)
+
+
+def _less_bias(run: Run, bias: Mapping[str, float]) -> Run:
+    """The run without the constant errors of these columns."""
+    changed = {name: run.columns[name] - by for name, by in bias.items() if by and name in run.columns}
+    return replace(run, columns=dict(run.columns) | changed) if changed else run
 
 
 def _restored(run: Run, joint: str, errors: WithinTolerance, values: Mapping[str, float]) -> Run:

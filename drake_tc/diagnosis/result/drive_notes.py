@@ -1,6 +1,6 @@
 """Notes on the drive that the rig file describes: its gain, its timing, and a servo's own damping."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from drake_tc.actuation.recorded_run import NEEDS_LOAD
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -14,9 +14,11 @@ from drake_tc.diagnosis.notes import (
     PayloadFromRatio,
     ServoDamping,
     SizeByRotorInertia,
+    ZeroOfEffort,
 )
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.experiments import SAME_SCALE
+from drake_tc.diagnosis.result.joint_result import FoundEffect
 from drake_tc.diagnosis.timing_notes import (
     DelayBySampling,
     HeldEffort,
@@ -26,7 +28,8 @@ from drake_tc.diagnosis.timing_notes import (
     TorqueRecordedLate,
     ViscousByAge,
 )
-from drake_tc.effects.base import DriveKind, Effect
+from drake_tc.effects.base import Context, DriveKind, Effect
+from drake_tc.effects.effort_bias import EffortBias
 from drake_tc.effects.library import effect
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
@@ -42,6 +45,13 @@ SCALE_ALONE = ("torque_sensor_gain",)
 PENDULUM_PAYLOAD = "payload.pendulum"
 """Key of a payload whose moment only the ratio of inertia to gravity torque tells."""
 
+OFFSETS: Mapping[str, str] = {"effort_bias": "bias_torque", "asymmetric_friction.coulomb": "coulomb_asymmetry"}
+"""Parameter that is a constant torque, by key of the effects of this form."""
+ZERO_OF_DATA_SHEETS = 0.03
+"""Largest offset of a current sensor by common data sheets, over full scale, which the recorded efforts do not exceed.
+
+(Allegro ACS712, a Hall sensor: total output error of 1.5 % at 25 deg C, and as much again over temperature.)
+"""
 Parameters = Mapping[str, Mapping[str, Estimate]]
 
 
@@ -84,6 +94,28 @@ def gain_note(found: Parameters, drive: DriveKind) -> tuple[GainDeclaredWrong, .
         return ()
     declared, factor = found["drive"]["gain"].value, 1.0 + found["servo_gain"]["gain_error"].value
     return (GainDeclaredWrong(drive, declared / factor, declared, factor),)
+
+
+def zero_of_effort(
+    effects: Sequence[FoundEffect], alternatives: Sequence[tuple[str, str]], gain: float, context: Context
+) -> tuple[ZeroOfEffort, ...]:
+    """Effects that an offset of the effort would look like, if it were as small as data sheets allow.
+
+    Args:
+        effects: That were found.
+        alternatives: Pairs (effect, another one that explains as much).
+        gain: K of the final fit [effort/(N m)].
+        context: Holds the largest effort in the logs, and a declared tolerance, which leaves nothing to say.
+    """
+    out = []
+    for found in () if EffortBias.id in context.tolerances else effects:
+        name = OFFSETS.get(found.key)
+        may_be = found.id == EffortBias.id or (found.id, EffortBias.id) in alternatives
+        if name is not None and may_be:
+            offset = abs(found.parameters[name].value) * gain
+            if offset <= ZERO_OF_DATA_SHEETS * context.effort:
+                out.append(ZeroOfEffort(found.title, context.drive, offset, offset / context.effort))
+    return tuple(out)
 
 
 def late_note(found: Parameters, samples: Samples) -> tuple[DelayBySampling, ...]:

@@ -22,6 +22,7 @@ from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.widening import Parameters, moved, spanned, widened
+from drake_tc.effects.link_load import LinkLoad
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -74,7 +75,7 @@ def _at(joint: JointResult, change: FloatArray) -> Parameters:
 def _places(model: Fit) -> IntArray:
     """Which of beta and shape parameters rows of all joints know: those of the joint's own."""
     shapes = sum(len(t.effect.shapes) for t in model.terms)
-    return np.flatnonzero(np.concatenate([~prior_coefficients(model.terms), np.ones(shapes, dtype=np.bool_)]))
+    return np.flatnonzero(np.concatenate([~prior_coefficients(model.terms, LinkLoad), np.ones(shapes, dtype=np.bool_)]))
 
 
 def _of_own(rows: JointRows, fitted: StackedFit, of_delta: FloatArray, model: Fit) -> FloatArray:

@@ -85,7 +85,8 @@ class EncoderProblem(AllJoints):
 def _less(rows: JointRows, known: FloatArray) -> JointRows:
     """The rows without a known part (N,) of the target."""
     target = rows.target - known
-    return replace(rows, target=target, grams=fold_grams(rows.own, rows.shared, target, rows.block))
+    grams = fold_grams(rows.own, rows.shared, target, rows.block, rows.precision)
+    return replace(rows, target=target, grams=grams)
 
 
 def late_encoder(problem: EncoderProblem, common: float | None) -> SharedEffect | None:

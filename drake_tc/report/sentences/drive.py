@@ -12,6 +12,7 @@ from drake_tc.diagnosis.notes import (
     PayloadFromRatio,
     ServoDamping,
     SizeByRotorInertia,
+    ZeroOfEffort,
 )
 from drake_tc.diagnosis.timing_notes import (
     DelayBySampling,
@@ -96,6 +97,14 @@ def drive_sentence(note: DriveNote) -> str:
                 f"command times half a sampling period ({_ms(0.5 * period)}), and most of it lies where the command is "
                 "fast, as if the clocks of command and log drifted against each other. Log the command and the "
                 "position at the same instants, or each with its own time stamps."
+            )
+        case ZeroOfEffort(effect, drive, offset, share):
+            key = "torque_command" if drive == "torque" else drive
+            return (
+                f"An offset of the recorded {RECORDED[drive]} of {offset:.3g} {EFFORT_UNIT[drive]} would look like the "
+                f"{effect}. This is {100.0 * share:.2g} % of its largest value in the logs, and data sheets of such "
+                f"sensors allow up to 3 %. If yours does, declare the tolerance (sensors: {{{key}: {{bias: ...}}}}): "
+                "an offset within it is then not reported."
             )
         case ServoDamping(viscous, servo, exceeds) if exceeds:
             return (

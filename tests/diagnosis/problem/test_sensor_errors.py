@@ -105,3 +105,7 @@ def test_only_the_errors_that_concern_the_joint_are_part_of_its_model(rows):
     assert ids["pendulum"] == ["encoder_offset"]
     assert ids["robot"] == ids["links"] == ids["unknown"] == []
     assert errors_of(replace(context, tolerances={})) is None
+    efforts = replace(context, tolerances={"effort_bias": 0.2})
+    acts = {load: errors_of(replace(efforts, load=load, drive="current")) is not None for load in made}
+    assert acts == {"torque": True, "pendulum": True, "robot": True, "links": True, "unknown": False}
+    assert errors_of(replace(efforts, load="pendulum", drive="position_servo")) is None

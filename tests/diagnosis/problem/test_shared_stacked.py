@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.problem.columns import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import Cause
-from drake_tc.diagnosis.problem.shared.covariance import intervals
+from drake_tc.diagnosis.problem.shared.covariance import intervals, own_response
 from drake_tc.diagnosis.problem.shared.gain_dilution import dilution, shared_variance, stiffness_to_hold
-from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams
 from drake_tc.diagnosis.problem.shared.stacked import fit_stacked
 from drake_tc.diagnosis.selection.shared import SharedProblem, search_shared
 
@@ -52,6 +52,24 @@ def joint(number, seed, delta, only=None, lonely=False):
 
 def joints(seed=0, delta=TRUE, **kind):
     return [joint(number, seed, delta, **kind) for number in range(3)]
+
+
+def test_a_prior_of_own_coefficients_is_that_of_ridge_regression():
+    """Rows sqrt(p) below X with the target 0, of a precision p, are the same least squares, and the same response."""
+    precision = np.array([0.0, 40.0, 0.0])
+    with_prior = [
+        replace(r, precision=precision, grams=fold_grams(r.own, r.shared, r.target, r.block, precision))
+        for r in joints()
+    ]
+    fitted = fit_stacked(with_prior, np.zeros(0, dtype=np.int64))
+    response = own_response(with_prior[0], replace(fitted, columns=np.array([0, 1])))
+    for row, beta in zip(with_prior, fitted.beta, strict=True):
+        below = np.vstack([row.own, np.diag(np.sqrt(precision))])
+        expected = np.linalg.lstsq(below, np.append(row.target, np.zeros(3)), rcond=None)[0]
+        assert_allclose(beta, expected, rtol=1e-9)
+    below = np.vstack([with_prior[0].own, np.diag(np.sqrt(precision))])
+    shared = np.vstack([with_prior[0].shared[:, :2], np.zeros((3, 2))])
+    assert_allclose(response, np.linalg.lstsq(below, shared, rcond=None)[0], rtol=1e-9)
 
 
 def test_elimination_equals_the_dense_solution():

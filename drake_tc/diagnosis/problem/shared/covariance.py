@@ -85,11 +85,12 @@ def _long_run(scores: FloatArray) -> FloatArray:
 
 
 def own_response(rows: JointRows, fitted: StackedFit) -> FloatArray:
-    """By how much 1/K and the joint's own coefficients fall as delta grows, (1 + k', p): (X' X)^-1 X' C.
+    """By how much 1/K and the joint's own coefficients fall as delta grows, (1 + k', p): (X' X + P)^-1 X' C.
 
-    The first row is 0 where the gain is held.
+    P is the precision of their prior. The first row is 0 where the gain is held.
     """
-    response = inverse(rows.own.T @ rows.own) @ (rows.own.T @ rows.shared[:, fitted.columns])
+    prior = 0.0 if rows.precision is None else np.diag(rows.precision)
+    response = inverse(rows.own.T @ rows.own + prior) @ (rows.own.T @ rows.shared[:, fitted.columns])
     return response if rows.held is None else np.concatenate([np.zeros((1, response.shape[1])), response])
 
 

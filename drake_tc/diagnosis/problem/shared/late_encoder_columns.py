@@ -105,6 +105,6 @@ def with_late_encoders(rows: Sequence[JointRows], causes: CauseColumns) -> tuple
         shared = np.column_stack([r.shared, more])
         none = np.zeros(more.shape[1], dtype=np.bool_)
         scaling, opposite = (None if x is None else np.append(x, none) for x in (r.scaling, r.opposite))
-        grams = fold_grams(r.own, shared, r.target, r.block)
+        grams = fold_grams(r.own, shared, r.target, r.block, r.precision)
         out.append(replace(r, shared=shared, grams=grams, scaling=scaling, opposite=opposite))
     return tuple(out)

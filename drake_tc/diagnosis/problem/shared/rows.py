@@ -15,6 +15,7 @@ from drake_tc.diagnosis.data.sliding import BLOCK_SECONDS
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 
@@ -32,6 +33,8 @@ class JointRows:
         scaling: (P,) columns that hold the noise of z; None: all.
         held: 1/K where the drive's gain is declared [N m/effort]; None: fitted, the first coefficient.
         opposite: (P,) `scaling` under the opposite assumption, where it is not certain; None: none.
+        precision: (k,) of the prior of the own coefficients, around 0 and in units in which a row's squared residual
+            counts 1: of errors of the joint's sensors within tolerance (`data.sensor_prior`); None: there is none.
     """
 
     joint: str
@@ -44,6 +47,7 @@ class JointRows:
     scaling: BoolArray | None = None
     held: float | None = None
     opposite: BoolArray | None = None
+    precision: FloatArray | None = None
 
     def stiffness(self, beta: FloatArray) -> float:
         """1/K, with its own coefficients beta (k,)."""
@@ -94,16 +98,24 @@ def stack(
         design = given if given is not None and len(given) == each.target.size else each.design(terms[joint])
         own, target, held = _drive_held(design, each, terms[joint])
         block = np.searchsorted(known, keys[joint])
-        grams = fold_grams(own, shared, target, block)
-        stacked.append(JointRows(joint, each.samples, own, shared, target, block, grams, scaling, held, opposite))
+        precision = _precision(each, terms[joint], own.shape[1])
+        grams = fold_grams(own, shared, target, block, precision)
+        made = JointRows(joint, each.samples, own, shared, target, block, grams, scaling, held, opposite, precision)
+        stacked.append(made)
     return tuple(stacked)
 
 
-def fold_grams(own: FloatArray, shared: FloatArray, target: FloatArray, block: IntArray) -> FloatArray:
-    """(FOLDS, m, m) Gram matrices of [X, C, z] by fold."""
+def fold_grams(
+    own: FloatArray, shared: FloatArray, target: FloatArray, block: IntArray, precision: FloatArray | None = None
+) -> FloatArray:
+    """(FOLDS, m, m) Gram matrices of [X, C, z] by fold; each has its share of the prior of the own coefficients."""
     fold = (block // 2) % FOLDS
     every = np.column_stack([own, shared, target])
-    return np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
+    grams = np.stack([every[fold == f].T @ every[fold == f] for f in range(FOLDS)])
+    if precision is not None:
+        first = np.arange(precision.size)
+        grams[:, first, first] += precision / FOLDS
+    return grams
 
 
 def with_terms(rows: JointRows, columns: Columns, terms: Sequence[Term]) -> JointRows:
@@ -115,15 +127,31 @@ def with_terms(rows: JointRows, columns: Columns, terms: Sequence[Term]) -> Join
         terms: What its own model holds now.
     """
     own, target, held = _drive_held(columns.design(terms), columns, terms)
-    grams = fold_grams(own, rows.shared, target, rows.block)
-    return replace(rows, own=own, target=target, grams=grams, held=held)
+    precision = _precision(columns, terms, own.shape[1])
+    grams = fold_grams(own, rows.shared, target, rows.block, precision)
+    return replace(rows, own=own, target=target, grams=grams, held=held, precision=precision)
+
+
+def _precision(columns: Columns, terms: Sequence[Term], width: int) -> FloatArray | None:
+    """(width,) of the own coefficients' prior, 0 where there is none: of slopes by shapes, and of the drive's gain."""
+    if not any(isinstance(t.effect, WithinTolerance) for t in terms):
+        return None
+    known = columns.prior(terms).precision
+    first = 1 if _is_held(columns, terms) else 0
+    out = np.zeros(width)
+    out[: known.size - first] = known[first:]
+    return out
+
+
+def _is_held(columns: Columns, terms: Sequence[Term]) -> bool:
+    return columns.declared_gain is not None and not any(isinstance(t.effect, ServoGain) for t in terms)
 
 
 def _drive_held(
     own: FloatArray, columns: Columns, terms: Sequence[Term]
 ) -> tuple[FloatArray, FloatArray, float | None]:
     """Own columns, target and held 1/K of one joint: see `JointRows`."""
-    if columns.declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms):
+    if columns.declared_gain is None or not _is_held(columns, terms):
         return own, columns.target, None
     held = 1.0 / columns.declared_gain
     return own[:, 1:], columns.target - held * own[:, 0], held
