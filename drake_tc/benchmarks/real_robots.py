@@ -23,9 +23,11 @@ import numpy as np
 from drake_tc.benchmarks.pooled_least_squares import PlainResiduals, least_squares_residuals
 from drake_tc.benchmarks.real_log_cases import CaseFiles, case_files, import_set
 from drake_tc.benchmarks.real_logs import chosen_sets
+from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop, in_order
+from drake_tc.errors import ParamsError
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.figure_row import FigureRow
@@ -153,7 +155,11 @@ def rows(
         LogError: A set is not in `data`.
         ParamsError: An unknown set.
     """
-    sets = {entry.name: entry for entry in chosen_sets(sorted({case.data_set for case in cases}))}
+    known = sorted({case.data_set for case in cases})
+    for name in names:
+        if name not in known:
+            raise ParamsError(f"no data set {name!r} with a robot{did_you_mean(name, known)}; sets: {', '.join(known)}")
+    sets = {entry.name: entry for entry in chosen_sets(known)}
     taken = [case for case in cases if not names or case.data_set in names]
     out = []
     for number, case in enumerate(taken):

@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose
 
 from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict, fit_each_run, fit_scaled
 from drake_tc.benchmarks.real_logs import chosen_sets
-from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, ratio_interval, table_rows
+from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, ratio_interval, rows, table_rows
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.errors import ParamsError
 
 
 def made_up(rng: np.random.Generator, size: int, noise: tuple[float, float]) -> dict[str, PlainRows]:
@@ -118,3 +119,8 @@ def test_the_payload_is_met_within_three_percent() -> None:
 def test_every_case_is_one_of_the_committed_ones() -> None:
     known = {(entry.name, case.name) for entry in chosen_sets() for case in entry.cases}
     assert {(case.data_set, case.case) for case in CASES} <= known
+
+
+def test_an_unknown_set_is_refused(tmp_path):
+    with pytest.raises(ParamsError, match=r"no data set 'ur10e' with a robot.*; sets: dfki-double-pendulum, .*ur10e-c"):
+        rows(tmp_path, ["ur10e"])
