@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict, fit_each_run, fit_scaled

@@ -1,7 +1,7 @@
 """The check's predictions held against the truth of blind rigs: is what is said to be seen found, and nothing else?
 
-Each effect is put into four rigs, at 4 %, 30 %, 100 % and 2 % of the strength that the blind benchmark calls middle. The
-check of a rig's training runs predicts "seen" where the true size is at least the smallest size that it states, and
+Each effect is put into four rigs, at 4 %, 30 %, 100 % and 2 % of the strength that the blind benchmark calls middle.
+The check of a rig's training runs predicts "seen" where the true size is at least the smallest size that it states, and
 "not seen" where the true size is below the size that it states for the most favourable shape. The diagnosis of the
 same files says whether the effect was found.
 """
