@@ -14,6 +14,7 @@ SetUpErrorKind = Literal[
     "drive_gain",
     "gravity",
     "coupled",
+    "payload",
 ]
 SET_UP_ERRORS: tuple[SetUpErrorKind, ...] = get_args(SetUpErrorKind)
 """What is tried, in the order in which errors that explain as much are preferred."""
@@ -32,6 +33,8 @@ class SetUpError:
         zero: Reading of the joint's column at the zero of the URDF [rad].
         gravity: Direction in which gravity acts, by the axes of the robot's base.
         turns: Of the first joint's motor for one turn of the second joint.
+        mass: Of a payload [kg]. carrier: The link that carries it. runs: In which; empty for all of them.
+        held_out: Whether these are held-out runs.
     """
 
     kind: SetUpErrorKind
@@ -41,6 +44,10 @@ class SetUpError:
     zero: float = 0.0
     gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
     turns: float = 0.0
+    mass: float = 0.0
+    carrier: str = ""
+    runs: tuple[str, ...] = ()
+    held_out: bool = False
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,10 @@
     y_j = K_j Y_j(q, v, vdot; g) (pi_0 + delta) + a_j vdot_j + f_j v_j + c_j sign(v_j) + b_j + e_j
 
 with e_j ~ (0, sigma_j^2). Y is the regressor of the links' parameters (`robot.rigid_regressor`), pi_0 those of the
-robot's file and delta ~ N(0, t^2) by the rig's tolerance. a_j, f_j and c_j are not negative: inertia is positive and
-friction dissipates. b_j may have any sign. The drive gain K_j is the declared one, or the best one of K_j >= 0. The fit
-minimises
+robot's file and delta ~ N(0, t^2) by the rig's tolerance. What the outermost link carries in some runs has ten
+more, about 0 with the standard deviations of `payload_deviations`. a_j, f_j and c_j are not negative: inertia is
+positive and friction dissipates. b_j may have any sign. The drive gain K_j is the declared one, or the best one of
+K_j >= 0. The fit minimises
 
     sum_j N_j log sigma_j^2 + |delta/t|^2/s                          s = `INDEPENDENT`, by reweighted least squares.
 
@@ -25,8 +26,11 @@ from scipy.optimize import nnls
 from drake_tc.diagnosis.set_up.rows import SetUpRows
 from drake_tc.estimation.coupled_gears import motor_loads
 from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
+LOAD = len(LINK_PARAMETERS)
+"""Inertial parameters of what a link carries."""
 OWN = 5
 """Columns of a joint's own: acceleration, velocity and its sign, 1 and -1."""
 INDEPENDENT = 0.1
@@ -56,6 +60,7 @@ class SetUp:
         gravity: (3,) of the base [m/s^2].
         free: (n,) whether the drive gain is fitted.
         turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`); None where none does.
+        loaded: Names of runs in which the outermost link carries something, those with the same load together.
     """
 
     source: IntArray
@@ -66,6 +71,7 @@ class SetUp:
     gravity: FloatArray
     free: BoolArray
     turns: FloatArray | None = None
+    loaded: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +82,13 @@ class Balance:
         share: (n,) RMS of what is left over that of the effort; NaN of joints that hardly move.
         gain: (n,) K [effort/(N m)], declared or fitted.
         departure: |delta/t|^2, how far the links are from those of the robot's file.
+        loads: (m, 10) inertial parameters of what is carried in each group of loaded runs.
     """
 
     share: FloatArray
     gain: FloatArray
     departure: float
+    loads: FloatArray
 
     @property
     def error(self) -> float:
@@ -100,6 +108,10 @@ class ArmBalance:
         own_effort: (n,) whether the effort is a column of its own; not so for a servo, whose effort is the difference
             of command and position.
         turns: Those of the rig file.
+        carrier: Number of the link that may carry something; None where several links are outermost.
+        loaded: Groups of runs that the rig file says to be loaded.
+        in_all: Names of all runs where the links are taken as known, so that something may be carried in all of them;
+            links that are fitted take it up.
     """
 
     links: LinkModel
@@ -108,6 +120,9 @@ class ArmBalance:
     gain: FloatArray
     own_effort: BoolArray
     turns: FloatArray | None = None
+    carrier: int | None = None
+    loaded: tuple[tuple[str, ...], ...] = ()
+    in_all: tuple[str, ...] = ()
 
     @property
     def as_declared(self) -> SetUp:
@@ -122,6 +137,7 @@ class ArmBalance:
             gravity=self.links.tree.gravity,
             free=np.isnan(self.gain),
             turns=self.turns,
+            loaded=self.loaded,
         )
 
     @cached_property
@@ -151,9 +167,20 @@ class ArmBalance:
 
     def fit(self, set_up: SetUp, columns: FloatArray | None = None) -> Balance:
         """All joints under one assumption; `columns` are those of the motion where they are known."""
-        grams = self._grams(set_up, self.columns(set_up) if columns is None else columns)
+        columns = self.columns(set_up) if columns is None else columns
+        groups, zero = len(set_up.loaded), np.zeros(LOAD)
+        grams = self._grams(set_up, np.concatenate([columns, *self._carried(set_up, columns)], axis=2))
+        nominal = np.concatenate([self.links.nominal, *[zero] * groups])
+        tolerance = np.concatenate([self.tolerance, *[self.links.payload_deviations] * groups])
         declared = np.where(set_up.free, np.nan, self.gain)
-        return _fit(grams, self.links.nominal, self.tolerance, declared, 1.0 / (INDEPENDENT * len(self.rows.effort)))
+        return _fit(grams, nominal, tolerance, declared, 1.0 / (INDEPENDENT * len(self.rows.effort)), groups)
+
+    def _carried(self, set_up: SetUp, columns: FloatArray) -> list[FloatArray]:
+        """(T, n, 10) of the load of each group, from those of the link that carries it; 0 in other runs."""
+        if self.carrier is None:
+            return []
+        own = columns[:, :, LOAD * self.carrier : LOAD * (self.carrier + 1)]
+        return [own * np.isin(self.rows.run, group)[:, None, None] for group in set_up.loaded]
 
     def _grams(self, set_up: SetUp, columns: FloatArray) -> list[FloatArray | None]:
         """By joint, the mean of [Y_j, vdot, v, sign v, 1, -1, y]' [...] over the rows in which it slides.
@@ -182,7 +209,9 @@ def _fit(
     tolerance: FloatArray,
     declared: FloatArray,
     prior: float,
+    groups: int,
 ) -> Balance:
+    """`groups` of loaded runs have the last parameters, `LOAD` each."""
     n = len(grams)
     size = np.array([np.nan if g is None else np.sqrt(g[-1, -1]) for g in grams])
     delta, gain, sigma = np.zeros(nominal.size), np.empty(n), size.copy()
@@ -193,7 +222,8 @@ def _fit(
         if number < ROUNDS - 1:
             known = [(g, gain[j], sigma[j], np.isnan(declared[j])) for j, g in enumerate(grams) if g is not None]
             delta = _links(known, nominal, tolerance, prior, nominal + delta)
-    return Balance(sigma / size, gain, float(np.sum((delta / tolerance) ** 2)))
+    loads = delta[delta.size - LOAD * groups :].reshape(groups, LOAD)
+    return Balance(sigma / size, gain, float(np.sum((delta / tolerance) ** 2)), loads)
 
 
 def _joint(gram: FloatArray | None, pi: FloatArray, declared: float) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 A change says what it is, so that a report can say what to change in the rig or robot file.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -27,6 +27,12 @@ NEIGHBOURS = 2
 """How many joints a gear that couples two of them may lie apart, counted along the arm."""
 TURNS = (-1.0, -0.3, 0.3, 1.0)
 """Of a motor for one turn of another joint, before the best one is refined: a bevel gear at a wrist gives 1."""
+FARTHEST = 1.0
+"""Centre of mass of what a link carries, from the link's own frame [m]."""
+LEAST_TURN = 0.1
+"""Determinant of the motors' turns for those of the joints, at least: with 0, some motion turns no motor."""
+NO_GEAR = 1e3
+"""Error of what cannot be a gear."""
 EVALUATIONS = 60
 """Of a refinement, at most."""
 
@@ -37,13 +43,15 @@ class Change:
 
     Attributes:
         kind: What.
-        joints: (k,) places of the joints that it concerns; empty for gravity.
+        joints: (k,) places of the joints that it concerns; empty for gravity and a payload.
         set_up: The assumption with it.
+        runs: That carry a payload.
     """
 
     kind: SetUpErrorKind
     joints: tuple[int, ...]
     set_up: SetUp
+    runs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +65,7 @@ class Tried:
 def tried_changes(arm: ArmBalance, start: SetUp) -> list[Tried]:
     """Every change of one thing, fitted."""
     found = [*_efforts(arm, start), *_reversed(arm, start), *_exchanged_columns(arm, start), *_zeros(arm, start)]
-    found += [_gravity(arm, start), *_coupled(arm, start)]
+    found += [_gravity(arm, start), *_coupled(arm, start), *payloads(arm, start)]
     return sorted(found, key=_simplest_first)
 
 
@@ -196,26 +204,60 @@ def _gravity(arm: ArmBalance, start: SetUp) -> Tried:
     return Tried(Change("gravity", (), set_up), balance)
 
 
+def payloads(arm: ArmBalance, start: SetUp, groups: Sequence[tuple[str, ...]] | None = None) -> Iterator[Tried]:
+    """Something that the outermost link carries in some runs.
+
+    Args:
+        arm: Of which the rows are.
+        start: The assumption so far.
+        groups: Of runs with the same load; None: each single run, and all of them where the links are known.
+    """
+    if arm.carrier is None:
+        return
+    columns = arm.columns(start)
+    for group in _single_runs(arm, start) if groups is None else groups:
+        set_up = replace(start, loaded=(*start.loaded, group))
+        balance = arm.fit(set_up, columns)
+        if _may_be_carried(balance.loads[-1]):
+            yield Tried(Change("payload", (), set_up, group), balance)
+
+
+def _single_runs(arm: ArmBalance, start: SetUp) -> list[tuple[str, ...]]:
+    known = {name for group in start.loaded for name in group}
+    runs = list(dict.fromkeys(arm.rows.run.tolist()))
+    groups: list[tuple[str, ...]] = [(name,) for name in runs if name not in known] if len(runs) > 1 else []
+    return [arm.in_all, *groups] if arm.in_all and not known else groups
+
+
+def _may_be_carried(load: FloatArray) -> bool:
+    """Whether a body can have these ten inertial parameters, its centre within reach."""
+    mass, moment = float(load[0]), np.asarray(load[1:4])
+    return mass > 0.0 and bool(np.linalg.norm(moment) <= FARTHEST * mass)
+
+
 def _coupled(arm: ArmBalance, start: SetUp) -> Iterator[Tried]:
     """The pair of joints whose coupling by a gear explains most."""
     n, columns = start.zero.size, arm.columns(start)
 
-    def fitted(pair: tuple[int, int], share: float) -> tuple[SetUp, Balance]:
+    def coupled(pair: tuple[int, int], share: float) -> SetUp | None:
         turns = np.eye(n) if start.turns is None else start.turns.copy()
         turns[pair] += share
-        set_up = replace(start, turns=turns)
-        return set_up, arm.fit(set_up, columns)
+        return None if abs(np.linalg.det(turns)) < LEAST_TURN else replace(start, turns=turns)
+
+    def error(pair: tuple[int, int], share: float) -> float:
+        set_up = coupled(pair, share)
+        return NO_GEAR if set_up is None else arm.fit(set_up, columns).error
 
     near = [(i, j) for i in range(n) for j in range(n) if 0 < abs(i - j) <= NEIGHBOURS and arm.own_effort[[i, j]].all()]
     if not near:
         return
-    tried = [(fitted(pair, share)[1].error, pair, share) for pair in near for share in TURNS]
-    _, pair, first = min(tried)
+    _, pair, first = min((error(pair, share), pair, share) for pair in near for share in TURNS)
     best = minimize(
-        lambda share: fitted(pair, float(share[0]))[1].error,
+        lambda share: error(pair, float(share[0])),
         np.array([first]),
         method="Nelder-Mead",
         options={"maxfev": EVALUATIONS // 2, "initial_simplex": [[first], [1.3 * first]], "xatol": 1e-4},
     )
-    set_up, balance = fitted(pair, float(best.x[0]))
-    yield Tried(Change("coupled", pair, set_up), balance)
+    set_up = coupled(pair, float(best.x[0]))
+    if set_up is not None:
+        yield Tried(Change("coupled", pair, set_up), arm.fit(set_up, columns))

@@ -1,6 +1,7 @@
 """An arm's set-up held against its logs."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from drake_tc.diagnosis.set_up.changes import Change
 from drake_tc.diagnosis.set_up.rows import set_up_rows
 from drake_tc.diagnosis.set_up.search import search_set_up
 from drake_tc.estimation.robot_loads import RobotLogs
-from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.loads import Load, RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel
@@ -40,17 +41,32 @@ def check_set_up(
     """
     names = logs.robot.joints
     load = next(iter(rig.load.values()))
-    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) and load.fitted else KNOWN)
+    fitted = isinstance(load, RobotLoad) and load.fitted
+    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) and fitted else KNOWN)
     gain = np.array([rig.drive_gain.get(joint, np.nan) for joint in names])
     own = np.array([rig.drive.get(joint) != "position_servo" for joint in names])
     rows = [set_up_rows(logs, runs, rig) for runs in (train, held)]
-    training, heldout = (ArmBalance(links, each, tolerance, gain, own, logs.turns) for each in rows)
+    carrier = _carrier(links, load)
+    loaded = tuple((name,) for name in load.payload) if isinstance(load, RobotLoad) else ()
+    every = () if fitted else tuple(run.name for run in (*train, *held))
+    training = ArmBalance(links, rows[0], tolerance, gain, own, logs.turns, carrier, loaded, every)
+    heldout = replace(training, rows=rows[1])
     found = search_set_up(training, heldout, np.array([left[joint] for joint in names]))
     if found is None:
         return None
 
     def error(change: Change, balance: Balance, set_up: SetUp) -> SetUpError:
-        return _error(change, set_up, names, rig, dict(zip(names, zip(balance.gain, gain, strict=True), strict=True)))
+        gains = dict(zip(names, zip(balance.gain, gain, strict=True), strict=True))
+        made = _error(change, set_up, names, rig, gains)
+        if carrier is None or change.kind != "payload":
+            return made
+        return replace(
+            made,
+            mass=float(balance.loads[set_up.loaded.index(change.runs), 0]),
+            carrier=links.tree.links[carrier],
+            runs=() if change.runs == every else change.runs,
+            held_out=change.runs != every and {run.name for run in held}.issuperset(change.runs),
+        )
 
     return SetUpCheck(
         errors=tuple(error(change, found.after, found.set_up) for change in found.changes),
@@ -58,6 +74,14 @@ def check_set_up(
         before=_by_joint(found.before.share, names),
         after=_by_joint(found.after.share, names),
     )
+
+
+def _carrier(links: LinkModel, load: Load) -> int | None:
+    """Number of the link that may carry something: the one of the rig file, or the only outermost one."""
+    name = load.carrier if isinstance(load, RobotLoad) else ""
+    if not name and len(links.outermost) > 1:
+        return None
+    return links.tree.links.index(name or links.outermost[0])
 
 
 def _by_joint(values: FloatArray, names: Sequence[str]) -> dict[str, float]:

@@ -1,9 +1,10 @@
 """Motion and efforts of all joints at some instants of the runs, to hold assumptions on the set-up against."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretches
 from drake_tc.filtering.savitzky_golay import smooth
@@ -13,6 +14,8 @@ from drake_tc.types import FloatArray
 
 MOST_ROWS = 600
 """Of all runs together: errors that are looked for are far larger than the noise."""
+STRETCH = 10
+"""Rows of a part that follow each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +25,24 @@ class SetUpRows:
     Attributes:
         position, velocity, acceleration: (T, n) of the joints [rad or m], as recorded.
         effort: (T, n) in the unit of each drive; 0 of joints that are not the rig's.
+        run: (T,) name of the run.
     """
 
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     effort: FloatArray
+    run: NDArray[np.str_]
+
+    def before(self, others: "SetUpRows") -> "SetUpRows":
+        """These rows, and others after them."""
+        names = [field.name for field in fields(self)]
+        return SetUpRows(*(np.concatenate([getattr(each, name) for each in (self, others)]) for name in names))
+
+    def part(self, number: int, parts: int) -> "SetUpRows":
+        """One of so many parts of these rows: stretches of `STRETCH` rows, dealt in turn."""
+        mine = (np.arange(len(self.run)) // STRETCH) % parts == number
+        return SetUpRows(*(getattr(self, field.name)[mine] for field in fields(self)))
 
 
 def set_up_rows(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> SetUpRows:
@@ -38,10 +53,12 @@ def set_up_rows(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> SetUpRows:
         runs: With the columns of all of its joints.
         rig: Names the efforts.
     """
-    parts = [part for run in runs for part in _stretches(logs, run, rig)]
-    step = max(1, sum(len(part) for part in parts) // MOST_ROWS)
-    every = np.concatenate([part[::step] for part in parts])
-    return SetUpRows(*np.moveaxis(every, 1, 0))
+    parts = [(run.name, part) for run in runs for part in _stretches(logs, run, rig)]
+    step = max(1, sum(len(part) for _, part in parts) // MOST_ROWS)
+    every = np.concatenate([part[::step] for _, part in parts])
+    names = np.concatenate([np.full(len(part[::step]), name) for name, part in parts])
+    position, velocity, acceleration, effort = np.moveaxis(every, 1, 0)
+    return SetUpRows(position, velocity, acceleration, effort, names)
 
 
 def _stretches(logs: RobotLogs, run: Run, rig: Rig) -> list[FloatArray]:

@@ -9,6 +9,9 @@ found if, on the training runs and on the held-out runs,
 - the mean logarithm of all joints' errors falls by at least that of `TOGETHER`, and
 - no joint's error grows by more than `GROWS`, unless it is small after it (`SMALL`).
 
+A payload in one training run says nothing of the held-out runs. It is found if two halves of the training rows, fitted
+apart, ask for it. A held-out run may carry one too, which is looked for last (`_loaded_held_run`).
+
 Where the links are far from the robot's file, the fast model leaves more than that of the diagnosis. Some joint's error
 must therefore also be at most half (`HALVED`) of what the latter leaves.
 
@@ -22,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
-from drake_tc.diagnosis.set_up.changes import Change, Tried, gains_of_one_joint, tried_changes
+from drake_tc.diagnosis.set_up.changes import Change, Tried, gains_of_one_joint, payloads, tried_changes
 from drake_tc.types import BoolArray, FloatArray
 
 MUCH = 0.1
@@ -74,7 +77,7 @@ def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetU
         return None
     before = train.fit(start)
     if not min(np.nanmax(before.share), np.nanmax(left)) > MUCH:
-        return _one_gain(train, held, before, left)
+        return _one_gain(train, held, before, left) or _loaded_held_run(train, held)
     least = replace(before, share=np.where(np.isnan(before.share), np.nan, np.fmin(before.share, left)))
     none = SetUpSearch((), start, (), least, least)
     steps: list[tuple[Tried, tuple[Tried, ...]]] = []
@@ -92,10 +95,41 @@ def search_set_up(train: ArmBalance, held: ArmBalance, left: FloatArray) -> SetU
     after, alternatives = steps[-1][0].balance, steps[-1][1]
     changes = tuple(step.change for step, _ in steps)
     much = before.share > MUCH
-    found = is_found(before, after, much) and is_found(held.fit(start), held.fit(at), much)
+    found = is_found(before, after, much) and _confirmed(train, held, at, changes, much)
     if not (found and _is_half_of(left, after)):
-        return none
+        return _loaded_held_run(train, held) or none
     return SetUpSearch(changes, at, alternatives, before, after)
+
+
+def _confirmed(train: ArmBalance, held: ArmBalance, at: SetUp, changes: Sequence[Change], much: BoolArray) -> bool:
+    """Whether rows that took no part in choosing, or halves of those that did, ask for the changes too."""
+    in_held = set(held.rows.run.tolist())
+    of_training = [bool(change.runs) and not in_held.intersection(change.runs) for change in changes]
+    sides = [] if all(of_training) else [held]
+    sides += _halves(train) if any(of_training) else []
+    return all(is_found(side.fit(train.as_declared), side.fit(at), much) for side in sides)
+
+
+def _halves(arm: ArmBalance) -> list[ArmBalance]:
+    return [replace(arm, rows=arm.rows.part(number, 2)) for number in range(2)]
+
+
+def _loaded_held_run(train: ArmBalance, held: ArmBalance) -> SetUpSearch | None:
+    """A payload of one held-out run, or of all training runs; None where there is none. The links are the same."""
+    both = replace(train, rows=train.rows.before(held.rows))
+    start = both.as_declared
+    before = both.fit(start)
+    of_training, of_held = (tuple(dict.fromkeys(side.rows.run.tolist())) for side in (train, held))
+    groups = [*((name,) for name in of_held), of_training]
+    tried = list(payloads(both, start, groups)) if np.nanmax(before.share) > MUCH else []
+    if not tried:
+        return None
+    best = min(tried, key=lambda t: t.balance.error)
+    much, at = before.share > MUCH, best.change.set_up
+    sides = (both, *_halves(both))
+    if not all(is_found(side.fit(start), side.fit(at), much) for side in sides):
+        return None
+    return SetUpSearch((best.change,), at, (), before, best.balance)
 
 
 def _one_gain(train: ArmBalance, held: ArmBalance, before: Balance, left: FloatArray) -> SetUpSearch | None:

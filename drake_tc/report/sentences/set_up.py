@@ -15,7 +15,7 @@ COMMON = 1.1
 """Factor within which the drive gains of several joints are wrong by the same factor."""
 TESTED = (
     "reversed joints, positions and efforts, exchanged columns and efforts, other zeros, drive gains and mountings, "
-    "and gears that couple two joints"
+    "gears that couple two joints, and payloads"
 )
 
 
@@ -59,6 +59,8 @@ def _error(error: SetUpError) -> str:
         return _gravity(error)
     if error.kind == "drive_gain":
         return _gains(error.gains)
+    if error.kind == "payload":
+        return _payload(error)
     if error.kind == "coupled":
         motor, other = error.joints
         turns = f"{error.turns:.3g}"  # as YAML reads it
@@ -100,6 +102,25 @@ def _gains(gains: Mapping[str, tuple[float, float]]) -> str:
         f"The recorded effort of {joined(list(gains))} is {by} as large as `drive_gain` says. Its unit may be another "
         "one, such as mA or percent of a rated torque, or the torque constant is wrong: correct `units`, or "
         f"{change}."
+    )
+
+
+def _payload(error: SetUpError) -> str:
+    body = f"{error.carrier} carries about {significant(error.mass)} kg that"
+    if not error.runs:
+        return (
+            f"{body} the URDF does not have: add it there, or write `load: {{robot: fitted}}` in the rig file, so that "
+            "the links are fitted."
+        )
+    names, logs = ", ".join(error.runs), "the log" if len(error.runs) == 1 else "the logs"
+    if error.held_out:
+        return (
+            f"In the held-out log {names}, {body} it does not carry in the training logs. Hold out a log with the same "
+            "load as in training."
+        )
+    return (
+        f"In {logs} {names}, {body} it does not carry in the other logs: write `load: {{robot: fitted, "
+        f"unknown_payload: [{names}]}}` in the rig file, or leave {'it' if logs == 'the log' else 'them'} out."
     )
 
 
@@ -145,6 +166,9 @@ def _entries(errors: Sequence[SetUpError]) -> list[dict[str, Any]]:
             "zero": error.zero if error.kind == "zero" else None,
             "gravity": list(error.gravity) if error.kind == "gravity" else None,
             "turns": error.turns if error.kind == "coupled" else None,
+            "mass": error.mass if error.kind == "payload" else None,
+            "carrier": error.carrier or None,
+            "runs": list(error.runs),
         }
         for error in errors
     ]

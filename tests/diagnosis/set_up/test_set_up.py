@@ -258,6 +258,13 @@ def test_a_gear_that_couples_two_joints(tmp_path, turns):
     assert checked(arm, **yaml.safe_load(shown), **ELBOW_RIG) is None
 
 
+def test_no_gear_is_tried_that_leaves_a_motion_without_motor(elbow_arm):
+    """A declared coupling by 1 and one of -1 the other way round would make two motors turn alike."""
+    turned = scaled(lift__position=-1.0, lift__current=-1.0)
+    check = checked(elbow_arm, turned, coupled={"bend": {"roll": 1.0}}, **ELBOW_RIG)
+    assert check is not None
+
+
 def test_one_joint_that_is_wrong_among_many_that_fit_well_in_the_diagnosis(elbow_arm):
     """The diagnosis has all rows and fits the other joints better than the fast fit, with either set-up."""
     folder, logs, held = elbow_arm
