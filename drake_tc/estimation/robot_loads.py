@@ -210,11 +210,7 @@ def _torque(
     """The estimate with filtered motion and, unless they are to be filtered, raw wrenches; and the filtered
     accelerations; (T, n) each.
     """
-    model = logs.model
-    torque = np.empty((sensors.position.shape[0], model.size))
-    acceleration = np.empty_like(torque)
-    for index, (q, v, vdot, imu, rate, felt) in enumerate(smoothed(model, sensors, filters, None)):
-        wrench = felt if filter_wrenches else sensors.wrench[index]
-        torque[index] = model.estimate(q, v, vdot, imu, rate, wrench).torque
-        acceleration[index] = vdot
-    return logs.at_motors(torque), acceleration
+    q, v, vdot, imu, rate, felt = smoothed(logs.model, sensors, filters, None)
+    wrench = felt if filter_wrenches else sensors.wrench
+    torque = logs.model.estimate_log(q, v, vdot, imu, rate, wrench)[:, : logs.model.size]
+    return logs.at_motors(torque), vdot
