@@ -118,6 +118,17 @@ def estimate_log(
     return TorqueLog(found[:, :n], found[:, n : n + 6], found[:, n + 6 :])
 
 
+def torques_of_motion(model: TorqueModel, q: FloatArray, v: FloatArray, vdot: FloatArray) -> FloatArray:
+    """(T, n) torques [N m] that the motion (T, n) of a robot at rest on the ground needs where no sensor says more.
+
+    They are those of `TorqueModel.estimate` without F/T sensors and IMU, by Drake's recursion: nobody waits for the
+    import of Numba and for compilation.
+    """
+    context, nothing = model.create_context(), np.zeros(6)
+    forces = [model.motion_forces(context, *row, nothing, nothing[:3]) for row in zip(q, v, vdot, strict=True)]
+    return np.array(forces)[:, model.model.velocity_index]
+
+
 def wrench_bias(
     model: TorqueModel, log: SensorLog, untouched: slice, filters: OffLineFilter | None = None
 ) -> FloatArray:
