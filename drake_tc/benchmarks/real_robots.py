@@ -26,7 +26,8 @@ from drake_tc.benchmarks.real_logs import chosen_sets
 from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.diagnosis.run import close_loop, in_order
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import ParamsError
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig

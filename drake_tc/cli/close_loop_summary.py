@@ -66,6 +66,8 @@ def _say(console: Console, markup: str) -> None:
 
 def _print_robot(console: Console, result: CloseLoopResult) -> None:
     """What no single joint owns."""
+    for note in note_sentences(result.notes):
+        _say(console, f"[bold]all joints[/bold]: ! {escape(note)}")
     ranking = ranked_effects(result)
     if len(ranking) > 1 and result.shared:
         listed = "; ".join(f"{name} of {where} ({100 * gain:.0f} %)" for name, where, gain in ranking)

@@ -89,6 +89,7 @@ def _rig_text(found: "Inspection") -> str:
 
     name = utf8_name(found.path)
     head = f"# Suggested by drake-tc inspect from {name!r}: guesses from names and ranges; check them.\n"
+    head += f"# {found.comment}\n" if found.comment else ""
     return head + yaml.safe_dump(dict(found.rig), sort_keys=False, allow_unicode=True)
 
 

@@ -13,7 +13,7 @@ from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
 from drake_tc.types import FloatArray
 
-_JOINT_FORCES = Kernel("newton_euler", "joint_forces")
+_JOINT_FORCES = Kernel("joint_forces", "joint_forces")
 
 
 class DynamicsTerms:
@@ -80,7 +80,7 @@ class DynamicsTerms:
         return out
 
     def base(self, scratch: "Scratch") -> FloatArray:
-        """(19,) how the base moves, see `drake_tc.kernels.newton_euler.joint_forces`: not at all."""
+        """(19,) how the base moves, see `drake_tc.kernels.joint_forces.joint_forces`: not at all."""
         return self._still
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:

@@ -23,7 +23,7 @@ from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
 from drake_tc.types import FloatArray
 
-_JOINT_FORCES = Kernel("newton_euler", "joint_forces")
+_JOINT_FORCES = Kernel("joint_forces", "joint_forces")
 BaseRotation = Literal["gyro", "neglected"]
 
 
@@ -96,7 +96,7 @@ class FloatingTerms:
         return out
 
     def base(self, scratch: "FloatingScratch") -> FloatArray:
-        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.newton_euler.joint_forces`."""
+        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.joint_forces.joint_forces`."""
         base = np.zeros(19)
         base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
         return base

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drake_tc.diagnosis.timing_notes import (
+    AllRecordedLate,
     DelayBySampling,
     HeldEffort,
     LateCommand,
@@ -271,6 +272,7 @@ DriveNote = (
     | DelayBySampling
     | OlderEffort
     | RecordedLate
+    | AllRecordedLate
     | PositionRecordedLate
     | TorqueRecordedLate
     | HeldEffort

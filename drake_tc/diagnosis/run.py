@@ -6,7 +6,6 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.joint import diagnose_joint
@@ -14,12 +13,14 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
+from drake_tc.diagnosis.result.common_notes import common_notes
 from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
 from drake_tc.diagnosis.robot.diagnose import diagnose_robot
+from drake_tc.diagnosis.run_order import in_order
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.estimation.robot_loads import robot_logs
@@ -114,6 +115,7 @@ def _close_loop(
             progress("free run", 0.0)
             of_before = without_errors(held if before is None else before, rig, joint, result.baseline)
             joints[joint] = with_free_runs(refined, rig, own[1], free_run, executor, of_before)
+    joints, notes = common_notes(joints)
     verdict = _overall(joints.values())
     return CloseLoopResult(
         joints=joints,
@@ -125,6 +127,7 @@ def _close_loop(
         shared=shared,
         links=links,
         set_up=set_up,
+        notes=notes,
         hints=distinct_notes((run.name, hint) for run in runs for hint in run.hints),
     )
 
@@ -138,17 +141,3 @@ def _ranked(joint: JointResult, gains: Mapping[tuple[str, str], float]) -> Joint
 def _overall(joints: Iterable[JointResult]) -> Verdict:
     verdicts = {j.verdict for j in joints}
     return next(v for v in SEVERITY if v in verdicts)
-
-
-def in_order(runs: Sequence[Run], rig: Rig) -> list[Run]:
-    """The runs in an order that depends on what they hold alone, so that nothing depends on the order of the files.
-
-    Sorted by length, sampling period and the spread of each joint's position and command, to six digits: names, units,
-    zeros and signs do not change it.
-    """
-
-    def key(run: Run) -> tuple[float, ...]:
-        spreads = [float(np.std(run.columns[c])) for j in rig.joints for c in (f"{j}/position", rig.command_column(j))]
-        return (len(run), *(float(f"{x:.6g}") for x in (run.period, *spreads)))
-
-    return sorted(runs, key=key)

@@ -36,6 +36,14 @@ class RecordedLate:
 
 
 @dataclass(frozen=True)
+class AllRecordedLate:
+    """The efforts of all joints act before they are recorded, by `lead` [s]; `drive` is None of several kinds."""
+
+    drive: DriveKind | None
+    lead: float
+
+
+@dataclass(frozen=True)
 class PositionRecordedLate:
     """The position is recorded `lead` [s] after it was measured."""
 

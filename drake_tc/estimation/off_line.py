@@ -3,7 +3,6 @@
 Source: Del Prete et al., 2016, Algorithm 1.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -93,6 +92,7 @@ def chosen_filter(log: SensorLog) -> OffLineFilter:
 
 
 Row = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""The arguments of `TorqueModel.estimate` at one instant, or with a first axis of T instants."""
 
 
 def estimate_log(
@@ -114,9 +114,19 @@ def estimate_log(
     Source: Del Prete et al., 2016, section 3.4: identification uses every signal at t - t_d, so that the filters' delay
     cancels.
     """
-    rows = smoothed(model, log, filters, bias)
-    torque, unknown, contact = zip(*(model.estimate(*row) for row in rows), strict=True)
-    return TorqueLog(np.array(torque), np.array(unknown), np.array(contact))
+    found, n = model.estimate_log(*smoothed(model, log, filters, bias)), model.size
+    return TorqueLog(found[:, :n], found[:, n : n + 6], found[:, n + 6 :])
+
+
+def torques_of_motion(model: TorqueModel, q: FloatArray, v: FloatArray, vdot: FloatArray) -> FloatArray:
+    """(T, n) torques [N m] that the motion (T, n) of a robot at rest on the ground needs where no sensor says more.
+
+    They are those of `TorqueModel.estimate` without F/T sensors and IMU, by Drake's recursion: nobody waits for the
+    import of Numba and for compilation.
+    """
+    context, nothing = model.create_context(), np.zeros(6)
+    forces = [model.motion_forces(context, *row, nothing, nothing[:3]) for row in zip(q, v, vdot, strict=True)]
+    return np.array(forces)[:, model.model.velocity_index]
 
 
 def wrench_bias(
@@ -134,17 +144,15 @@ def wrench_bias(
         LogError: no sample is named; otherwise as `estimate_log`.
         ParamsError: as `estimate_log`.
     """
-    rows = list(smoothed(model, log, filters, None))[untouched]
+    rows = list(zip(*smoothed(model, log, filters, None), strict=True))[untouched]
     if not rows:
         raise LogError(f"wrench bias: expected samples within 0 to {len(log.position)}, got {untouched}")
     context = model.create_context()
     return np.asarray(np.mean([model.reading_error(context, *row) for row in rows], axis=0))
 
 
-def smoothed(
-    model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None
-) -> Iterator[Row]:
-    """The arguments of `TorqueModel.estimate`, sample by sample; arguments and errors as `estimate_log`."""
+def smoothed(model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None) -> Row:
+    """The arguments of `TorqueModel.estimate` at all samples; arguments and errors as `estimate_log`."""
     spec = OffLineFilter.of() if filters is None else filters
     samples = log.position.shape[0]
     if samples < spec.longest:
@@ -171,7 +179,7 @@ def smoothed(
         felt = felt - bias
     rate = base.first_derivative[:, :3]
     motion = (joint.value, joint.first_derivative, joint.second_derivative)
-    return zip(*motion, base.value, rate, felt, strict=True)
+    return (*motion, base.value, rate, felt)
 
 
 def _reads_imu(model: TorqueModel) -> bool:

@@ -13,7 +13,14 @@ import numpy as np
 from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.errors import LogError
 from drake_tc.estimation.coupled_gears import ACCELERATION, motor_loads, motor_turns
-from drake_tc.estimation.off_line import OffLineFilter, SensorLog, chosen_filter, smoothed, wrench_bias
+from drake_tc.estimation.off_line import (
+    OffLineFilter,
+    SensorLog,
+    chosen_filter,
+    smoothed,
+    torques_of_motion,
+    wrench_bias,
+)
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
@@ -210,11 +217,9 @@ def _torque(
     """The estimate with filtered motion and, unless they are to be filtered, raw wrenches; and the filtered
     accelerations; (T, n) each.
     """
-    model = logs.model
-    torque = np.empty((sensors.position.shape[0], model.size))
-    acceleration = np.empty_like(torque)
-    for index, (q, v, vdot, imu, rate, felt) in enumerate(smoothed(model, sensors, filters, None)):
-        wrench = felt if filter_wrenches else sensors.wrench[index]
-        torque[index] = model.estimate(q, v, vdot, imu, rate, wrench).torque
-        acceleration[index] = vdot
-    return logs.at_motors(torque), acceleration
+    q, v, vdot, imu, rate, felt = smoothed(logs.model, sensors, filters, None)
+    wrench = felt if filter_wrenches else sensors.wrench
+    if not logs.model.num_sensors and not logs.model.uses_imu:
+        return logs.at_motors(torques_of_motion(logs.model, q, v, vdot)), vdot
+    torque = logs.model.estimate_log(q, v, vdot, imu, rate, wrench)[:, : logs.model.size]
+    return logs.at_motors(torque), vdot

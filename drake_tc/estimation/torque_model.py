@@ -152,16 +152,21 @@ class TorqueModel:
             gyro_dot: (3,) derivative of the gyro [rad/s^2]; used with angular_acceleration "gyro" only.
             wrenches: (6k,) readings W = [f; t] of the F/T sensors, in their frames [N, N m].
         """
-        joint = np.concatenate((q, v, vdot))
-        inertial = np.zeros(9)
+        out = self.estimate_log(*(np.asarray(each)[None] for each in (q, v, vdot, imu, gyro_dot, wrenches)))[0]
+        return Estimate(*np.split(out, [self.size, self.size + 6]))
+
+    def estimate_log(self, *arguments: FloatArray) -> FloatArray:
+        """(T, n + 6 + 6k) [tau_hat, f_u, E] at T instants; `arguments` of `estimate`, each with a first axis of T."""
+        *motion, imu, gyro_dot, wrenches = arguments
+        joint = np.concatenate(motion, axis=1)
+        inertial = np.zeros((joint.shape[0], 9))
         if self.uses_imu:
-            inertial[:6] = imu
-            inertial[6:] = gyro_dot if self._differentiate == "gyro" else 0.0
-        n, out = self.size, np.empty(self.width)
-        self.estimate_into(out, joint, inertial, np.ascontiguousarray(wrenches, dtype=np.float64), np.inf)
-        if out[-1]:
-            out[:] = np.nan
-        return Estimate(out[:n], out[n : n + 6], out[n + 6 : -1])
+            inertial[:, :6], inertial[:, 6:] = imu, gyro_dot if self._differentiate == "gyro" else 0.0
+        readings, out = np.ascontiguousarray(wrenches, dtype=np.float64), np.empty((joint.shape[0], self.width))
+        for row in zip(out, joint, inertial, readings, strict=True):
+            self.estimate_into(*row, np.inf)
+        out[out[:, -1] != 0.0] = np.nan
+        return out[:, :-1]
 
     @property
     def width(self) -> int:
@@ -187,8 +192,7 @@ class TorqueModel:
     ) -> FloatArray:
         """M vdot + h over all velocities of the estimation plant (nv,); arguments as `estimate`."""
         acceleration = self.acceleration(context, q, v, vdot, imu, gyro_dot)
-        forces: FloatArray = self._plant.CalcInverseDynamics(context, acceleration, self._forces)
-        return forces
+        return np.asarray(self._plant.CalcInverseDynamics(context, acceleration, self._forces))
 
     def acceleration(
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.fft import rfft
 from scipy.signal import welch
 
 from drake_tc.filtering.savgol_weights import savgol_weights
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 LEAST_WINDOW = 5
 LONGEST_SECONDS = 0.25
@@ -65,7 +66,7 @@ def choose_window(channels: Sequence[tuple[FloatArray, int]], period: float) -> 
     cost = np.zeros(len(candidates))
     for values, derivative in channels:
         spectra = [_spectrum(column, period) for column in values.T if np.ptp(column) > 0.0]
-        risks = np.array([sum(_risk(each, derivative, period, s) for s in spectra) for each in candidates])
+        risks = np.array([sum(_risk(each, derivative, s) for s in spectra) for each in candidates])
         least = float(risks.min())
         cost += risks / least if least > 0.0 else 0.0
     return candidates[int(np.argmin(cost))]
@@ -73,12 +74,13 @@ def choose_window(channels: Sequence[tuple[FloatArray, int]], period: float) -> 
 
 @dataclass(frozen=True)
 class _Spectrum:
-    """(F,) frequencies at which there is signal [Hz], its density there, spacing, and the density of the noise."""
+    """(F,) places k of the frequencies k/(size period) at which there is signal, its density there, and the noise's."""
 
-    frequency: FloatArray
+    place: IntArray
     signal: FloatArray
-    spacing: float
     noise: float
+    size: int
+    period: float
 
 
 def _candidates(samples: int, period: float) -> Iterator[Window]:
@@ -107,18 +109,22 @@ def _spectrum(values: FloatArray, period: float) -> _Spectrum:
     mean = (total[np.minimum(low + count, density.size)] - total[low]) / count
     limit = noise * (1.0 + DEVIATIONS / np.sqrt(count * LEAST_AVERAGES))
     there = (mean > limit) & (frequency < NOISE_BAND[0] * frequency[-1])
-    return _Spectrum(frequency[there], mean[there] - noise, float(frequency[1]), noise)
+    return _Spectrum(np.flatnonzero(there), mean[there] - noise, noise, size, period)
 
 
-@lru_cache(maxsize=1024)
-def _weights(window: Window, derivative: int, period: float) -> FloatArray:
-    return savgol_weights(window.samples, window.order, None, derivative, period)
+@lru_cache(maxsize=4096)
+def _response(window: Window, derivative: int, period: float, size: int) -> tuple[FloatArray, float]:
+    """(size//2 + 1,) squared error |H_d(f) - (2 pi i f)^d|^2 at f = k/(size period), and sum w_k^2."""
+    weights = savgol_weights(window.samples, window.order, None, derivative, period)
+    longer = -(-window.samples // size)
+    omega = 2.0 * np.pi * np.arange(size // 2 + 1) / (size * period)
+    centred = rfft(weights, longer * size)[::longer] * np.exp(1j * omega * (window.samples // 2) * period)
+    # convolution turns the window round: the weight of the sample at a lag belongs to exp(+i omega lag)
+    return np.abs(np.conj(centred) - (1j * omega) ** derivative) ** 2, float(weights @ weights)
 
 
-def _risk(window: Window, derivative: int, period: float, spectrum: _Spectrum) -> float:
+def _risk(window: Window, derivative: int, spectrum: _Spectrum) -> float:
     """R of the module's equation."""
-    weights = _weights(window, derivative, period)
-    lag = (np.arange(window.samples) - window.samples // 2) * period
-    response = np.exp(2j * np.pi * np.outer(spectrum.frequency, lag)) @ weights
-    bias = np.abs(response - (2j * np.pi * spectrum.frequency) ** derivative) ** 2
-    return float(spectrum.signal @ bias * spectrum.spacing + spectrum.noise * 0.5 / period * (weights @ weights))
+    bias, squares = _response(window, derivative, spectrum.period, spectrum.size)
+    seen = float(spectrum.signal @ bias[spectrum.place]) / (spectrum.size * spectrum.period)
+    return seen + spectrum.noise * 0.5 / spectrum.period * squares

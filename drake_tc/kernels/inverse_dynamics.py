@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
-from drake_tc.kernels.newton_euler import joint_forces
+from drake_tc.kernels.joint_forces import joint_forces
 from drake_tc.types import FloatArray, IntArray
 
 LARGEST = 1e12
@@ -35,7 +35,7 @@ def motion_torque(
         place: (2n,) or more, [q; qdot] where M and h are taken.
         places: Tree, see `dynamics`.
         constants: The same.
-        trunk: See `newton_euler.joint_forces`.
+        trunk: See `joint_forces.joint_forces`.
         base: The same.
         out: (4n,) written.
 

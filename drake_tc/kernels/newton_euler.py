@@ -5,8 +5,8 @@ With the base's proper acceleration (a - g) in place of its acceleration, the fo
 
 import numpy as np
 
-from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, helper, kernel
-from drake_tc.kernels.dynamics import BODY_WIDTH, inertia_into, load_into, move
+from drake_tc.kernels.compiling import helper
+from drake_tc.kernels.dynamics import inertia_into, load_into
 from drake_tc.types import FloatArray, IntArray
 
 _SCREW, _ACCELERATION = 12, 24
@@ -54,35 +54,3 @@ def add_joint_forces(bodies: FloatArray, loads: FloatArray, places: IntArray, ou
     for j in range(places.shape[0]):
         for k in range(6):
             out[places[j, 3]] += bodies[j + 1, _SCREW + k] * loads[j + 1, k]
-
-
-@kernel(VECTOR, VECTOR, VECTOR, TABLE, MATRIX, VECTOR, VECTOR, OUT_VECTOR)
-def joint_forces(
-    q: FloatArray,
-    v: FloatArray,
-    vdot: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    trunk: FloatArray,
-    base: FloatArray,
-    out: FloatArray,
-) -> None:
-    """M vdot + h (n,) of the joints, on a base that moves as given.
-
-    Args:
-        q: (n,).
-        v: (n,).
-        vdot: (n,).
-        places: Tree, see `dynamics`.
-        constants: The same.
-        trunk: (10,) the base's body.
-        base: (19,) quaternion and place of the base, [omega; v], and [alpha; proper acceleration] of its origin.
-        out: (n,) written.
-    """
-    bodies = np.empty((places.shape[0] + 1, BODY_WIDTH))
-    move(base, q, v, places, constants, bodies)
-    add_joint_accelerations(bodies, places, vdot)
-    carry_along(bodies, base[13:19])
-    loads = wrenches_needed(bodies, places, constants, trunk)
-    out[:] = 0.0
-    add_joint_forces(bodies, loads, places, out)

@@ -1,8 +1,9 @@
 """A sensor at the end of its range: its signal stops at one extreme value although what it measures goes on.
 
 A joint that turns round slows down before it rests, and leaves its rest slowly; a sensor at its limit cuts the signal,
-with a change of slope on both sides as there is none elsewhere. A servo's command goes on while the position seems to
-stand. In a noisy channel many equal values in a row are no reading at all.
+with a change of slope on both sides as there is none elsewhere. A servo's command goes on beyond the position that
+seems to stand. A command that leaves a position at which the servo has held it, back into the range, tells nothing of
+the sensor: the joint answers it late. In a noisy channel many equal values in a row are no reading at all.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.logs.channels import true_spans
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST = 10
 """Rows of a plateau at least."""
@@ -25,10 +26,12 @@ LEAST_NOISE = 1e-4
 NOISE_STEPS = 0.3
 """Noise in steps of the sensor's grid, above which its last digit flickers."""
 STRAINED, FAR = 1.5, 3.0
-"""A servo's command goes on beyond most plateaus, or beyond one, by so many 99th percentiles of its distance from the
-position elsewhere."""
+"""A servo's command goes on outwards beyond most plateaus, or beyond one, by so many 99th percentiles of its distance
+from the position elsewhere."""
 STRAIN_STEPS = 20.0
 """And by so many steps of the encoder: a joint that rests by friction is strained by a few."""
+SETTLED, LEAST_RESTS = 100, 3
+"""Rows of a constant command after which a servo rests, and rests elsewhere that tell how near its goals it comes."""
 MOST = 0.9
 """Share of the rows above which an extreme value is where the channel rests."""
 EDGE = 5
@@ -69,7 +72,15 @@ def saturated_position(values: FloatArray, command: FloatArray | None, step: flo
         return np.zeros(values.size, dtype=bool)
     usual = float(np.percentile(np.abs(strain[~resting] - np.median(strain[~resting])), 99))
     usual = max(usual, STRAIN_STEPS * step / STRAINED, np.finfo(np.float64).tiny)
-    return _rows(values.size, [spans for spans in limits if _is_strained(strain, spans, usual)])
+    middle = 0.5 * float(np.nanmax(values) + np.nanmin(values))
+    outwards = [strain if values[spans[0][0]] > middle else -strain for spans in limits]
+    least, rests = STRAIN_STEPS * step, _rests(command, strain)
+    strained = [
+        spans
+        for spans, out in zip(limits, outwards, strict=True)
+        if _is_strained(out, spans, usual) or _rests_beyond(out, rests, spans, least)
+    ]
+    return _rows(values.size, strained)
 
 
 def _range(values: FloatArray) -> float:
@@ -113,11 +124,28 @@ def _noise(values: FloatArray, spans: Sequence[Span]) -> float:
 
 
 def _is_strained(strain: FloatArray, spans: Sequence[Span], usual: float) -> bool:
-    """Whether a servo's command goes on in plateaus, farther from the position than it is elsewhere."""
+    """Whether a servo's command goes on in plateaus, farther outwards from the position than it is away elsewhere."""
     middle = float(np.nanmedian(strain))
-    parts = [strain[begin:end] - middle for begin, end in spans]
-    strains = [min(np.nanmax(np.abs(part), initial=0.0) / STRAINED, _range(part)) / usual for part in parts]
+    parts = [np.maximum(strain[begin:end] - middle, 0.0) for begin, end in spans]
+    strains = [min(np.nanmax(part, initial=0.0) / STRAINED, _range(part)) / usual for part in parts]
     return bool(2 * sum(each > 1.0 for each in strains) > len(spans) or max(strains) > FAR / STRAINED)
+
+
+def _rests_beyond(strain: FloatArray, rests: IntArray, spans: Sequence[Span], least: float) -> bool:
+    """Whether a servo that comes to rest at its goals elsewhere stays far inside of them in plateaus."""
+    here = np.any([(begin <= rests) & (rests < end) for begin, end in spans], axis=0)
+    others = strain[rests[~here]]
+    if not here.any() or others.size < LEAST_RESTS:
+        return False
+    usual = float(np.max(np.abs(others - np.median(others))))
+    return float(np.median(strain[rests[here]]) - np.median(others)) > max(least, FAR * usual)
+
+
+def _rests(command: FloatArray, strain: FloatArray) -> IntArray:
+    """The last rows of the stretches over which the command of a servo is constant and long enough to be reached."""
+    same = np.concatenate([[False], np.diff(command) == 0.0])
+    ends = np.array([end - 1 for begin, end in true_spans(same) if end - begin >= SETTLED], dtype=np.int64)
+    return np.asarray(ends[np.isfinite(strain[ends])])
 
 
 def _has_corners(values: FloatArray, spans: Sequence[Span], limits: Sequence[Sequence[Span]], step: float) -> bool:

@@ -106,6 +106,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         legend=LEGEND,
         shared=shared_section(result),
         links=links_section(result.links),
+        notes=note_sentences(result.notes),
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
         set_up=[Markup(CODE.sub(r"<code>\1</code>", str(escape(line)))) for line in set_up_sentences(result.set_up)],
         closed=closed_loop_section(result),

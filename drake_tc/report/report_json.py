@@ -211,6 +211,7 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
         "shared": [shared_json(cause) for cause in result.shared],
         "links": None if result.links is None else links_json(result.links),
         "set_up": set_up_json(result.set_up),
+        "notes": list(note_sentences(result.notes)),
         "closed_loop": loop_summary(result.closed_loop),
         "export": export_json(result.export, {name: joint.units for name, joint in result.joints.items()}),
         "seconds": result.seconds,

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError, ParamsError
-from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, wrench_bias
+from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, torques_of_motion, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.running import simulate_scenario
@@ -56,6 +56,16 @@ def test_every_sample_is_the_kernel_at_its_own_time(tree):
             assert_allclose(getattr(found, name)[k], getattr(wanted, name), rtol=1e-6, atol=1e-6 * scale)
     # and the middle is the truth of the plant that made the instant
     assert_allclose(found.torque[30], instant.torque, rtol=1e-6, atol=1e-6 * np.abs(instant.torque).max())
+
+
+def test_torques_of_a_motion_are_those_of_the_kernel_without_sensors(tmp_path):
+    rng = np.random.default_rng(12)
+    model = TorqueModel(random_robot(tmp_path, rng, fixed_base=True, sensors=0), base="fixed")
+    q, v, vdot = rng.normal(size=(3, 20, model.size))
+    nothing = np.zeros((20, 6))
+    expected = model.estimate_log(q, v, vdot, nothing, nothing[:, :3], np.zeros((20, 0)))[:, : model.size]
+    # two recursions over the same bodies: round-off
+    assert_allclose(torques_of_motion(model, q, v, vdot), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_a_bias_is_found_and_taken_off(tree):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import nnls
 
 from drake_tc.analysis.executors import processes
 from drake_tc.config.joint_units import JointUnits
@@ -18,7 +19,7 @@ from drake_tc.diagnosis.selection.joint_problem import candidates
 from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.experiments.check.consistency import findings
-from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, explained_by
+from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder
 from drake_tc.experiments.check.joint import joint_effects, joint_numbers
 from drake_tc.experiments.check.reasons import Evidence, sentence
 from drake_tc.experiments.check.visibility import SEPARABLE_WITHIN, Noise, Visibility, confused_with, smallest_sizes
@@ -96,9 +97,44 @@ def test_a_remainder_is_what_no_change_of_the_declared_model_imitates(prepared):
 
 def test_an_effect_explains_itself_and_keeps_its_sign():
     target = np.random.default_rng(2).normal(size=300)
-    assert explained_by(target, linear(target), [0.0]) < 1e-12
+    assert linear(target).left_by(linear(target), 1.0)[0] < 1e-12
     rms = float(np.sqrt(np.mean(target**2)))
-    assert_allclose(explained_by(target, linear(-target), [0.0]), rms, rtol=1e-12)
+    opposite = replace(linear(-target), effect=effect("load_dependent_friction"))  # whose coefficient is not negative
+    assert_allclose(linear(target).left_by(opposite, 1.0), rms, rtol=1e-12)
+
+
+def test_what_an_effect_leaves_is_that_of_least_squares_at_every_size():
+    rng = np.random.default_rng(7)
+    own = replace(linear(np.zeros(200)), remainders=rng.normal(size=(1, 3, 200)))
+    span = rng.normal(size=(200, 3))
+    span[:, 2] = span[:, 0] - 2.0 * span[:, 1]  # two directions only
+    several = linear(span[:, 0], span)
+    column = own.remainders[0, 1] - 0.3
+    bounded = replace(linear(column), effect=effect("load_dependent_friction"))
+    for size in (0.2, 1.0, 7.0, 0.2):
+        targets = size * own.remainders[0]
+        free = span @ np.linalg.lstsq(span, targets.T, rcond=1e-12)[0]
+        assert_allclose(own.left_by(several, size), np.sqrt(np.mean((targets - free.T) ** 2, axis=1)), rtol=1e-9)
+        left = [float(nnls(column[:, None], target)[1]) / np.sqrt(200.0) for target in targets]
+        assert_allclose(own.left_by(bounded, size), left, rtol=1e-9)
+
+
+def test_a_drive_effect_is_left_between_half_and_twice_a_size_of_its_grid():
+    rng = np.random.default_rng(8)
+    grid = rng.normal(size=(200, 4))
+    sizes = np.array([1e-3, 2e-3, 4e-3, 8e-3])
+    drive = Contribution(effect("delay.loop"), {}, sizes, grid.T[:, None], sizes, grid[:, 0], grid)
+    for size, near in ((1.7, 1.7), (0.1, 0.5), (5.0, 2.0)):
+        own = linear(size * grid[:, 2])
+        expected = abs(size - near) * np.sqrt(np.mean(grid[:, 2] ** 2))
+        assert_allclose(own.left_by(drive, 1.0), expected, rtol=1e-9, atol=1e-12)
+    # a size of the grid itself, and one between: the nearest stands for it, whatever was asked before
+    for size, index in ((4e-3, 2), (1.2e-3, 0), (4.1e-3, 2)):
+        expected = np.sqrt(
+            np.mean((grid[:, index] - grid[:, 1] * (grid[:, index] @ grid[:, 1]) / (grid[:, 1] @ grid[:, 1])) ** 2)
+        )
+        free = replace(linear(grid[:, 1]), span=np.stack([grid[:, 1], grid[:, 1]], axis=1))
+        assert_allclose(drive.left_by(free, size), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("key", ["load_dependent_friction", "torque_ripple", "cable_spring"])

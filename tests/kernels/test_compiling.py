@@ -135,7 +135,7 @@ def test_numba_is_imported_where_a_kernel_is_called_and_not_before():
         ("sensor", "reading"),
         ("savitzky_golay", "advance"),
         ("joint_torque", "estimate"),
-        ("newton_euler", "joint_forces"),
+        ("joint_forces", "joint_forces"),
         ("inverse_dynamics", "motion_torque"),
         ("torque_control", "solve"),
         ("fault_monitor", "raise_flags"),

@@ -13,7 +13,7 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import load_robot
 from drake_tc.robot.tree import tree_of
 
-JOINT_FORCES = Kernel("newton_euler", "joint_forces")
+JOINT_FORCES = Kernel("joint_forces", "joint_forces")
 MODELS = Path(drake_tc.models.__file__).parent / "hrp2_like"
 
 

@@ -251,10 +251,12 @@ def test_a_run_of_another_joint_among_the_logs_is_refused(tmp_path):
     load_runs([paths[0], paths[0]], RIG)
 
 
-def test_where_the_rig_file_states_the_unit_of_the_torque_it_is_believed(tmp_path):
+def test_a_stated_unit_of_the_torque_is_doubted_and_a_stated_factor_is_believed(tmp_path):
     table = recording()
     table["joint/torque"] *= 1e3
     path = write(table, tmp_path / "run.csv")
     with pytest.raises(LogError, match=r"run\.csv: column 'joint/torque': .*set units: \{torque: mN\*m\}"):
         load_run(path, RIG)
-    load_run(path, servo_rig(declared={"rotor_inertia": 0.3}, units={"torque": "N*m"}))
+    with pytest.raises(LogError, match=r"is in mN\*m and not in N\*m"):
+        load_run(path, servo_rig(declared={"rotor_inertia": 0.3}, units={"torque": "N*m"}))
+    load_run(path, servo_rig(declared={"rotor_inertia": 0.3}, units={"torque": 1.0}))

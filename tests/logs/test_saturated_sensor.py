@@ -48,6 +48,49 @@ def test_joints_that_turn_rest_or_stick_are_left_alone():
         assert not saturated_position(encoder(values), command, 1e-4).any(), name
 
 
+def servo(goals, dead, bandwidth, step=1e-4):
+    """(position, command): every 2 s a step of the command to the next goal, answered after a dead time [s]."""
+    command = np.array([goals[min(int(t / 2.0), len(goals) - 1)] for t in HOLD])
+    late = np.concatenate([np.full(round(dead / 2e-3), command[0]), command])[: HOLD.size]
+    position, q, v = np.empty(HOLD.size), float(goals[0]), 0.0
+    for i, goal in enumerate(late):
+        v += 2e-3 * (bandwidth**2 * (goal - q) - 2.0 * bandwidth * v)
+        q += 2e-3 * v
+        position[i] = q
+    return np.round(position / step) * step, command
+
+
+HOLD = 2e-3 * np.arange(10000)
+GOALS = [(0, 0.5, 1, 0.5, 0, 1, 0, 1), (0, 0.1, 0.05, 0.1, 0.05, 1, 0.05, 0.1, 0.05, 0.1), (0, 1, 0, 1, 0)]
+
+
+@pytest.mark.parametrize("goals", GOALS)
+@pytest.mark.parametrize("dead", [0.0, 0.01, 0.03, 0.06])
+@pytest.mark.parametrize("bandwidth", [25.0, 60.0])
+def test_a_servo_that_holds_its_largest_goal_until_it_answers_the_next_is_left_alone(goals, dead, bandwidth):
+    position, command = servo(goals, dead, bandwidth)
+    assert not saturated_position(position, command, 1e-4).any()
+    assert not saturated_position(-position, -command, 1e-4).any()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("dead", [0.01, 0.03])
+def test_an_encoder_that_ends_before_the_goals_of_such_a_servo_is_found(sign, dead):
+    position, command = servo(GOALS[0], dead, 60.0)
+    limit = 0.8
+    found = saturated_position(sign * position.clip(None, limit), sign * command, 1e-4)
+    cut = position > limit + 1e-3
+    beside = np.convolve(position >= limit - 1e-3, np.ones(2 * EDGE + 3), "same") > 0.0
+    assert found[cut].all() and not found[~beside].any()
+
+
+def test_a_servo_that_sags_at_all_its_goals_is_left_alone():
+    """Its weight and its friction keep it from every goal, by up to 0.02 rad."""
+    position, command = servo(GOALS[0], 0.03, 60.0)
+    assert not saturated_position(position - 0.02 * position, command, 1e-4).any()
+    assert not saturated_position(np.round((position - 0.02 * np.cos(position)) / 1e-4) * 1e-4, command, 1e-4).any()
+
+
 def test_a_torque_that_rests_at_its_largest_is_no_end_of_a_range():
     """A simulated joint that holds a weight, without noise: it comes to rest smoothly."""
     s = np.clip((T - 1.0) / 3.0, 0.0, 1.0)

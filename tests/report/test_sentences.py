@@ -74,6 +74,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     Withdrawal,
 )
 from drake_tc.diagnosis.timing_notes import (
+    AllRecordedLate,
     DelayBySampling,
     HeldEffort,
     LateCommand,
@@ -181,6 +182,8 @@ NOTES = [
     (DelayBySampling("lag", 0.02, 0.002), ["Up to 2 ms", "of the lag of 20 ms"]),
     (OlderEffort("torque", 0.001, 0.002), ["the torque of the drive that acts", "is 1 ms older", "period (2 ms)"]),
     (RecordedLate("current", 0.008), ["current seems to act 8 ms before", "Check its time stamps"]),
+    (AllRecordedLate("current", 0.012), ["currents of all joints seem to act 12 ms before", "Check their time stamps"]),
+    (AllRecordedLate(None, 0.012), ["The efforts of all joints"]),
     (HeldEffort("position_servo", 0.002), ["The command is taken", "(2 ms)"]),
     (ServoDamping(0.5, 0.2, exceeds=False), ["of 0.5 N*m*s/rad", "damping of 0.2; 0.3 N*m*s/rad are the joint's own"]),
     (ServoDamping(0.5, 0.7, exceeds=True), ["damping of 0.7 N*m*s/rad", "viscous friction of 0.5 N*m*s/rad: check"]),

@@ -24,6 +24,7 @@ from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
 from drake_tc.diagnosis.problem.signs import require_consistent_signs
+from drake_tc.diagnosis.problem.torque_scale import require_torque_unit
 from drake_tc.diagnosis.problem.unknown_load import (
     possible_loads,
     require_identified_load,
@@ -159,6 +160,7 @@ def prepare_joint(
     elif context.load != "links":
         _require_identified(first, plain.terms)
     if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
+        require_torque_unit(first, rig, joint, context.load)
         require_consistent_signs(first, plain, joint, context.drive, context.load)
         plain = at_reverse_regression(first, plain, context.drive)
     context = replace(context, tolerances=rig.joint_sensors(joint).tolerances(context.drive, plain.gain))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
+from drake_tc.diagnosis.notes import Note
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import Verdict
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
@@ -47,6 +48,7 @@ class CloseLoopResult:
     `export` is the trial of the model in another simulator, where one was asked for.
     `hints` call for a change of the rig file or a log: a column that may have been forgotten in the rig file, a wrong
     sign, or an encoder that lost its zero; they are among the joints' notes too.
+    `notes` hold for all joints and are not among the joints' own.
     """
 
     joints: Mapping[str, JointResult]
@@ -65,6 +67,7 @@ class CloseLoopResult:
     declared_file: str | None = None
     export: ExportTrial | None = None
     set_up: SetUpCheck | None = None
+    notes: tuple[Note, ...] = ()
 
     @property
     def has_wrong_set_up(self) -> bool:

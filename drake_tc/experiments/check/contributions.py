@@ -9,7 +9,8 @@ effect's size after the declared parameters are estimated along.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -50,6 +51,7 @@ class Contribution:
     whole: FloatArray
     change: FloatArray
     span: FloatArray
+    _left: dict[tuple["Contribution", int], FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def linear(self) -> bool:
@@ -64,7 +66,59 @@ class Contribution:
         """(p, N) remainder at a size: in proportion, or that of the nearest size of the grid, scaled."""
         if self.linear:
             return np.asarray(size * self.remainders[0])
-        return np.asarray(self.remainders[int(np.argmin(np.abs(np.log(self.sizes / size))))])
+        return np.asarray(self.remainders[self._nearest(size)])
+
+    def _nearest(self, size: float) -> int:
+        """Index of the size of the grid that is nearest in ratio."""
+        return int(np.argmin(np.abs(np.log(self.sizes / size))))
+
+    def left_by(self, other: "Contribution", size: float) -> FloatArray:
+        """(p,) RMS that another effect leaves of the remainder at a size [N m].
+
+        It is computed once for each remainder of the grid: in proportion to the size where no bound of the other effect
+        depends on it.
+        """
+        if self.linear and not other.in_proportion:
+            return other.leaves(self.at(size))
+        index = 0 if self.linear else self._nearest(size)
+        if (other, index) not in self._left:
+            self._left[other, index] = other.leaves(self.remainders[index])
+        return (size if self.linear else 1.0) * self._left[other, index]
+
+    @property
+    def in_proportion(self) -> bool:
+        """Whether what the effect leaves of a torque grows in proportion to the torque."""
+        return self.linear and all(p.lower in (0.0, -np.inf) for p in self.effect.coefficients[:1])
+
+    def leaves(self, targets: FloatArray) -> FloatArray:
+        """(p,) RMS that the effect leaves of torques (p, N) that the declared model does not imitate [N m].
+
+        A single coefficient keeps its sign bound; a drive effect may take any size of its grid at its own strength.
+        """
+        if self._basis is not None:
+            left = targets - (targets @ self._basis) @ self._basis.T
+            return np.asarray(np.sqrt(np.mean(left**2, axis=1)))
+        squares = np.sum(self.span**2, axis=0)
+        lower = [p.lower for p in self.effect.coefficients[:1]]
+        # between neighbouring sizes of the grid the change is nearly in proportion
+        low, high = (lower[0] if lower else -np.inf, np.inf) if self.linear else (0.5, 2.0)
+        along = targets @ self.span
+        beta = np.clip(along / np.where(squares > 0.0, squares, 1.0), low, high)
+        best = np.argmin(beta * (beta * squares - 2.0 * along), axis=1)  # (target - beta span)^2 less target^2
+        left = targets - self.span[:, best].T * np.take_along_axis(beta, best[:, None], axis=1)
+        return np.asarray(np.sqrt(np.mean(left**2, axis=1)))
+
+    @cached_property
+    def _basis(self) -> FloatArray | None:
+        """Orthonormal basis (N, r) of the span of several coefficients; None where there is at most one."""
+        if not self.linear or self.span.shape[1] < 2:
+            return None
+        basis, upper = np.linalg.qr(self.span)
+        lengths, rounding = np.abs(np.diag(upper)), np.finfo(float).eps * self.span.shape[0]
+        if lengths.min() > rounding * lengths.max():
+            return np.asarray(basis)
+        basis, values, _ = np.linalg.svd(self.span, full_matrices=False)
+        return np.asarray(basis[:, values > rounding * values[0]])
 
 
 def thinned(shapes: Sequence[dict[str, float]]) -> Sequence[dict[str, float]]:
@@ -151,28 +205,6 @@ def imitators(declared: Fit, design: FloatArray, change: FloatArray) -> list[str
     weights = np.abs(solution)
     order = [int(i) for i in np.argsort(-weights) if weights[i] > 0.2 * weights.max()]
     return list(dict.fromkeys(titles[i] for i in order))[:2]
-
-
-def explained_by(target: FloatArray, other: Contribution, lower: Sequence[float]) -> float:
-    """Smallest RMS that another effect leaves of a remainder (N,) [N m].
-
-    A single coefficient keeps its sign bound; a drive effect may take any size of its grid at its own strength.
-
-    Args:
-        target: Remainder of the first effect.
-        other: The second effect.
-        lower: Lower bounds of its coefficients.
-    """
-    if other.linear and other.span.shape[1] > 1:
-        beta = np.linalg.lstsq(other.span, target, rcond=None)[0]
-        return float(np.sqrt(np.mean((target - other.span @ beta) ** 2)))
-    squares = np.sum(other.span**2, axis=0)
-    beta = other.span.T @ target / np.where(squares > 0.0, squares, 1.0)
-    # between neighbouring sizes of the grid the change is nearly in proportion
-    low, high = (lower[0] if len(lower) else -np.inf, np.inf) if other.linear else (0.5, 2.0)
-    beta = np.clip(beta, low, high)
-    left = target[:, None] - other.span * beta
-    return float(np.sqrt(np.min(np.mean(left**2, axis=0))))
 
 
 def is_late(effect: Effect) -> bool:

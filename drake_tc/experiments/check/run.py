@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.run import in_order
+from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.coupled_gears import at_motors, motor_turns
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads

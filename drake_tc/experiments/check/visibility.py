@@ -22,7 +22,7 @@ import numpy as np
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
 from drake_tc.effects.base import Effect
-from drake_tc.experiments.check.contributions import NUMERICAL, Contribution, explained_by
+from drake_tc.experiments.check.contributions import NUMERICAL, Contribution
 from drake_tc.experiments.sizes import Size
 from drake_tc.types import FloatArray
 
@@ -165,13 +165,11 @@ def confused_with(
     middle = own[len(own) // 2]
     effect: Effect = middle.effect
     found: dict[str, None] = {}
-    target = middle.at(size)
     for each in others.values():
         other = each[0].effect
         if other.id == effect.id or other.degrees_of_freedom > effect.degrees_of_freedom:
             continue
-        lower = [p.lower for p in other.coefficients]
-        left = max(min(explained_by(phase, shape, lower) for shape in each) for phase in target)
+        left = float(np.max(np.min([middle.left_by(shape, size) for shape in each], axis=0)))
         same = math.hypot(noise.left, left) <= (1.0 + SAME_ERROR) * noise.left
         late = LATE.issuperset((effect.id, other.id)) and left < JOINT.least_removed * noise.floor
         if same or late:

@@ -20,7 +20,7 @@ from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.shared.causes import columns_over
 from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
-from drake_tc.diagnosis.run import in_order
+from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.coupled_gears import motor_turns
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads

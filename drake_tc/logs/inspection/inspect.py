@@ -47,6 +47,7 @@ class Inspection:
         rig: The document of a rig file; empty where no joint was found.
         notes: How a bag's topics were joined, and what is doubtful.
         topics: Of a bag; empty for other logs.
+        comment: On the choice of the drive in the rig file, in one line; empty where there was none.
     """
 
     path: Path
@@ -58,6 +59,7 @@ class Inspection:
     rig: Mapping[str, Any]
     notes: tuple[str, ...]
     topics: tuple[Topic, ...] = ()
+    comment: str = ""
 
 
 def inspect_log(path: Path) -> Inspection:
@@ -83,10 +85,11 @@ def inspect_log(path: Path) -> Inspection:
     columns = _in_units_of_their_joints(columns, meanings)
     if time_name is None:
         notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
-    rig = suggested_rig(columns, meanings, notes)
+    rig, comment = suggested_rig(columns, meanings, notes)
+    notes += [f"{comment[0].upper()}{comment[1:]}"] if comment else []
     rate = 1.0 / period if period > 0 else float("nan")
     held = topics(path) if is_bag(path) else ()
-    return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held)
+    return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held, comment)
 
 
 def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, Meaning]) -> tuple[Column, ...]:

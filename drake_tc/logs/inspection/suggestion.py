@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from drake_tc.logs.inspection.arm_efforts import comment_on, effort_drive
 from drake_tc.logs.inspection.column import SI, Column
 from drake_tc.logs.inspection.names import Meaning
 from drake_tc.logs.units import SENSOR_SUFFIXES
@@ -21,10 +22,13 @@ OPTIONAL = ("motor_position", "temperature", "supply_voltage")
 """Channels that are used where they are."""
 
 
-def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], notes: list[str]) -> dict[str, Any]:
-    """A rig document to start from; empty where no joint has what a log needs.
+def suggested_rig(
+    columns: Sequence[Column], meanings: Mapping[str, Meaning], notes: list[str]
+) -> tuple[dict[str, Any], str]:
+    """A rig document to start from, empty where no joint has what a log needs, and a comment on the choice of drives.
 
     That is a command and a position; where neither the drive nor the load depends on the position, a velocity will do.
+    The comment is empty where there was no choice.
     """
     by_joint: dict[str, dict[str, Column]] = {}
     for column in columns:
@@ -37,8 +41,10 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
             commanded = has["current_command"]
             has["current"] = replace(commanded, canonical=f"{commanded.canonical.rpartition('/')[0]}/current")
     drives: dict[str, str] = {}
+    chosen = effort_drive(by_joint, meanings)
+    order = DRIVES if chosen is None else sorted(DRIVES, key=lambda each: each[0] != chosen[0])
     for joint, has in by_joint.items():
-        drive = next((kind for kind, command in DRIVES if command in has), None)
+        drive = next((kind for kind, command in order if command in has), None)
         if drive is None:
             notes.append(f"{_left_out(joint)} a command (position, current, voltage or torque).")
         elif "position" not in has and not _velocity_will_do(drive, has):
@@ -53,13 +59,14 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
                 )
     if not drives:
         notes.append("No joint has a position and a command: say under `columns:` which columns they are.")
-        return {}
+        return {}, ""
     commands = dict(DRIVES)
     used = [time] if time else []
     for joint, drive in drives.items():
         motion = "position" if "position" in by_joint[joint] else "velocity"
-        requested = (motion, commands[drive], "torque", *OPTIONAL)
-        used += [by_joint[joint][name] for name in requested if name in by_joint[joint]]
+        requested = [motion, commands[drive], "torque", *OPTIONAL]
+        requested += [] if chosen is None else ["position_command"]  # for a user who changes the drive
+        used += [by_joint[joint][name] for name in dict.fromkeys(requested) if name in by_joint[joint]]
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")
@@ -76,7 +83,8 @@ def suggested_rig(columns: Sequence[Column], meanings: Mapping[str, Meaning], no
         )
     renamed = {column.canonical: column.name for column in used if column.canonical != column.name}
     units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}
-    return document | ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
+    document |= ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
+    return document, "" if chosen is None else comment_on(*chosen)
 
 
 def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str, Column]]) -> list[str]:

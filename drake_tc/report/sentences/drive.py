@@ -15,6 +15,7 @@ from drake_tc.diagnosis.notes import (
     ZeroOfEffort,
 )
 from drake_tc.diagnosis.timing_notes import (
+    AllRecordedLate,
     DelayBySampling,
     HeldEffort,
     LateCommand,
@@ -34,6 +35,13 @@ RECORDED: Mapping[DriveKind, str] = {
     "torque": "torque of the drive",
 }
 """What is recorded of the effort."""
+EFFORTS: Mapping[DriveKind, str] = {
+    "position_servo": "commands",
+    "current": "currents",
+    "voltage": "voltages",
+    "torque": "torques of the drives",
+}
+"""The same of several joints."""
 
 _Gain = (
     GainOfTorqueDrive | SizeByRotorInertia | LoadWithRotor | PayloadFromRatio | GainBesideEffects | GainDeclaredWrong
@@ -60,6 +68,14 @@ def drive_sentence(note: DriveNote) -> str:
                 "therefore taken to be recorded late: both models and their errors are for the earlier values, and the "
                 "free run is driven by the recorded ones. Check its time stamps, whether it is filtered before it is "
                 "logged, and whether it belongs to an earlier cycle."
+            )
+        case AllRecordedLate(kind, lead):
+            efforts = "efforts" if kind is None else EFFORTS[kind]
+            return (
+                f"The {efforts} of all joints seem to act {_ms(lead)} before they are recorded, which no drive can do. "
+                "They were therefore taken to be recorded late: all models and their errors are for the earlier "
+                "values, and the free runs are driven by the recorded ones. Check their time stamps, whether they are "
+                "filtered before they are logged, and whether they belong to an earlier cycle."
             )
         case PositionRecordedLate(lead):
             return (

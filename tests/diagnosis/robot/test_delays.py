@@ -9,7 +9,7 @@ from robot_files import write_robot
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.robot.common_delay import agree
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.timing_notes import RecordedLate
+from drake_tc.diagnosis.timing_notes import AllRecordedLate, RecordedLate
 from drake_tc.robot.robot import load_robot
 
 
@@ -38,12 +38,14 @@ def test_efforts_that_are_all_recorded_late_are_moved_back(tmp_path, late, share
     behind = tuple(-each for each in late)
     runs = [record(tmp_path, loaded, name, k, late=behind) for k, name in enumerate(("one", "two", "held"))]
     found = close_loop(rig_file(tmp_path), runs[:2], runs[2:], DiagnosisOptions(assess_residual=False))
-    leads = [note.lead for joint in found.joints.values() for note in joint.notes if isinstance(note, RecordedLate)]
+    assert not any(isinstance(note, RecordedLate) for joint in found.joints.values() for note in joint.notes)
     if not share:
-        assert leads == []
+        assert found.notes == ()
         return
+    (note,) = found.notes
+    assert isinstance(note, AllRecordedLate)
     assert found.shared == () and all(joint.effects == () for joint in found.joints.values())
-    assert_allclose(leads, [0.018] * 3, atol=0.05 * PERIOD)
+    assert_allclose(note.lead, 0.018, atol=0.05 * PERIOD)
     for joint, viscous, coulomb in zip(JOINTS, VISCOUS, COULOMB, strict=True):
         numbers = found.joints[joint].final_parameters
         assert_allclose(numbers["viscous"]["viscous"].value, viscous, rtol=0.01)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
@@ -204,8 +203,7 @@ def smoothed_motion(logs: RobotLogs, run: Run) -> Iterator[tuple[FloatArray, Flo
     """Of each usable stretch of a run: time since its start (T,), q, v, vdot (T, n) by the filters of the loads."""
     filters = filters_of(logs, run)
     for part in usable_stretches(run, filters):
-        rows = list(smoothed(logs.model, logs.sensors(run, part), filters, None))
-        q, v, vdot = (np.array([row[i] for row in rows]) for i in range(3))
+        q, v, vdot, *_ = smoothed(logs.model, logs.sensors(run, part), filters, None)
         yield run.time[part] - run.time[0], q, v, vdot
 
 
@@ -229,7 +227,7 @@ def _piece(
     sensors = logs.sensors(run, part)
     every = max(1, round(GRID_SECONDS / run.period))
     wide = column_filter(filters, len(sensors.position))
-    rows = list(islice(smoothed(logs.model, sensors, wide, None), 0, None, every))
+    rows = list(zip(*(each[::every] for each in smoothed(logs.model, sensors, wide, None)), strict=True))
     motion = body_motion(logs.model, structure, rows)
     blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
