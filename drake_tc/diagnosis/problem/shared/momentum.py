@@ -15,6 +15,7 @@ from drake_tc.diagnosis.data.channels import channels_of
 from drake_tc.diagnosis.data.timing_scatter import timing_scatter
 from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, Piece, smoothed_motion
 from drake_tc.diagnosis.problem.shared.payload import payload_of
+from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -91,7 +92,10 @@ def momenta_over(logs: RobotLogs, links: LinkModel, sides: Sequence[Sequence[Run
 
 
 def _scatters(runs: Sequence[Run], joint: str) -> bool:
-    channels = channels_of(runs, joint)
+    try:
+        channels = channels_of(runs, joint)
+    except IdentificationError:
+        return False  # the joint's own preparation refuses such runs
     if channels.speed_only:
         return False
     found = timing_scatter(channels.raw("position"), channels.segments, channels.period, channels.step("position"))
