@@ -207,6 +207,20 @@ class NoiseOfRecordedEffort:
 
 
 @dataclass(frozen=True)
+class ScatteringTimes:
+    """The instants at which a position was sampled scatter about their time stamps.
+
+    Attributes:
+        scatter: Standard deviation [s]. speed: of the fastest motion [rad/s].
+        noise: Of one position of a joint at rest [rad].
+    """
+
+    scatter: float
+    speed: float
+    noise: float
+
+
+@dataclass(frozen=True)
 class CorrelatedTorqueNoise:
     """Noise of the torque, correlated over a time [s], makes the noise floor `ratio` times that of white noise."""
 
@@ -282,7 +296,7 @@ DriveNote = (
     | ServoDamping
 )
 """On the drive that the rig file describes."""
-NoiseNote = NoiseOfRecordedEffort | CorrelatedTorqueNoise
+NoiseNote = NoiseOfRecordedEffort | ScatteringTimes | CorrelatedTorqueNoise
 """On what raises the noise floor."""
 Note = (
     RunNote

@@ -22,6 +22,7 @@ from drake_tc.estimation.off_line import (
     wrench_bias,
 )
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.filtering.savgol_weights import savgol_weights
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import WRENCH_AXES, Rig
@@ -208,7 +209,9 @@ def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wren
     notes = run.notes
     if dropped:
         notes += (f"{dropped} rows in stretches too short for the robot's torque estimate were left out.",)
-    return replace(run, columns=columns, segment=segment, notes=notes)
+    window = filters.encoder
+    weights = None if logs.links is None else savgol_weights(window.samples, window.order, derivative=2, dt=run.period)
+    return replace(run, columns=columns, segment=segment, notes=notes, acceleration_weights=weights)
 
 
 def _torque(

@@ -48,4 +48,5 @@ def _resampled(run: Run, period: float) -> Run:
         columns={name: np.concatenate(parts) for name, parts in values.items()},
         segment=np.concatenate(segments),
         notes=(*run.notes, note),
+        acceleration_weights=None,
     )

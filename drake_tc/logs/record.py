@@ -29,6 +29,8 @@ class Run:
         steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
             before the resampling, which hides it.
         speed_only: Joints whose position is the integral of the recorded velocity (`speed_only`).
+        acceleration_weights: Weights of the window (an odd number of samples) by which the model of a robot got
+            accelerations and loads from positions [1/s^2]; None where there are none, or at another period.
 
     Example:
         >>> time = np.arange(100) * 0.01
@@ -47,6 +49,7 @@ class Run:
     steps: Mapping[str, float] = field(default_factory=dict)
     hints: tuple[str, ...] = ()
     speed_only: tuple[str, ...] = ()
+    acceleration_weights: FloatArray | None = None
 
     def __len__(self) -> int:
         return int(self.time.size)

@@ -68,7 +68,7 @@ def floor_density(joint: JointResult, samples: Samples, frequency: FloatArray) -
     parts = (
         (torque, floor.torque_variance),
         (passed, known.stiffness**2 * floor.effort_variance),
-        (encoder, float(weights @ floor.encoder_gram @ weights)),
+        (encoder, float(weights @ floor.encoder_gram @ weights + floor.timing_variance(known.viscous, known.inertia))),
     )
     step = float(frequency[1] - frequency[0])
     total = np.zeros_like(frequency)

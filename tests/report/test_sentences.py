@@ -28,6 +28,7 @@ from drake_tc.diagnosis.notes import (
     PayloadFromRatio,
     RunsWithoutMotion,
     ScaleOfRotorInertia,
+    ScatteringTimes,
     ServoDamping,
     SilentEffort,
     SizeByRotorInertia,
@@ -196,6 +197,7 @@ NOTES = [
     (NoiseOfRecordedEffort("current", 4.96), ["noise of the recorded current", "5.0 times"]),
     (NoiseOfRecordedEffort("position_servo", 4.96), ["recorded goal scatters", "5.0 times"]),
     (CorrelatedTorqueNoise(2.5, 0.04), ["about 40 ms", "2.5 times"]),
+    (ScatteringTimes(1e-4, 4.2, 1e-5), ["scatter by 100 us", "4.2 rad/s", "err by 0.00042 rad", "by 1e-05 rad"]),
     (
         GapCrossings(0.0884),
         ["the gear has backlash, rows within 88 ms of a sign change of the load torque take no part"],

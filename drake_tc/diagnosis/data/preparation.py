@@ -16,6 +16,8 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sensors import encoder_of, resolution_of
 from drake_tc.diagnosis.data.silent_effort import silent_effort
 from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows
+from drake_tc.diagnosis.data.timing_noise import timing_of_rows
+from drake_tc.diagnosis.data.timing_scatter import timing_scatter
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import LoadKind
 from drake_tc.estimation.coupled_gears import ACCELERATION
@@ -139,15 +141,17 @@ def build_samples(
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
     step, noise = encoder_of(channels, rig, raw_q)
+    timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
+    whole_noise = noise if timing is None else timing.position_noise(timing.speed)
     raw_q = aged(raw_q, segments, -position_late / period)
-    light = CommonKernel(_width(channels, raw_q, noise) if width_s is None else width_s, period)
+    light = CommonKernel(_width(channels, raw_q, whole_noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(aged(raw_command, segments, effort_age))
     torque, slow_torque, slope = _load(channels, rig, light, q, a, torque_late)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
-    resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest)
+    resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest, timing=timing)
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution, rig.joint_type(joint))
     temperature, motor_position, supply = (
@@ -178,13 +182,14 @@ def build_samples(
     )
     if gap is not None:
         moving &= ~gap.is_open(signals, segments)
-    order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, noise)
+    order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, whole_noise)
     if load == "torque" and "rotor_inertia" not in rig.declared[joint]:
         raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
     kept = np.concatenate([a[s] for s in inner if s.stop > s.start] or [a])
     widths = final_widths(kept, raw_noise, light, order=order) if final_s is None else [final_s]
     final = final_kernel(moving, segments, light, widths)
     rows, block = choose_rows(moving, segments, final, light, period)
+    moments = None if timing is None else timing_of_rows(timing.time, channels, light, final, v, rows)
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
     return Samples(
         signals=signals,
@@ -204,7 +209,9 @@ def build_samples(
             signals,
             rows,
             servo=rig.drive[joint] == "position_servo",
+            timing=moments,
         ),
+        timing=moments,
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),

@@ -1,11 +1,12 @@
 """What the sensors resolve, estimated from the log itself, and the filter width that follows from it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 
+from drake_tc.diagnosis.data.timing_scatter import TimingScatter
 from drake_tc.effects.base import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray, IntArray
@@ -53,6 +54,8 @@ class Resolution:
         raw_velocity_noise: Standard deviation of one raw velocity sample of a speed-only log [rad/s]; 0 where the
             position was recorded.
         speed_at_rest: RMS of the filtered velocity of a joint at rest [rad/s]; 0 where it hardly rests.
+        timing: Scatter of the instants at which the position was sampled, and the noise of a position beside it; None
+            where the log shows no scatter. `position_noise` is then that of the typical motion.
     """
 
     position_step: float
@@ -67,6 +70,7 @@ class Resolution:
     velocity_step: float = 0.0
     raw_velocity_noise: float = 0.0
     speed_at_rest: float = 0.0
+    timing: TimingScatter | None = None
 
     @property
     def least_speed(self) -> float:
@@ -147,6 +151,8 @@ def _motion_gram(
     """
     speed_only = resolution.raw_velocity_noise > 0.0
     step, white = resolution.position_step, resolution.position_noise
+    if resolution.timing is not None:
+        white = resolution.timing.noise
     recorded = signals.position
     if speed_only:
         step, white, recorded = resolution.velocity_step, resolution.raw_velocity_noise, signals.velocity
@@ -174,7 +180,8 @@ class NoiseFloor:
 
     Noise of a raw sample (`Resolution`) through the kernels and the balance's coefficients: torque noise through k,
     encoder noise through J k'' + F_v k' + s k (+ k/K where the effort is q_d - q), J [kg m^2] with a pendulum's own and
-    s = d tau/dq where the load is computed from the position.
+    s = d tau/dq where the load is computed from the position. Scatter of the sampling instants (`timing_noise`) adds to
+    the encoder's noise.
 
     Attributes:
         torque_variance: Of the torque noise after both kernels [N m]^2.
@@ -183,6 +190,8 @@ class NoiseFloor:
         servo: Whether the effort holds the position.
         effort_variance: Of the effort's rounding or noise after both kernels [effort]^2.
         load_slope: RMS of d tau/dq of a load that is computed from the position [N m/rad].
+        timing: (3, 3) second moments, the means over the rows, of what scatter of the sampling instants adds to the
+            acceleration, to the velocity [rad^2/s^4, ..., rad^2/s^2] and, by the links' momentum, to the load [N m]^2.
     """
 
     torque_variance: float
@@ -191,6 +200,7 @@ class NoiseFloor:
     servo: bool
     effort_variance: float = 0.0
     load_slope: float = 0.0
+    timing: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
     @classmethod
     def of(
@@ -202,6 +212,7 @@ class NoiseFloor:
         rows: IntArray,
         *,
         servo: bool,
+        timing: FloatArray | None = None,
     ) -> Self:
         """The floor of rows that passed `light` and then `final`.
 
@@ -212,6 +223,7 @@ class NoiseFloor:
             signals: (T,) filtered; the encoder's steps are replayed on their motion.
             rows: (N,) of T.
             servo: Whether the effort is q_d - q.
+            timing: (N, 3, 3) `timing_moments` of the rows; None where the sampling instants do not scatter.
         """
         k = np.stack([np.convolve(light.kernels[d], final.kernels[0]) for d in (2, 1, 0)])
         gram = _motion_gram(resolution, light, final, signals, rows)
@@ -228,6 +240,7 @@ class NoiseFloor:
             servo=servo,
             effort_variance=effort,
             load_slope=slope,
+            timing=np.zeros((3, 3)) if timing is None or not rows.size else np.mean(timing, axis=0),
         )
 
     def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0, effort_share: float = 1.0) -> float:
@@ -238,4 +251,19 @@ class NoiseFloor:
         held = self.load_slope + (stiffness if self.servo else 0.0)
         weights = np.array([self.inertia + more_inertia, viscous, held])
         rounding = stiffness**2 * effort_share * self.effort_variance
-        return float(np.sqrt(self.torque_variance + rounding + weights @ self.encoder_gram @ weights))
+        encoder = weights @ self.encoder_gram @ weights
+        return float(np.sqrt(self.torque_variance + rounding + encoder + self.timing_variance(viscous, more_inertia)))
+
+    def timing_variance(
+        self, viscous: float, more_inertia: float = 0.0, moments: FloatArray | None = None
+    ) -> FloatArray:
+        """What scatter of the sampling instants leaves [N m]^2; () of the whole floor, (N,) of `moments` (N, 3, 3)."""
+        weights = np.array([self.inertia + more_inertia, viscous, 1.0])
+        return np.asarray(weights @ (self.timing if moments is None else moments) @ weights)
+
+    @property
+    def motion_gram(self) -> FloatArray:
+        """(3, 3) second moments of the errors of acceleration, velocity and position, timing included."""
+        gram = self.encoder_gram.copy()
+        gram[:2, :2] += self.timing[:2, :2]
+        return gram

@@ -51,6 +51,7 @@ class Samples:
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
         open_within: Samples nearer than this time to a sign change of the transmitted torque take no part [s]; 0 where
             all samples do.
+        timing: (N, 3, 3) `timing_moments` of the rows; None where the sampling instants do not scatter.
         loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 
@@ -78,6 +79,7 @@ class Samples:
     position_late: float = 0.0
     torque_late: float = 0.0
     centred: bool = False
+    timing: FloatArray | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""
@@ -179,6 +181,7 @@ class Samples:
             rows=place[self.rows[use]],
             run=self.run[use],
             block=np.unique(self.block[use], return_inverse=True)[1].astype(np.int64),
+            timing=None if self.timing is None else self.timing[use],
             moving=self.moving[kept],
             run_of_sample=self.run_of_sample[kept],
         )

@@ -44,11 +44,11 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         torque_noise = 0.0 if unknown else declared.torque_noise
     elif not (unknown or isinstance(load, Pendulum)):
         torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
-    motion = {"velocity_step": step, "raw_velocity_noise": noise} if channels.speed_only else {}
-    kernel = light.kernels[0 if channels.speed_only else 1]
+    alone = channels.speed_only
+    kernel = light.kernels[0 if alone else 1]
     return Resolution(
-        position_step=0.0 if motion else step,
-        position_noise=LEAST_NOISE if motion else noise,
+        position_step=0.0 if alone else step,
+        position_noise=LEAST_NOISE if alone else noise,
         torque_noise=torque_noise,
         velocity_noise=noise * float(np.sqrt(np.sum(kernel**2))),
         torque_correlation_time=declared.torque_correlation_time or 0.0,
@@ -56,5 +56,6 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         effort_step=channels.step(command),
         effort_noise=effort_noise,
         effort_tells_load=tells_load,
-        **motion,
+        velocity_step=step if alone else 0.0,
+        raw_velocity_noise=noise if alone else 0.0,
     )

@@ -17,7 +17,7 @@ from drake_tc.effects.viscous import Viscous
 from drake_tc.types import FloatArray
 
 ACCELERATION, VELOCITY, POSITION = 0, 1, 2
-"""Rows of `NoiseFloor.encoder_gram`."""
+"""Rows of `NoiseFloor.motion_gram`."""
 LEAST_SIGNAL = 1e-9
 """Least eigenvalue of X' X/N - S, scaled to unit columns of X, at or below which S may be all that is in a column."""
 
@@ -49,7 +49,7 @@ def attenuation(columns: Columns, fitted: Fit) -> FloatArray | None:
     out, noise = np.zeros(fitted.beta.size), np.zeros_like(gram)
     if not at.size:
         return out
-    noise[np.ix_(at, at)] = columns.samples.floor.encoder_gram[np.ix_(row, row)]
+    noise[np.ix_(at, at)] = columns.samples.floor.motion_gram[np.ix_(row, row)]
     inner = np.ix_(free, free)
     length = np.sqrt(np.diag(gram)[free])
     true = gram[inner] - noise[inner]

@@ -264,8 +264,8 @@ def worst_rms(held: DataSplit) -> float:
 
 
 def _effort_rms(split: DataSplit) -> float:
-    """RMS of the effort on the rows of the residual."""
-    return float(np.sqrt(np.mean(split.samples.signals.effort[split.samples.rows] ** 2)))
+    """RMS of the effort on the rows of the residual, weighted as the residual is."""
+    return rms(split.weight * split.samples.signals.effort[split.samples.rows])
 
 
 def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list[str]:

@@ -20,11 +20,16 @@ SEVERITY: tuple[Verdict, ...] = (
 
 @dataclass(frozen=True)
 class DataSplit:
-    """Rows of the training or the held-out runs: signals, residual before and after [effort], by one drive gain."""
+    """Rows of the training or the held-out runs: signals, residual before and after [effort], by one drive gain.
+
+    Attributes:
+        weight: By which both residuals were multiplied (`equal_noise`), (N,) or one for all rows.
+    """
 
     samples: Samples
     before: FloatArray
     after: FloatArray
+    weight: FloatArray | float = 1.0
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,17 @@
 """What the final model leaves, held against the noise floor, and the verdict that follows from it."""
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.data.noise_colour import correlated_noise, left_by_effort_noise
-from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort
+from drake_tc.diagnosis.data.noise_colour import correlated_noise
+from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.equal_noise import with_equal_noise
 from drake_tc.diagnosis.residual.extrapolation import beyond_training
 from drake_tc.diagnosis.residual.structure import assess_residual, features, is_excess, worst_rms
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
@@ -45,32 +47,37 @@ def what_is_left(
     x = (first, second)
     gap_left_out = splits[0].samples.open_within > 0.0
     thresholds = _residual_options(options.residual, chosen, gap_left_out=gap_left_out)
-    floors = [float(np.hypot(floor, left_by_effort_noise(s.samples, s.after, floor))) for s in splits]
-    ratio = floors[1] / floor
-    notes: tuple[NoiseNote, ...] = ()
-    if ratio > CORRELATED_NOISE_NOTED:
-        notes = (NoiseOfRecordedEffort(context.drive, ratio),)
-    left = assess_residual(*splits, x, min(floors), thresholds, options.seed, executor, sensor=sensor)
+    equal = with_equal_noise(splits, chosen, floor)
+    notes: tuple[NoiseNote, ...] = _scattering(splits)
+    if equal.by_effort > CORRELATED_NOISE_NOTED:
+        notes = (*notes, NoiseOfRecordedEffort(context.drive, equal.by_effort))
+    judged, levels = equal.splits, list(equal.floors)
+    left = assess_residual(*judged, x, min(levels), thresholds, options.seed, executor, sensor=sensor)
     if left.structured or left.excess:
         effects = [t.effect for t in chosen.terms]
-        left = replace(left, beyond=beyond_training(splits, x, effects, context.drive, min(floors), thresholds))
+        left = replace(left, beyond=beyond_training(judged, x, effects, context.drive, min(levels), thresholds))
     if left.structured:
-        return left, min(floors), notes
-    levels = floors
+        return equal.unweighted(left, splits[1], min(levels)), equal.unweighted_floor(min(levels)), notes
     if sensor and not splits[0].samples.resolution.torque_is_declared:
-        noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in splits]
+        noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in judged]
         levels = [
             max(each, n.rms * chosen.gain) if n is not None and n.is_noise else each
-            for each, n in zip(floors, noise, strict=True)
+            for each, n in zip(equal.floors, noise, strict=True)
         ]
-        if levels[1] > CORRELATED_NOISE_NOTED * floors[1] and noise[1] is not None:
-            notes = (*notes, CorrelatedTorqueNoise(levels[1] / floors[1], noise[1].correlation_time))
+        if levels[1] > CORRELATED_NOISE_NOTED * equal.floors[1] and noise[1] is not None:
+            notes = (*notes, CorrelatedTorqueNoise(levels[1] / equal.floors[1], noise[1].correlation_time))
     left = left.with_floors(
-        rms(splits[1].after) / levels[1],
-        max(rms(splits[0].after) / levels[0], worst_rms(splits[1]) / levels[1]),
-        excess=is_excess(splits, levels, thresholds),
+        rms(judged[1].after) / levels[1],
+        max(rms(judged[0].after) / levels[0], worst_rms(judged[1]) / levels[1]),
+        excess=is_excess(judged, levels, thresholds),
     )
-    return left, levels[1], notes
+    return equal.unweighted(left, splits[1], levels[1]), equal.unweighted_floor(levels[1]), notes
+
+
+def _scattering(splits: Sequence[DataSplit]) -> tuple[ScatteringTimes, ...]:
+    """The note on sampling instants that scatter, as the training runs or else the held-out runs show it."""
+    found = [s.samples.resolution.timing for s in splits]
+    return tuple(ScatteringTimes(t.time, t.fastest, t.noise) for t in found if t is not None)[:1]
 
 
 def _residual_options(options: ResidualThresholds, chosen: Fit, *, gap_left_out: bool) -> ResidualThresholds:

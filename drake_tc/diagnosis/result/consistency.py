@@ -94,7 +94,7 @@ def consistency(columns: Columns, final: Fit, drive: DriveKind) -> tuple[Paramet
     held[0] = columns.effort_is_target  # nothing in the rows tells the gain then
     target = target - design[:, held] @ final.beta[held]
     design, names = design[:, ~held], tuple(n for n, fixed in zip(names, held, strict=True) if not fixed)
-    acceleration = float(np.sqrt(columns.samples.floor.encoder_gram[0, 0]))
+    acceleration = float(np.sqrt(columns.samples.floor.motion_gram[0, 0]))
     noise = np.array([acceleration if unit == "kg*m^2" else 0.0 for unit in units])[~held]
     rows = _Rows(design, target, names, block_lengths(columns), noise)
     out: list[ParameterByCondition] = []

@@ -20,6 +20,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.diagnosis.problem.shared.correction import corrected
+from drake_tc.diagnosis.problem.shared.momentum import LinkMomenta
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.engine import Progress
@@ -72,6 +73,7 @@ class RobotCase:
         progress: Told how far it is.
         executor: Joints beside each other; None: one after the other, here.
         turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`), by the rig's joints.
+        momenta: Of fitted links whose runs' sampling instants scatter; None elsewhere.
     """
 
     train: Sequence[Run]
@@ -82,6 +84,7 @@ class RobotCase:
     progress: Progress
     executor: Executor | None
     turns: FloatArray | None = None
+    momenta: LinkMomenta | None = None
 
     def at_motors(self, runs: Sequence[Run]) -> list[Run]:
         """The runs as the joints' own diagnosis sees them: positions are those of the motors."""
@@ -92,6 +95,8 @@ class RobotCase:
         joints = self.rig.joints
         sides = (corrected(runs, self.causes, joints, fitted.columns, fitted.delta) for runs in (self.train, self.held))
         train, held = sides
+        if self.momenta is not None:
+            train, held = (self.momenta.added(runs, joints, fitted.columns, fitted.delta) for runs in (train, held))
         return train, held
 
     def prepared(self, train: Sequence[Run], held: Sequence[Run]) -> dict[str, Prepared]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.shared.causes import columns_over
+from drake_tc.diagnosis.problem.shared.momentum import momenta_over
 from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.fitted_links import diagnose_fitted
 from drake_tc.diagnosis.robot.result import RobotResult
@@ -52,4 +53,7 @@ def diagnose_robot(
     options = replace(options, search=replace(options.search, least_removed=least))
     turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
     case = RobotCase(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, executor, turns)
-    return diagnose_shared(case, logs) if logs.links is None else diagnose_fitted(case, logs, logs.links)
+    if logs.links is None:
+        return diagnose_shared(case, logs)
+    momenta = momenta_over(logs, logs.links, (train, held), rig)
+    return diagnose_fitted(replace(case, momenta=momenta), logs, logs.links)

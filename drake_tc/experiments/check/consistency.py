@@ -56,6 +56,7 @@ def findings(prepared: Prepared, declared: Fit, numbers: JointNumbers) -> tuple[
     """
     made = [
         _position_step(prepared),
+        _sample_times(prepared),
         _effort_step(prepared),
         _limit(prepared),
         _temperature(prepared),
@@ -78,6 +79,18 @@ def _position_step(prepared: Prepared) -> Finding | None:
     text = f"The position has steps of {resolution.position_step:.3g} {unit}"
     text += f"; speeds below {resolution.least_speed:.2g} {unit}/s are not resolved, and samples there take no part."
     return Finding("position step", level, resolution.position_step, unit, text)
+
+
+def _sample_times(prepared: Prepared) -> Finding | None:
+    timing, unit = prepared.train.samples.resolution.timing, prepared.train.samples.units.position
+    if timing is None:
+        return None
+    text = (
+        f"The instants of the samples scatter by {1e6 * timing.time:.3g} us (RMS) about their time stamps. At the "
+        f"fastest motion, positions therefore err by {timing.time * timing.fastest:.3g} {unit}, "
+        f"{timing.time * timing.fastest / timing.noise:.3g} times their noise at rest."
+    )
+    return Finding("sample times", "note", timing.time, "s", text)
 
 
 def _effort_step(prepared: Prepared) -> Finding | None:

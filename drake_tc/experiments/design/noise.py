@@ -16,6 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from drake_tc.diagnosis.data.preparation import final_kernel
 from drake_tc.diagnosis.data.resolution import NoiseFloor, final_widths, light_width
+from drake_tc.diagnosis.data.timing_noise import timing_moments
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
@@ -39,7 +40,9 @@ def measured_as(joint: DesignJoint, motion: FloatArray, step: float) -> DesignJo
     spline = CubicHermiteSpline(grid, motion[0], motion[1])
     time: FloatArray = np.asarray(np.arange(int(grid[-1] / period)) * period, dtype=np.float64)
     q, v, a = spline(time), spline(time, 1), np.interp(time, grid, motion[2])
-    whole, noise = slice(0, time.size), resolution.position_noise
+    whole, noise, timing = slice(0, time.size), resolution.position_noise, resolution.timing
+    if timing is not None:
+        noise = timing.position_noise(float(np.sqrt(np.mean(v**2))))
     light = CommonKernel(light_width(q, noise, [whole], period), period)
     # as in `build_samples`: a fit without inertia has no use for a wider filter
     no_inertia = joint.context.load == "torque" and "rotor_inertia" not in joint.context.declared
@@ -47,7 +50,12 @@ def measured_as(joint: DesignJoint, motion: FloatArray, step: float) -> DesignJo
     final = final_kernel(moving, [whole], light, final_widths(a, 0.0 if no_inertia else noise, light))
     signals = joint.signals(np.stack([q, v, a, np.zeros_like(q)]), period)
     servo = joint.context.drive == "position_servo"
-    floor = NoiseFloor.of(resolution, light, final, signals, np.flatnonzero(moving), servo=servo)
+    rows = np.flatnonzero(moving)
+    moments = None
+    if timing is not None:
+        second, first = (np.convolve(light.kernels[d], final.kernels[0]) for d in (2, 1))
+        moments = timing_moments(timing.time, ((v, second), (v, first), (np.zeros_like(v), second)), rows)
+    floor = NoiseFloor.of(resolution, light, final, signals, rows, servo=servo, timing=moments)
     left = floor.torque(1.0 / joint.numbers.gain, joint.numbers.viscous)
     beyond = max(joint.noise**2 - joint.floor**2, 0.0)
     widths = [np.hypot(joint.kernel_width, joint.final_width), np.hypot(light.actual_width_s, final.actual_width_s)]

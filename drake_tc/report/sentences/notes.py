@@ -20,6 +20,7 @@ from drake_tc.diagnosis.notes import (
     RunsWithoutMotion,
     ScaleNote,
     ScaleOfRotorInertia,
+    ScatteringTimes,
     SilentEffort,
     Sticking,
     TorqueAsCommanded,
@@ -75,6 +76,12 @@ def note_sentence(note: Note) -> str:
             return (
                 f"With the white noise of the recorded {name}, the noise floor is {ratio:.1f} times that of the "
                 "sensors."
+            )
+        case ScatteringTimes(scatter, speed, noise):
+            return (
+                f"The instants of the samples scatter by {1e6 * scatter:.3g} us (RMS) about their time stamps. At the "
+                f"fastest motion, {speed:.3g} rad/s, positions therefore err by {scatter * speed:.3g} rad; at rest, by "
+                f"{noise:.3g} rad. The noise floor includes this, and it grows with the speed."
             )
         case CorrelatedTorqueNoise(ratio, correlation_time):
             return (

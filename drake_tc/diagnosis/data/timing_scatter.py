@@ -1,0 +1,147 @@
+"""Scatter of the instants at which a position was sampled, read from how its white noise grows with the speed.
+
+A position that is sampled at t_k + delta_k, while the log says t_k, errs by qdot(t_k) delta_k. In blocks of the log,
+the density at high frequencies is then that of white noise of the variance
+
+    sigma^2 + delta^2 <qdot^2>,
+
+with sigma the noise of the encoder and delta the standard deviation of the delta_k. Both are fitted to the third
+differences of each block at each frequency between a quarter and half of the sampling rate. A scatter is taken only
+where it is beyond doubt, and where it matters: what grows with the speed for another reason, such as a vibration, a
+controller's steps or the rounding of an encoder, is not white, does not grow in proportion to the speed, or stays below
+a step.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.types import FloatArray
+
+BLOCK = 32
+"""Samples of a block; blocks overlap by half."""
+LEAST_BLOCKS = 60
+LOWEST = 0.25
+"""Lowest frequency, over the sampling rate."""
+ROUNDS = 20
+"""Of reweighting the fit by the variance that it finds."""
+CERTAIN = 6.0
+"""Standard deviations of delta^2 that it must reach."""
+FAST = 0.9
+"""Share of the blocks that are slower than the speed at which the scatter must exceed the encoder's noise."""
+STEPS = 2.0
+"""Variance by the scatter at that speed, over that of rounding to steps, at least."""
+UNEVEN = 1.5
+"""Ratio of delta^2 in the upper and in the lower half of the frequencies, and of the noise over the model in the faster
+and the slower half of the blocks in which the scatter is the larger part of it, at most."""
+MOST_POWER = 5.0
+"""Power of a block over its mean that counts at most: an exponential variable is larger in 0.7 % of the cases."""
+MEDIAN_OF_CORRELATED = 3.0
+"""Variance of a median over F frequencies of overlapping tapered blocks, times F, over that at one frequency."""
+LEAST_GROUP = 15
+"""Blocks of a group that is compared with another one, at least."""
+MOST_BLOCKS = 4000
+LEAST_NOISE = 1e-12
+"""Of a position at rest [rad]."""
+
+
+@dataclass(frozen=True)
+class TimingScatter:
+    """What the position's noise shows of the instants of sampling.
+
+    Attributes:
+        time: delta [s].
+        noise: sigma, standard deviation of one position of a joint at rest, its steps included [rad].
+        speed, fastest: RMS over time and largest of the speeds, means over short blocks [rad/s].
+    """
+
+    time: float
+    noise: float
+    speed: float
+    fastest: float
+
+    def position_noise(self, speed: float) -> float:
+        """RMS noise of one position [rad] in motion of this RMS speed [rad/s]."""
+        return float(np.hypot(self.noise, self.time * speed))
+
+
+def timing_scatter(position: FloatArray, segments: Sequence[slice], period: float, step: float) -> TimingScatter | None:
+    """The scatter of the instants at which a position was sampled; None where the log shows none.
+
+    Args:
+        position: (T,) [rad].
+        segments: Uniform stretches.
+        period: [s].
+        step: Of the encoder [rad]; 0 where the positions lie on no grid.
+    """
+    power, speed2 = _blocks(position, segments, period)
+    if len(speed2) < LEAST_BLOCKS or not np.any(speed2 > 0.0):
+        return None
+    noise, growth, deviation = _fitted(power, speed2)
+    fast = float(np.quantile(speed2, FAST))
+    least = max(noise, STEPS * step**2 / 12.0)
+    if not growth > CERTAIN * deviation or growth * fast < least:
+        return None
+    half = power.shape[1] // 2
+    halves = [_fitted(part, speed2)[1] for part in (power[:, :half], power[:, half:])]
+    if min(halves) * UNEVEN < max(halves) or not _in_proportion(power, speed2, noise, growth):
+        return None
+    speed = float(np.sqrt(np.mean(speed2)))
+    own = max(float(np.sqrt(noise)), step / float(np.sqrt(12.0)), LEAST_NOISE)
+    return TimingScatter(float(np.sqrt(growth)), own, speed, float(np.sqrt(speed2.max())))
+
+
+def _blocks(position: FloatArray, segments: Sequence[slice], period: float) -> tuple[FloatArray, FloatArray]:
+    """(power (B, F), squared speed (B,) [(rad/s)^2]) of blocks; the power is 1 on average for unit white noise."""
+    window = np.hanning(BLOCK + 1)[:BLOCK]
+    weight = window**2 / np.sum(window**2)
+    frequency = np.fft.rfftfreq(BLOCK)
+    high = frequency > LOWEST
+    unit = np.sum(window**2) * (2.0 * np.sin(np.pi * frequency[high])) ** 6
+    kernel = CommonKernel(8.0 * period, period)
+    power, speed2 = [np.zeros((0, int(high.sum())))], [np.zeros(0)]
+    for s in segments:
+        if s.stop - s.start < BLOCK + 3 + 2 * kernel.margin:
+            continue
+        inner = slice(kernel.margin, s.stop - s.start - kernel.margin)
+        third = np.lib.stride_tricks.sliding_window_view(np.diff(position[s], 3)[inner], BLOCK)[:: BLOCK // 2]
+        speed = np.lib.stride_tricks.sliding_window_view(kernel.derivative(position[s])[inner], BLOCK)[:: BLOCK // 2]
+        power.append(np.abs(np.fft.rfft(third * window)[:, high]) ** 2 / unit)
+        speed2.append((speed[: len(third)] ** 2) @ weight)
+    thin = slice(None, None, max(1, -(-sum(map(len, speed2)) // MOST_BLOCKS)))
+    return np.concatenate(power)[thin], np.concatenate(speed2)[thin]
+
+
+def _fitted(power: FloatArray, speed2: FloatArray) -> tuple[float, float, float]:
+    """(sigma^2, delta^2, standard deviation of delta^2), medians over the frequencies.
+
+    Least squares at each frequency, weighted by the variances of the model. The power of a block has an exponential
+    distribution; it counts with at most `MOST_POWER` of its mean, so that a blow does not decide.
+    """
+    design = np.stack([np.ones_like(speed2), speed2], axis=-1)
+    least = 1e-6 * max(float(np.mean(power)), 1e-300)
+    model = np.full(speed2.shape, max(float(np.median(power)), least))
+    noise = growth = deviation = 0.0
+    for _ in range(ROUNDS):
+        scaled = design / model[:, None]
+        inverse = np.linalg.pinv(scaled.T @ scaled)
+        clipped = np.minimum(power / model[:, None], MOST_POWER)
+        noise, growth = (float(x) for x in np.median(inverse @ (scaled.T @ clipped), axis=1))
+        noise, growth = max(noise, 0.0), max(growth, 0.0)
+        model = np.maximum(noise + growth * speed2, least)
+        deviation = float(np.sqrt(inverse[1, 1] * MEDIAN_OF_CORRELATED / power.shape[1]))
+    return noise, growth, deviation
+
+
+def _in_proportion(power: FloatArray, speed2: FloatArray, noise: float, growth: float) -> bool:
+    """Whether the noise grows as the speed does among the blocks in which the scatter is the larger part of it."""
+    order = np.argsort(speed2)
+    order = order[growth * speed2[order] > noise]
+    if order.size < 2 * LEAST_GROUP:
+        return False
+    model = (noise + growth * speed2)[:, None]
+    relative = np.minimum(power / model, MOST_POWER)
+    slower, faster = (float(np.median(np.mean(relative[part], axis=0))) for part in np.array_split(order, 2))
+    return max(slower, faster) < UNEVEN * min(slower, faster)

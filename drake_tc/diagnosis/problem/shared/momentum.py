@@ -1,0 +1,102 @@
+"""Momenta of a robot's links, p = M(q) qdot, through which scatter of the sampling instants gets into their loads.
+
+The links' loads are Y(q, qdot, qddot) pi. Positions that err by qdot delta make the loads err by M d^2(qdot delta)/dt^2
+of all joints at once, which is d^2(p delta)/dt^2 while the motion is slow beside the changes of delta:
+
+    p = (Y(q, 0, qdot) - Y(q, 0, 0)) pi
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.data.channels import channels_of
+from drake_tc.diagnosis.data.timing_scatter import timing_scatter
+from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, Piece, smoothed_motion
+from drake_tc.diagnosis.problem.shared.payload import payload_of
+from drake_tc.errors import IdentificationError
+from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class LinkMomenta:
+    """Over a set of runs.
+
+    Attributes:
+        joints: Of the columns, n.
+        pieces: By run name, columns (G, n, P) of the links' and the payloads' parameters.
+        nominal: (P,) the parameters by the robot's file.
+    """
+
+    joints: tuple[str, ...]
+    pieces: Mapping[str, tuple[Piece, ...]]
+    nominal: FloatArray
+
+    def added(self, runs: Sequence[Run], joints: Sequence[str], columns: IntArray, delta: FloatArray) -> list[Run]:
+        """The runs with `<joint>/momentum` [N m s], where the parameters are nominal less delta.
+
+        Args:
+            runs: With loads at these parameters.
+            joints: Of the rig.
+            columns: (p,) of the parameters.
+            delta: (p,) what is taken off them.
+        """
+        parameters = self.nominal.copy()
+        parameters[columns] -= delta
+        out = []
+        for run in runs:
+            since = run.time - run.time[0]
+            more = {f"{joint}/momentum": self._of(run.name, joint, since, parameters) for joint in joints}
+            out.append(replace(run, columns=dict(run.columns) | more))
+        return out
+
+    def _of(self, run: str, joint: str, time: FloatArray, parameters: FloatArray) -> FloatArray:
+        """(T,) at times since the start of a run; 0 outside its usable stretches."""
+        number, out = self.joints.index(joint), np.zeros(time.size)
+        for piece in self.pieces[run]:
+            inside = (time >= piece.time[0] - 1e-9) & (time <= piece.time[-1] + GRID_SECONDS)
+            out[inside] = np.interp(time[inside], piece.time, piece.values[:, number] @ parameters)
+        return out
+
+
+def momenta_over(logs: RobotLogs, links: LinkModel, sides: Sequence[Sequence[Run]], rig: Rig) -> LinkMomenta | None:
+    """The links' momenta; None where the sampling instants of no joint scatter.
+
+    Args:
+        logs: The robot.
+        links: Its links.
+        sides: Training runs and held-out runs.
+        rig: Of the robot.
+    """
+    if not any(_scatters(runs, joint) for runs in sides for joint in rig.joints):
+        return None
+    runs = [run for side in sides for run in side]
+    payload = payload_of(rig, [run.name for run in runs], links)
+    pieces: dict[str, tuple[Piece, ...]] = {}
+    for run in runs:
+        every, made = max(1, round(GRID_SECONDS / run.period)), []
+        for time, q, v, _ in smoothed_motion(logs, run):
+            q, v, rest = q[::every], v[::every], np.zeros_like(q[::every])
+            columns = links.columns(q, rest, v) - links.columns(q, rest, rest)
+            values = np.concatenate([columns, payload.columns(columns, run.name)], axis=2)
+            made.append(Piece(time[::every], logs.at_motors(values)))
+        pieces[run.name] = tuple(made)
+    width = next(piece.values.shape[2] for made in pieces.values() for piece in made)
+    nominal = np.concatenate([links.nominal, np.zeros(width - links.nominal.size)])
+    return LinkMomenta(logs.robot.joints, pieces, nominal)
+
+
+def _scatters(runs: Sequence[Run], joint: str) -> bool:
+    try:
+        channels = channels_of(runs, joint)
+    except IdentificationError:
+        return False  # the joint's own preparation refuses such runs
+    if channels.speed_only:
+        return False
+    found = timing_scatter(channels.raw("position"), channels.segments, channels.period, channels.step("position"))
+    return found is not None
