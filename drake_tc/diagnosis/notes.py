@@ -6,6 +6,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from drake_tc.diagnosis.noise_notes import NoiseNote
 from drake_tc.diagnosis.timing_notes import (
     AllRecordedLate,
     DelayBySampling,
@@ -199,36 +200,6 @@ class Sticking:
 
 
 @dataclass(frozen=True)
-class NoiseOfRecordedEffort:
-    """White noise of the recorded effort makes the noise floor this many times that of the sensors."""
-
-    drive: DriveKind
-    ratio: float
-
-
-@dataclass(frozen=True)
-class ScatteringTimes:
-    """The instants at which a position was sampled scatter about their time stamps.
-
-    Attributes:
-        scatter: Standard deviation [s]. speed: of the fastest motion [rad/s].
-        noise: Of one position of a joint at rest [rad].
-    """
-
-    scatter: float
-    speed: float
-    noise: float
-
-
-@dataclass(frozen=True)
-class CorrelatedTorqueNoise:
-    """Noise of the torque, correlated over a time [s], makes the noise floor `ratio` times that of white noise."""
-
-    ratio: float
-    correlation_time: float
-
-
-@dataclass(frozen=True)
 class RunsWithoutMotion:
     """Runs that have no stretch of motion as long as the filter window [s]."""
 
@@ -296,8 +267,6 @@ DriveNote = (
     | ServoDamping
 )
 """On the drive that the rig file describes."""
-NoiseNote = NoiseOfRecordedEffort | ScatteringTimes | CorrelatedTorqueNoise
-"""On what raises the noise floor."""
 Note = (
     RunNote
     | ScaleNote

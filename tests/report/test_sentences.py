@@ -9,9 +9,9 @@ import pytest
 
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.config.joint_units import JointUnits
+from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
-    CorrelatedTorqueNoise,
     DriveNote,
     FreeRunDiverges,
     FreeRunObstacle,
@@ -23,12 +23,10 @@ from drake_tc.diagnosis.notes import (
     LoadWithRotor,
     LogRemark,
     NoFreeRun,
-    NoiseOfRecordedEffort,
     Note,
     PayloadFromRatio,
     RunsWithoutMotion,
     ScaleOfRotorInertia,
-    ScatteringTimes,
     ServoDamping,
     SilentEffort,
     SizeByRotorInertia,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
-from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
+from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.regression import Fit

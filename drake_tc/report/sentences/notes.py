@@ -5,22 +5,20 @@ from itertools import groupby
 from typing import assert_never
 
 from drake_tc.config.joint_units import TURNING, JointUnits
+from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
-    CorrelatedTorqueNoise,
     FreeRunDiverges,
     FreeRunObstacle,
     GapCrossings,
     GearBetweenEncoders,
     LogRemark,
     NoFreeRun,
-    NoiseOfRecordedEffort,
     Note,
     RunNote,
     RunsWithoutMotion,
     ScaleNote,
     ScaleOfRotorInertia,
-    ScatteringTimes,
     SilentEffort,
     Sticking,
     TorqueAsCommanded,
