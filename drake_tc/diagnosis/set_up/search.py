@@ -41,6 +41,8 @@ WORTH = 0.9
 """Factor of the mean error that one change more must reach."""
 AS_WELL = 1.1
 """Factor of the mean error within which a simpler change is preferred, and another one is told as an alternative."""
+UNLIKELY = 16.0
+"""|delta/t|^2, twice the logarithm of a probability, by which the links of a preferred change may be further away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +150,14 @@ def _one_gain(train: ArmBalance, held: ArmBalance, before: Balance, left: FloatA
 
 
 def _best(tried: Sequence[Tried]) -> tuple[Tried, tuple[Tried, ...]]:
-    """The first of those that explain about as much as the best one, and the others that do not contain it."""
+    """The first of those that explain about as much as the best one, and the others that do not contain it.
+
+    Links that are much further from the robot's file than under another one of them are no explanation.
+    """
     least = min(t.balance.error for t in tried)
     alike = [t for t in tried if t.balance.error <= least + np.log(AS_WELL)]
+    nearest = min(t.balance.departure for t in alike)
+    alike = [t for t in alike if t.balance.departure <= nearest + UNLIKELY]
     first = alike[0].change
     others = (t for t in alike[1:] if t.change.kind != first.kind or not set(first.joints) <= set(t.change.joints))
     return alike[0], tuple(others)[:MOST_ALTERNATIVES]

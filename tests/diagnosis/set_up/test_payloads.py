@@ -3,15 +3,18 @@
 import numpy as np
 import pytest
 import yaml
-from fitted_arm import JOINTS, PAYLOAD, URDF, record, rig_file
+from fitted_arm import JOINTS, PAYLOAD, ROTOR, URDF, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.sentences.set_up import set_up_json, set_up_sentences
+from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.robot import load_robot
 
 KNOWN = {"robot": "inverse_dynamics"}
@@ -38,7 +41,9 @@ def checked(folder, train, held, **rig_keys):
     runs = load_runs([*train, *held], rig)
     robot = robot_logs(rig, runs)
     left = dict.fromkeys(rig.joints, 1.0)
-    return check_set_up(robot, robot.links, runs[: len(train)], runs[len(train) :], rig, left)
+    return check_set_up(
+        robot, robot.links or link_model(robot.robot), runs[: len(train)], runs[len(train) :], rig, left
+    )
 
 
 def payloads(check):
@@ -87,10 +92,15 @@ def test_a_load_in_all_logs_is_taken_up_by_fitted_links(logs):
     assert checked(folder, [log(0, PAYLOAD), log(1, PAYLOAD)], [log(3, PAYLOAD)]) is None
 
 
-def test_a_load_in_all_logs_that_known_links_lack(logs):
-    folder, log = logs
-    check = checked(folder, [log(0, PAYLOAD), log(1, PAYLOAD)], [log(3, PAYLOAD)], load=KNOWN)
+def test_a_load_in_all_logs_that_known_links_lack(tmp_path):
+    """Three times the drive gains and other links would leave as little, but such links are not those of the URDF."""
+    robot = load_robot(write_robot(tmp_path, URDF, JOINTS))
+    logs = [record(tmp_path, robot, f"run_{number}", number, PAYLOAD) for number in range(4)]
+    rotors = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
+    rig = rig_file(tmp_path, load=KNOWN, declared=rotors)
+    check = close_loop(rig, logs[:3], logs[3:], DiagnosisOptions(assess_residual=False)).set_up
     assert payloads(check) == [((), False)]
+    assert check.alternatives == ()
     assert "that the URDF does not have" in " ".join(set_up_sentences(check))
 
 
