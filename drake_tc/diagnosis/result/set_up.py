@@ -34,7 +34,7 @@ class SetUpError:
         gravity: Direction in which gravity acts, by the axes of the robot's base.
         turns: Of the first joint's motor for one turn of the second joint.
         mass: Of a payload [kg]. carrier: The link that carries it. runs: In which; empty for all of them.
-        held_out: Whether these are held-out runs.
+        held_out: Whether these are held-out runs. links_fitted: whether the rig file has fitted links.
     """
 
     kind: SetUpErrorKind
@@ -48,6 +48,7 @@ class SetUpError:
     carrier: str = ""
     runs: tuple[str, ...] = ()
     held_out: bool = False
+    links_fitted: bool = True
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ def check_set_up(
             mass=float(balance.loads[set_up.loaded.index(change.runs), 0]),
             carrier=links.tree.links[carrier],
             runs=() if change.runs == every else change.runs,
+            links_fitted=fitted,
             held_out=change.runs != every and {run.name for run in held}.issuperset(change.runs),
         )
 

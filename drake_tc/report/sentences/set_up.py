@@ -118,9 +118,11 @@ def _payload(error: SetUpError) -> str:
             f"In the held-out log {names}, {body} it does not carry in the training logs. Hold out a log with the same "
             "load as in training."
         )
+    entry = f"unknown_payload: [{names}]"
+    change = f"add `{entry}` to `load`" if error.links_fitted else f"write `load: {{robot: fitted, {entry}}}`"
     return (
-        f"In {logs} {names}, {body} it does not carry in the other logs: write `load: {{robot: fitted, "
-        f"unknown_payload: [{names}]}}` in the rig file, or leave {'it' if logs == 'the log' else 'them'} out."
+        f"In {logs} {names}, {body} it does not carry in the other logs: {change} in the rig file, or leave "
+        f"{'it' if logs == 'the log' else 'them'} out."
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from fitted_arm import JOINTS, PAYLOAD, ROTOR, URDF, record, rig_file
+from fitted_arm import JOINTS, PAYLOAD, RIG, ROTOR, URDF, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
@@ -61,9 +61,9 @@ def test_one_loaded_log_among_those_of_the_training(logs):
     check = checked(folder, train, [log(3)])
     assert payloads(check) == [(("run_1_loaded",), False)]
     (said,) = [line for line in set_up_sentences(check) if "run_1_loaded" in line]
-    load = yaml.safe_load(said.split("`")[1])["load"]
-    assert load == {"robot": "fitted", "unknown_payload": ["run_1_loaded"]}
-    assert checked(folder, train, [log(3)], load=load | {"tolerance": 0.3}) is None  # mended by what it says
+    entry = yaml.safe_load(said.split("`")[1])
+    assert entry == {"unknown_payload": ["run_1_loaded"]} and "to `load`" in said
+    assert checked(folder, train, [log(3)], load=RIG["load"] | entry) is None  # mended by what it says
     (entry,) = set_up_json(check)["errors"]
     assert entry["runs"] == ["run_1_loaded"] and entry["carrier"] == "fore"
 
@@ -108,6 +108,7 @@ def test_known_links_and_one_loaded_log(logs):
     folder, log = logs
     check = checked(folder, [log(0), log(1, PAYLOAD), log(2)], [log(3)], load=KNOWN)
     assert payloads(check) == [(("run_1_loaded",), False)]
+    assert "`load: {robot: fitted, unknown_payload: [run_1_loaded]}`" in " ".join(set_up_sentences(check))
 
 
 @pytest.mark.parametrize("load", [KNOWN, {"robot": "fitted", "tolerance": 0.3}])
