@@ -50,7 +50,7 @@ def timing_of_rows(
     Args:
         scatter: Standard deviation of the sampling instants [s].
         channels: Of the joint; their `momentum` is that of the links [N m s], nil where there is none.
-        light: First kernel. final: second kernel.
+        light: First kernel.
         final: Second kernel.
         velocity: (T,) [rad/s].
         rows: (N,) of T.

@@ -164,20 +164,19 @@ def without_errors(runs: Sequence[Run], rig: Rig, joint: str, fitted: Fit) -> li
     for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
         if isinstance(term.effect, WithinTolerance):
             values = term.effect.physical(theta, {}, fitted.gain)
-            effort = {f"{joint}/{COMMAND_COLUMN[rig.drive[joint]]}": fitted.gain * values.get("bias_torque", 0.0)}
-            return [_less_bias(_restored(run, joint, term.effect, values), effort) for run in runs]
+            effort = f"{joint}/{COMMAND_COLUMN[rig.drive[joint]]}"
+            bias = fitted.gain * values.get("bias_torque", 0.0)
+            return [_restored(run, joint, term.effect, values, {effort: bias}) for run in runs]
     return list(runs)
 
 
-def _less_bias(run: Run, bias: Mapping[str, float]) -> Run:
-    """The run without the constant errors of these columns."""
-    changed = {name: run.columns[name] - by for name, by in bias.items() if by and name in run.columns}
-    return replace(run, columns=dict(run.columns) | changed) if changed else run
-
-
-def _restored(run: Run, joint: str, errors: WithinTolerance, values: Mapping[str, float]) -> Run:
+def _restored(
+    run: Run, joint: str, errors: WithinTolerance, values: Mapping[str, float], bias: Mapping[str, float]
+) -> Run:
+    """The run without the errors, and without the constant errors `bias` of the efforts among its columns."""
     names = {"load_torque": f"{joint}/torque", "position": f"{joint}/position"}
     known = {signal: run.columns[name] for signal, name in names.items() if name in run.columns}
     restored = errors.restore(plain_signals(run.time.size, known), values)
     changed = {names[signal]: getattr(restored, signal) for signal in known}
+    changed |= {name: run.columns[name] - by for name, by in bias.items() if name in run.columns}
     return replace(run, columns=dict(run.columns) | changed)

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.set_up.changes import Change
 from drake_tc.diagnosis.set_up.rows import set_up_rows
 from drake_tc.diagnosis.set_up.search import search_set_up
 from drake_tc.estimation.robot_loads import RobotLogs
-from drake_tc.logs.loads import Load, RobotLoad
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel
@@ -41,13 +41,15 @@ def check_set_up(
     """
     names = logs.robot.joints
     load = next(iter(rig.load.values()))
-    fitted = isinstance(load, RobotLoad) and load.fitted
-    tolerance = links.deviations(load.tolerance if isinstance(load, RobotLoad) and fitted else KNOWN)
+    if not isinstance(load, RobotLoad):
+        return None
+    fitted = load.fitted
+    tolerance = links.deviations(load.tolerance if fitted else KNOWN)
     gain = np.array([rig.drive_gain.get(joint, np.nan) for joint in names])
     own = np.array([rig.drive.get(joint) != "position_servo" for joint in names])
     rows = [set_up_rows(logs, runs, rig) for runs in (train, held)]
     carrier = _carrier(links, load)
-    loaded = tuple((name,) for name in load.payload) if isinstance(load, RobotLoad) else ()
+    loaded = tuple((name,) for name in load.payload)
     every = () if fitted else tuple(run.name for run in (*train, *held))
     training = ArmBalance(links, rows[0], tolerance, gain, own, logs.turns, carrier, loaded, every)
     heldout = replace(training, rows=rows[1])
@@ -77,12 +79,11 @@ def check_set_up(
     )
 
 
-def _carrier(links: LinkModel, load: Load) -> int | None:
+def _carrier(links: LinkModel, load: RobotLoad) -> int | None:
     """Number of the link that may carry something: the one of the rig file, or the only outermost one."""
-    name = load.carrier if isinstance(load, RobotLoad) else ""
-    if not name and len(links.outermost) > 1:
+    if not load.carrier and len(links.outermost) > 1:
         return None
-    return links.tree.links.index(name or links.outermost[0])
+    return links.tree.links.index(load.carrier or links.outermost[0])
 
 
 def _by_joint(values: FloatArray, names: Sequence[str]) -> dict[str, float]:

@@ -137,23 +137,26 @@ def _precision(columns: Columns, terms: Sequence[Term], width: int) -> FloatArra
     if not any(isinstance(t.effect, WithinTolerance) for t in terms):
         return None
     known = columns.prior(terms).precision
-    first = 1 if _is_held(columns, terms) else 0
+    first = 0 if _held_stiffness(columns, terms) is None else 1
     out = np.zeros(width)
     out[: known.size - first] = known[first:]
     return out
 
 
-def _is_held(columns: Columns, terms: Sequence[Term]) -> bool:
-    return columns.declared_gain is not None and not any(isinstance(t.effect, ServoGain) for t in terms)
+def _held_stiffness(columns: Columns, terms: Sequence[Term]) -> float | None:
+    """1/K where the drive's gain is declared and no effect says that it is wrong [N m/effort]; else None."""
+    if columns.declared_gain is None or any(isinstance(t.effect, ServoGain) for t in terms):
+        return None
+    return 1.0 / columns.declared_gain
 
 
 def _drive_held(
     own: FloatArray, columns: Columns, terms: Sequence[Term]
 ) -> tuple[FloatArray, FloatArray, float | None]:
     """Own columns, target and held 1/K of one joint: see `JointRows`."""
-    if columns.declared_gain is None or not _is_held(columns, terms):
+    held = _held_stiffness(columns, terms)
+    if held is None:
         return own, columns.target, None
-    held = 1.0 / columns.declared_gain
     return own[:, 1:], columns.target - held * own[:, 0], held
 
 
