@@ -14,11 +14,13 @@ from functools import cached_property
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term, prior_coefficients
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit
 from drake_tc.effects.base import DriveEffect, Effect
 from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.effects.within_tolerance import WithinTolerance
+from drake_tc.experiments.check.tolerable import SIZES, TolerableErrors
 from drake_tc.experiments.sizes import JointNumbers, Size, acts_through_shape, directions, strengths
 from drake_tc.types import FloatArray
 
@@ -42,6 +44,7 @@ class Contribution:
         whole: (g,) RMS of the contribution itself [N m], over phases.
         change: (N,) the contribution at one size and phase [N m].
         span: (N, k) what a fit with this effect can explain beside the declared model.
+        tolerated: Size up to which errors of the joint's sensors within their tolerances may imitate it; 0 where none.
     """
 
     effect: Effect
@@ -51,6 +54,7 @@ class Contribution:
     whole: FloatArray
     change: FloatArray
     span: FloatArray
+    tolerated: float = 0.0
     _left: dict[tuple["Contribution", int], FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -140,8 +144,13 @@ class ContributionBuilder:
         self._step = max(1, -(-prepared.train.target.size // MOST_ROWS))
         self.declared: Fit = fit(prepared.train, prepared.terms)
         design = prepared.train.design(prepared.terms)[:: self._step]
+        allowed, limits = prior_coefficients(prepared.terms, WithinTolerance), bounds_of(prepared.terms)[1]
         if prepared.train.declared_gain is not None:
-            design = design[:, 1:]
+            design, allowed, limits = design[:, 1:], allowed[1:], limits[1:]
+        self._errors: TolerableErrors | None = None
+        if allowed.any():
+            self._free = np.linalg.qr(design[:, ~allowed])[0]
+            self._errors = TolerableErrors(_without(self._free, design[:, allowed]), limits[allowed])
         norms = np.linalg.norm(design, axis=0)
         self.design = design / np.where(norms > 0.0, norms, 1.0)
         self._basis = np.linalg.qr(self.design)[0]
@@ -149,7 +158,7 @@ class ContributionBuilder:
 
     def remainder(self, values: FloatArray) -> FloatArray:
         """What the declared model leaves of columns (N, k)."""
-        return np.asarray(values - self._basis @ (self._basis.T @ values))
+        return _without(self._basis, values)
 
     def residual(self) -> FloatArray:
         """(N,) of the declared model [N m]."""
@@ -168,6 +177,13 @@ class ContributionBuilder:
         else:
             phi = self._columns.of(Term(effect, shape))[:: self._step]
             thetas = list(directions(effect, self._numbers))
+        if self._errors is not None and phi.shape[1] == 1:
+            own = _without(self._free, phi[:, 0])
+            if (limit := self._errors.free_up_to(own)) > 0.0:
+                sizes = limit * SIZES
+                beyond = self._errors.remainders(own, sizes)
+                whole = sizes * np.sqrt(np.mean(phi**2))
+                return Contribution(effect, shape, sizes, beyond[:, None], whole, phi[:, 0], beyond.T, limit)
         left = self.remainder(phi)
         remainders = np.stack([left @ theta for theta in thetas])[None]
         whole = np.sqrt(np.mean([np.mean((phi @ theta) ** 2) for theta in thetas]))
@@ -188,6 +204,11 @@ class ContributionBuilder:
         left = self.remainder(stack)
         whole = np.sqrt(np.mean(stack**2, axis=0))
         return Contribution(effect, {}, values, left.T[:, None, :], whole, stack[:, -1], left)
+
+
+def _without(basis: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (N, ...) without their part in the span of an orthonormal basis (N, m)."""
+    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def imitators(declared: Fit, design: FloatArray, change: FloatArray) -> list[str]:

@@ -166,7 +166,8 @@ def _visibility(
     if status in ("not_seen", "weakly"):
         remainder = float(np.sqrt(np.mean(middle.at(size.typical) ** 2))) if size.typical > 0.0 else 0.0
         imitating = imitators(builder.declared, builder.design, middle.change)
-        evidence = Evidence(facts, size, kept, imitating, remainder, least)
+        tolerated = middle.tolerated if smallest > middle.tolerated else 0.0
+        evidence = Evidence(facts, size, kept, imitating, remainder, least, tolerated)
         reason = sentence(effect.id, evidence)
     return Visibility(
         effect.key, effect.id, effect.title, status, size, smallest, easiest, same, kept, reason, separable, below

@@ -104,6 +104,7 @@ class Evidence:
         size: Of the effect.
         kept: Share of its contribution that the declared model leaves. imitators: titles of what imitates it.
         remainder: RMS that it leaves at its typical size [N m]. least: that it would need [N m].
+        tolerated: Size up to which errors of the joint's sensors within their tolerances may imitate it.
     """
 
     facts: MotionFacts
@@ -112,10 +113,14 @@ class Evidence:
     imitators: Sequence[str]
     remainder: float
     least: float
+    tolerated: float = 0.0
 
 
 def sentence(effect_id: str, evidence: Evidence) -> str:
     """Why the effect is not seen, or only weakly: the motion first, then what imitates it, then the noise."""
+    if evidence.tolerated > 0.0 and evidence.tolerated >= 0.5 * evidence.size.typical:
+        upto = f"{evidence.tolerated:.2g} {evidence.size.unit}".removesuffix(" -")
+        return f"Sizes up to {upto} may be errors of the joint's sensors within their tolerances."
     found = REASONS.get(effect_id)
     by_motion = found(evidence.facts) if found is not None else ""
     if by_motion:
