@@ -28,6 +28,7 @@ from drake_tc.diagnosis.problem.shared.late_encoder_columns import (
     late_encoder_columns,
     with_late_encoders,
 )
+from drake_tc.diagnosis.problem.shared.open_directions import with_links_of
 from drake_tc.diagnosis.problem.shared.rows import stack
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import fitted_links
@@ -54,6 +55,7 @@ from drake_tc.diagnosis.robot.uncertain_sizes import without_uncertain_sizes
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
 
 MOVES = 2
@@ -102,13 +104,14 @@ def diagnose_fitted(case: RobotCase, logs: RobotLogs, model: LinkModel) -> Robot
         results = with_shared_uncertainty(results, (first.rows, first.fitted), (links.rows, links.fitted))
         return with_uncertain_gains(results, links.rows, links.fitted, tolerance)
 
-    made, links = _confirmed(late, raw, links, {})
+    made, links, sides = _confirmed(late, raw, links, {})
     results = widened(made, links)
     certain = without_uncertain_sizes(made, results)
     if certain is not None:
-        made, links = _confirmed(late, raw, links, certain)
+        made, links, sides = _confirmed(late, raw, links, certain)
         results = widened(made, links)
-    train_after, held_after = case.without(links.fitted)
+    final = {joint: result.final for joint, result in made.items()}
+    train_after, held_after = (with_links_of(runs, final) for runs in sides)
     return RobotResult(
         joints=results,
         shared=tuple(each for each in (encoder, None if delay is None else delay.effect) if each is not None),
@@ -212,8 +215,10 @@ def _searched(case: RobotCase, raw: Mapping[str, Prepared], links: Links) -> Lin
 
 def _confirmed(
     case: RobotCase, raw: Mapping[str, Prepared], links: Links, made: dict[str, JointResult]
-) -> tuple[dict[str, JointResult], Links]:
-    """Each joint's diagnosis, and the links beside what was confirmed; `made` is an earlier one, empty for none.
+) -> tuple[dict[str, JointResult], Links, tuple[list[Run], list[Run]]]:
+    """Each joint's diagnosis, the links beside what was confirmed, and both sides' runs that the joints were fitted to.
+
+    `made` is an earlier diagnosis, empty for none.
 
     The whole diagnosis may withdraw effects that the fast search found, or find more. The links then belong to other
     models than the joints' final ones. They are fitted anew, and the joints are diagnosed again on these loads with the
@@ -230,4 +235,4 @@ def _confirmed(
         links = fitted_beside(raw, own, case.causes)
         if links.keys == beside:
             break
-    return made, links
+    return made, links, (train, held)

@@ -13,9 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.data.link_prior import LinkPrior, column_name
+from drake_tc.diagnosis.problem.columns import coefficients_by_term
+from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, from_others
+from drake_tc.effects.link_load import LinkLoad
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 
@@ -76,4 +79,30 @@ def with_open_directions(
             columns = causes.of(run.name, each.joint, run.time - run.time[0])[:, fitted.columns] @ each.mix
             more |= {f"{each.joint}/{column_name(k)}": column for k, column in enumerate(columns.T)}
         out.append(replace(run, columns=dict(run.columns) | more))
+    return out
+
+
+def with_links_of(runs: Sequence[Run], models: Mapping[str, Fit]) -> list[Run]:
+    """The runs with the load of each joint's own model, tau_j + C_j A u_j, and without the columns C_j A.
+
+    A joint's friction and the errors of its sensors were fitted beside its own u_j. On the loads of the common estimate
+    they would leave what u_j explains: a constant of the load and an offset of the effort nearly cancel.
+
+    Args:
+        runs: With `<joint>/torque` and `<joint>/link_load_<k>` (`with_open_directions`).
+        models: By joint, a fit to such runs.
+    """
+    own = {
+        joint: theta
+        for joint, fitted in models.items()
+        for term, theta in coefficients_by_term(fitted.terms, fitted.beta)
+        if isinstance(term.effect, LinkLoad)
+    }
+    out = []
+    for run in runs:
+        columns = dict(run.columns)
+        for joint, theta in own.items():
+            parts = [weight * columns.pop(f"{joint}/{column_name(k)}") for k, weight in enumerate(theta)]
+            columns[f"{joint}/torque"] = columns[f"{joint}/torque"] + np.sum(parts, axis=0)
+        out.append(replace(run, columns=columns))
     return out
