@@ -94,7 +94,7 @@ def hold_period(time: FloatArray, values: FloatArray) -> float:
     rows = float(near.mean())
     samples = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(intervals / rows), 1.0))])
     regular = _follows_line(samples, at.astype(np.float64))
-    return rows if rows > 1.0 and np.mean(regular) >= MOSTLY_REGULAR else 1.0
+    return rows if rows * MOST_CHANGES > 1.0 and np.mean(regular) >= MOSTLY_REGULAR else 1.0
 
 
 def _follows_line(x: FloatArray, y: FloatArray) -> BoolArray:

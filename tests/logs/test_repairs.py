@@ -222,6 +222,8 @@ def test_repeats_without_a_clock_are_no_slower_clock():
     for intervals in (rng.integers(1, 4, 4000), rng.geometric(0.4, 4000)):
         values = np.repeat(rng.normal(size=4000), intervals)
         assert hold_period(np.arange(values.size) * 5e-3, values) == 1.0
+    moving = rng.normal(size=4000) * (np.arange(4000) % 200 < 100)  # every row while it moves, and rests between
+    assert hold_period(np.arange(4000) * 5e-3, moving) == 1.0
     time = np.arange(6000) * 5e-3
     for speed in (0.3, 1.0, 3.0):  # of a coarse encoder with noise of a step, whose steps have two sizes
         angle = speed * np.sin(0.7 * time) + 6e-3 * rng.normal(size=time.size)
