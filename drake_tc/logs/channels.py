@@ -7,6 +7,13 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 LONGEST_FILL = 5
 FROZEN_SECONDS = 0.1
 FROZEN_ROWS = 30
+FEWEST_CHANGES, MOST_CHANGES = 20, 0.7
+"""Changes of a channel from which on its clock is looked for, and their share of the rows up to which it is slower."""
+LONGEST_HOLD, LEAST_SINGLE = 1000, 0.3
+"""Rows up to which a channel may repeat a value, and share of the changes that follow the last one after one sample."""
+HOLD_WINDOW, REGULAR, MOSTLY_REGULAR = 60, 0.7, 0.5
+"""Changes over which a slower clock is regular, RMS distance of their rows from it (0.3 where only the rounding to rows
+counts; some 1.1 where the intervals are independent), and share of such windows."""
 LEAST_LEVELS = 8
 """Different values of a channel below which they are its levels and not the steps of a converter."""
 ON_GRID, SHARE_ON_GRID = 0.02, 0.9
@@ -64,31 +71,55 @@ def fill_missing(time: FloatArray, values: FloatArray) -> tuple[FloatArray, Bool
     return filled, excluded, ", ".join(parts)
 
 
-def hold_factor(values: FloatArray) -> int:
-    """The number k >= 2 when the channel changes only every k rows (it was sampled on a slower clock), else 1.
+def hold_period(time: FloatArray, values: FloatArray) -> float:
+    """Rows between two samples of a channel that a slower clock sampled and each row repeats until the next; else 1.
 
-    k is the commonest interval between changes; at least nine in ten intervals must be multiples of it. A coarse
-    encoder that moves slowly repeats values too, but at intervals of all lengths, or, on a ramp, by steps of one size.
+    The number need not be whole: a topic of 60 Hz in a log of 200 Hz changes after 3 or 4 rows, 10/3 on average. In
+    every window of changes, the row n_j of the j-th one follows n_0 + T m_j, where m_j counts the samples and may pass
+    over some that repeat a value. Rows that the file lost are counted by `time`. A coarse encoder repeats values too,
+    but after as many rows as its speed asks for, or, on a ramp, by steps of one size.
     """
-    steps = np.diff(values)
-    changes = np.flatnonzero(steps != 0)
-    if changes.size < 20 or changes.size > 0.7 * values.size:
-        return 1
-    sizes = np.abs(steps[changes])
+    changes = np.flatnonzero(np.diff(values) != 0)
+    if changes.size < FEWEST_CHANGES or changes.size > MOST_CHANGES * values.size:
+        return 1.0
+    sizes = np.abs(np.diff(values)[changes])
     if np.mean(sizes < 1.01 * np.median(sizes)) > 0.9 and np.mean(sizes > 0.99 * np.median(sizes)) > 0.9:
-        return 1
-    intervals = np.diff(changes)
-    k = int(np.bincount(np.minimum(intervals, 1000)).argmax())
-    if k < 2 or k >= 1000:
-        return 1
-    return k if np.mean(intervals % k == 0) >= 0.9 and np.mean(intervals == k) >= 0.3 else 1
+        return 1.0
+    at = _row_numbers(time)[changes + 1]
+    intervals = np.diff(at)
+    commonest = int(np.bincount(np.minimum(intervals, LONGEST_HOLD)).argmax())
+    near = intervals[np.abs(intervals - commonest) <= 1]
+    if commonest >= LONGEST_HOLD or near.size < LEAST_SINGLE * intervals.size:
+        return 1.0
+    rows = float(near.mean())
+    samples = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(intervals / rows), 1.0))])
+    regular = _follows_line(samples, at.astype(np.float64))
+    return rows if rows * MOST_CHANGES > 1.0 and np.mean(regular) >= MOSTLY_REGULAR else 1.0
 
 
-def release_hold(time: FloatArray, values: FloatArray, k: int) -> FloatArray:
-    """Values (T,) interpolated between the rows at which a channel held for k rows was sampled afresh."""
+def _follows_line(x: FloatArray, y: FloatArray) -> BoolArray:
+    """Whether each window of `HOLD_WINDOW` points of y (N,) lies within `REGULAR` of a straight line over x (N,)."""
+    size = min(HOLD_WINDOW, x.size)
+    shape = (-1, size)
+    x, y = (each[: each.size // size * size].reshape(shape) for each in (x, y))
+    x, y = (each - each.mean(axis=1, keepdims=True) for each in (x, y))
+    slope = (x * y).sum(axis=1, keepdims=True) / (x * x).sum(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(np.mean((y - slope * x) ** 2, axis=1)) <= REGULAR)
+
+
+def _row_numbers(time: FloatArray) -> IntArray:
+    """Numbers (T,) that the rows would have if the file had lost none."""
+    steps = np.diff(time)
+    return np.concatenate([[0], np.cumsum(np.maximum(np.round(steps / np.median(steps)), 1.0))]).astype(np.int64)
+
+
+def release_hold(time: FloatArray, values: FloatArray, rows: float) -> FloatArray:
+    """Values (T,) interpolated between the rows at which a channel with a `hold_period` was sampled afresh."""
     starts, lengths = run_lengths(values)
-    since = np.arange(values.size) - np.repeat(starts, lengths)
-    fresh = since % k == 0
+    numbers = _row_numbers(time)
+    since = np.floor((numbers - np.repeat(numbers[starts], lengths) + 0.5) / rows)
+    fresh = np.concatenate([[True], np.diff(since) != 0])
+    fresh[starts] = True
     return np.asarray(np.interp(time, time[fresh], values[fresh]))
 
 

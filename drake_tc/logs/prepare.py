@@ -107,12 +107,14 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
     period = float(np.median(np.diff(raw.time)))
     for name in list(columns):
         suffix = name.rsplit("/", 1)[-1]
-        k = channels.hold_factor(columns[name]) if suffix not in _SLOW else 1
-        if k > 1 and suffix in _HELD_BY_NATURE:
-            notes += (f"Column {name} changes every {k} rows only: a command that is held, left as it is.",)
-        elif k > 1:
+        k = channels.hold_period(raw.time, columns[name]) if suffix not in _SLOW else 1.0
+        if k > 1.0 and suffix in _HELD_BY_NATURE:
+            notes += (f"Column {name} changes every {k:.3g} rows only: a command that is held, left as it is.",)
+        elif k > 1.0:
             columns[name] = channels.release_hold(raw.time, columns[name], k)
-            notes += (f"Column {name} was sampled on a clock {k} times slower than the log and interpolated between.",)
+            notes += (
+                f"Column {name} was sampled on a clock {k:.3g} times slower than the log and interpolated between.",
+            )
         elif suffix in _MAY_FREEZE and name.split("/")[0] in rig.joints:
             frozen = channels.frozen_rows(columns[name], _motion(filled, rig, name), period, jump=suffix != "torque")
             if frozen.any():

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import LogError
-from drake_tc.logs.channels import hold_factor
+from drake_tc.logs.channels import hold_period, release_hold
 from drake_tc.logs.prepare import load_run, load_runs
 
 from .conftest import PERIOD, bench, servo_rig, write
@@ -174,13 +174,60 @@ def test_channel_on_a_slower_clock(tmp_path, table):
 def test_a_coarse_encoder_is_no_slow_clock(table):
     for bits in (10, 12, 14):
         step = 2 * np.pi / 2**bits
-        assert hold_factor(np.round(table["joint/position"].to_numpy() / step) * step) == 1
+        position = np.round(table["joint/position"].to_numpy() / step) * step
+        assert hold_period(table["time"].to_numpy(), position) == 1.0
 
 
 def test_a_coarse_encoder_on_a_ramp_is_no_slow_clock():
     ramp = np.arange(5000) * 1e-3
-    assert hold_factor(np.round(ramp / 5e-3) * 5e-3) == 1
-    assert hold_factor(np.repeat(np.sin(ramp[::5]), 5)) == 5
+    assert hold_period(ramp, np.round(ramp / 5e-3) * 5e-3) == 1.0
+    assert hold_period(ramp, np.repeat(np.sin(ramp[::5]), 5)) == 5.0
+
+
+def sampled_by(topic_hz: float, rng, *, log_hz: float = 200.0, lost: float = 0.0, jitter: float = 0.0):
+    """Times of the rows that were not lost, a torque held from a topic of its own clock, and the torque itself."""
+    written = (np.arange(int(30 * topic_hz) + 2) - 0.7) / topic_hz
+    written += jitter / topic_hz * rng.uniform(-1.0, 1.0, written.size)
+    time = np.arange(int(30 * log_hz)) / log_hz
+    time = time[rng.uniform(size=time.size) >= lost]
+    last = np.searchsorted(written, time, side="right") - 1
+    return (
+        time,
+        np.sin(3.1 * written[last] + 1.0) + 1e-3 * rng.normal(size=written.size)[last],
+        np.sin(3.1 * time + 1.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("topic_hz", "lost", "jitter"),
+    [(50.0, 0.0, 0.0), (50.0, 0.05, 0.0), (60.0, 0.0, 0.0), (60.0, 0.02, 0.05), (90.0, 0.0, 0.0), (130.0, 0.02, 0.0)],
+)
+def test_a_slower_clock_need_not_divide_that_of_the_log(topic_hz, lost, jitter):
+    time, held, true = sampled_by(topic_hz, np.random.default_rng(5), lost=lost, jitter=jitter)
+    rows = hold_period(time, held)
+    assert_allclose(rows, 200.0 / topic_hz, rtol=0.02)  # lost rows leave their mark on the mean interval
+    inside = (time > 0.1) & (time < 29.9)
+    released = release_hold(time, held, rows)
+
+    def age(values):  # [s], by which the sine comes late, from the slope of least squares over its rate
+        rate = 3.1 * np.cos(3.1 * time + 1.0)
+        return -float(np.mean((values - true)[inside] * rate[inside]) / np.mean(rate[inside] ** 2))
+
+    assert_allclose(age(held), 0.5 / topic_hz, rtol=0, atol=2e-3)  # half a period of the topic
+    assert -1e-3 < age(released) < 5e-3 + 0.5e-3  # a sample is logged by the next row, at most 5 ms later
+
+
+def test_repeats_without_a_clock_are_no_slower_clock():
+    rng = np.random.default_rng(11)
+    for intervals in (rng.integers(1, 4, 4000), rng.geometric(0.4, 4000)):
+        values = np.repeat(rng.normal(size=4000), intervals)
+        assert hold_period(np.arange(values.size) * 5e-3, values) == 1.0
+    moving = rng.normal(size=4000) * (np.arange(4000) % 200 < 100)  # every row while it moves, and rests between
+    assert hold_period(np.arange(4000) * 5e-3, moving) == 1.0
+    time = np.arange(6000) * 5e-3
+    for speed in (0.3, 1.0, 3.0):  # of a coarse encoder with noise of a step, whose steps have two sizes
+        angle = speed * np.sin(0.7 * time) + 6e-3 * rng.normal(size=time.size)
+        assert hold_period(time, np.round(angle / 6e-3) * 6e-3) == 1.0
 
 
 def test_saturated_voltage_is_noted(tmp_path, table):
