@@ -14,6 +14,8 @@ LONGEST_HOLD, LEAST_SINGLE = 1000, 0.3
 HOLD_WINDOW, REGULAR, MOSTLY_REGULAR = 60, 0.7, 0.5
 """Changes over which a slower clock is regular, RMS distance of their rows from it (0.3 where only the rounding to rows
 counts; some 1.1 where the intervals are independent), and share of such windows."""
+MULTIPLE = 0.3
+"""Steps of time by which the gap of lost rows may differ from whole steps."""
 LEAST_LEVELS = 8
 """Different values of a channel below which they are its levels and not the steps of a converter."""
 ON_GRID, SHARE_ON_GRID = 0.02, 0.9
@@ -108,9 +110,14 @@ def _follows_line(x: FloatArray, y: FloatArray) -> BoolArray:
 
 
 def _row_numbers(time: FloatArray) -> IntArray:
-    """Numbers (T,) that the rows would have if the file had lost none."""
-    steps = np.diff(time)
-    return np.concatenate([[0], np.cumsum(np.maximum(np.round(steps / np.median(steps)), 1.0))]).astype(np.int64)
+    """Numbers (T,) that the rows would have if the file had lost none.
+
+    Steps of time that are no multiple of the usual one are those of a logger with an unsteady rate.
+    """
+    steps = np.diff(time) / np.median(np.diff(time))
+    whole = np.round(steps)
+    passed = np.where((whole > 1.0) & (np.abs(steps - whole) <= MULTIPLE), whole, 1.0)
+    return np.concatenate([[0], np.cumsum(passed)]).astype(np.int64)
 
 
 def release_hold(time: FloatArray, values: FloatArray, rows: float) -> FloatArray:

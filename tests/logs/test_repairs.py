@@ -230,6 +230,15 @@ def test_repeats_without_a_clock_are_no_slower_clock():
         assert hold_period(time, np.round(angle / 6e-3) * 6e-3) == 1.0
 
 
+def test_steps_of_an_unsteady_logger_are_no_lost_rows():
+    """Rows after 5.5 ms while a channel moves, and after 3.5 ms, which are most, while it rests."""
+    rng = np.random.default_rng(7)
+    moves = np.arange(1500) % 1000 < 300
+    time = np.cumsum(np.where(moves, 5.5e-3, 3.5e-3))
+    changes = moves & (rng.uniform(size=1500) < 0.85)
+    assert hold_period(time, np.cumsum(changes * rng.normal(size=1500))) == 1.0
+
+
 def test_saturated_voltage_is_noted(tmp_path, table):
     table["joint/voltage"] = table["joint/voltage"].clip(-3, 3)
     assert noted(load(table, tmp_path, drive="voltage"), "rests at its limit of 3")
