@@ -105,10 +105,10 @@ def _print_joint(console: Console, joint: JointResult) -> None:
         why = escape(why_withdrawn(withdrawn.objection, joint.units))
         _say(console, f"  - {withdrawn.key} did not hold ({REASONS[withdrawn.reason]}): {why}")
     for moving in (p for p in joint.consistency if p.moves):
-        where = "drive" if moving.effect == "drive" else moving.effect
+        what = moving.name if moving.name == moving.effect else f"{moving.effect} {moving.name}"
         _say(
             console,
-            f"  * {where} {moving.name} changes by {100 * moving.change:.0f} % between parts of the logs that differ "
+            f"  * {what} changes by {100 * moving.change:.0f} % between parts of the logs that differ "
             f"in {BY[moving.by]}",
         )
     for warning in warnings(joint):

@@ -136,7 +136,7 @@ def _gravity(error: SetUpError) -> str:
     direction = ", ".join(f"{x:.2f}" for x in error.gravity)
     return (
         f"Gravity acts along ({direction}) of the robot's base, not along -z: the base is tilted by {tilt:.0f} deg. "
-        "Add to the URDF a link `mount` and a fixed joint from it to the base with "
+        "Add to the URDF a link `mount` (another name where there is one) and a fixed joint from it to the base with "
         f'<origin rpy="{roll:.3f} {pitch:.3f} 0"/>, and set `base: mount` in the robot file.'
     )
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.words import capital, mostly_unexplained, title_of
 
@@ -41,5 +42,11 @@ def warnings(joint: JointResult) -> Sequence[str]:
         out.append(
             "The position error of the free run on the held-out runs is larger with the model after than with the "
             "model before: look at the free-run plots before you simulate with the model after."
+        )
+    refined = joint.refinement.free_run_heldout if joint.refinement is not None else None
+    if after is not None and refined is not None and refined > 1.02 * after:
+        out.append(
+            f"The position error of the free run on the held-out runs is larger with {MODEL_FILE} than with the model "
+            "after, although it is smaller on the training runs: prefer the model after."
         )
     return out
