@@ -22,7 +22,7 @@ LEAST_LINK = 1e-3
 """Least inertia of the plant's link over that of the rotor: a fitted inertia of the load may be 0."""
 
 
-SMALLEST_INERTIA, LARGEST = 1e-9, 1e9
+SMALLEST_INERTIA, LARGEST = 1e-15, 1e9
 """Of a link, in SI units."""
 
 

@@ -73,3 +73,17 @@ def test_a_rotor_without_inertia_cannot_run():
     run = Recording(TIME, COMMAND, 0.0, 0.0, (-1.0, 1.0), load_torque=np.zeros(TIME.size))
     with pytest.raises(ParamsError, match="no inertia"):
         simulate(model, run, 1e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-5, 1e-7])
+def test_the_motor_of_a_finger_moves_as_one_with_larger_torques(scale):
+    """With all torques and inertias in proportion the motion stays the same."""
+
+    def run(by: float) -> np.ndarray:
+        known = {"rotor_inertia": {"rotor_inertia": 0.01 * by}, "viscous": {"viscous": 0.05 * by}}
+        effects = tuple(EffectValue(k, v) for k, v in known.items())
+        model = ActuatorModel("j", Drive("current", 0.2 / by), effects)
+        load = 0.1 * by * np.sin(2.0 * TIME)
+        return free_run(model, Recording(TIME, COMMAND, 0.0, 0.0, (-100.0, 100.0), load_torque=load), substeps=4)
+
+    assert_allclose(run(scale), run(1.0), rtol=0.0, atol=1e-6 * np.ptp(run(1.0)))
