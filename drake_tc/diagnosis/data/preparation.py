@@ -58,12 +58,13 @@ def _link_inertia(load: Load, runs: Sequence[Run]) -> float:
     return float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0
 
 
-def _width(channels: Channels, position: FloatArray, noise: float) -> float:
-    """Width [s] of the light kernel, for the encoder or the sensor of the velocity."""
+def _width(channels: Channels, rig: Rig, position: FloatArray, noise: float) -> float:
+    """Width [s] of the light kernel, for the encoder or the sensor of the velocity, and for the slowest channel."""
     segments, period = channels.segments, channels.period
+    slowest = channels.slowest(rig.required_columns(channels.joint))
     if channels.speed_only:
-        return light_width(channels.raw("velocity"), noise, segments, period, order=1)
-    return light_width(position, noise, segments, period)
+        return light_width(channels.raw("velocity"), noise, segments, period, slowest, order=1)
+    return light_width(position, noise, segments, period, slowest)
 
 
 def _filtered_motion(
@@ -132,7 +133,7 @@ def build_samples(
     timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
     whole_noise = noise if timing is None else timing.position_noise(timing.speed)
     raw_q = aged(raw_q, segments, -position_late / period)
-    light = CommonKernel(_width(channels, raw_q, whole_noise) if width_s is None else width_s, period)
+    light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(aged(raw_command, segments, effort_age))
