@@ -78,8 +78,10 @@ def _motion(raw: RawLog, rig: Rig, name: str) -> FloatArray:
     ]
 
 
-def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], BoolArray, tuple[str, ...]]:
-    """Fill, release and mask each channel; returns the channels, the rows not to be used, and notes."""
+def _repair_channels(
+    raw: RawLog, rig: Rig
+) -> tuple[dict[str, FloatArray], BoolArray, tuple[str, ...], dict[str, float]]:
+    """Fill, release and mask each channel: the channels, rows not to be used, notes, and rows a sample if slower."""
     columns: dict[str, FloatArray] = {}
     excluded = ~(raw.enabled & raw.valid)
     notes: tuple[str, ...] = ()
@@ -105,6 +107,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
         notes += (f"Column{'s' if len(names) > 1 else ''} {', '.join(names)}: {note}.",)
     filled = replace(raw, columns=columns)
     period = float(np.median(np.diff(raw.time)))
+    slower: dict[str, float] = {}
     for name in list(columns):
         suffix = name.rsplit("/", 1)[-1]
         k = channels.hold_period(raw.time, columns[name]) if suffix not in _SLOW else 1.0
@@ -112,6 +115,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
             notes += (f"Column {name} changes every {k:.3g} rows only: a command that is held, left as it is.",)
         elif k > 1.0:
             columns[name] = channels.release_hold(raw.time, columns[name], k)
+            slower[name] = k
             notes += (
                 f"Column {name} was sampled on a clock {k:.3g} times slower than the log and interpolated between.",
             )
@@ -124,7 +128,7 @@ def _repair_channels(raw: RawLog, rig: Rig) -> tuple[dict[str, FloatArray], Bool
                     f"{int(raw.rows[np.flatnonzero(frozen)[0]])}); they were left out.",
                 )
     off, more = _drive_rows(columns, rig, period)
-    return columns, excluded | off, notes + more
+    return columns, excluded | off, notes + more, slower
 
 
 def _drive_rows(columns: dict[str, FloatArray], rig: Rig, period: float) -> tuple[BoolArray, tuple[str, ...]]:
@@ -181,7 +185,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
     beside_jumps, told = find_jumps(raw, rig)
     notes += told
-    columns, excluded, more = _repair_channels(raw, rig)
+    columns, excluded, more, slower = _repair_channels(raw, rig)
     excluded |= beside_jumps
     clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig), scale_of("time", rig.units).factor)
     resampled = {name: clock.resample(values) for name, values in columns.items()}
@@ -210,6 +214,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
         notes=notes,
         steps=found,
         hints=raw.hints + told,
+        slower={name: rows * clock.period for name, rows in slower.items()},
         speed_only=raw.speed_only,
     )
 

@@ -28,6 +28,8 @@ class Run:
             the rig file, a wrong sign, or an encoder that lost its zero.
         steps: Column name to the step of its recorded values, for the columns whose values lie on a grid. It is read
             before the resampling, which hides it.
+        slower: Column name to the period of the clock that sampled it [s], for the columns that a slower clock than the
+            log's sampled and that were interpolated between its samples.
         speed_only: Joints whose position is the integral of the recorded velocity (`speed_only`).
         acceleration_weights: Weights of the window (an odd number of samples) by which the model of a robot got
             accelerations and loads from positions [1/s^2]; None where there are none, or at another period.
@@ -48,6 +50,7 @@ class Run:
     notes: tuple[str, ...] = ()
     steps: Mapping[str, float] = field(default_factory=dict)
     hints: tuple[str, ...] = ()
+    slower: Mapping[str, float] = field(default_factory=dict)
     speed_only: tuple[str, ...] = ()
     acceleration_weights: FloatArray | None = None
 

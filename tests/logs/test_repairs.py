@@ -163,11 +163,13 @@ def test_channel_on_a_slower_clock(tmp_path, table):
     table["joint/torque"] = np.repeat(smooth[::5], 5)
     run = load(table, tmp_path)
     assert noted(run, "joint/torque was sampled on a clock 5 times slower")
+    assert run.slower == {"joint/torque": 5 * run.period}
     # held: 25 N m/s * 4 ms = 0.1 off; interpolated: 77 N m/s^2 (5 ms)^2/8
     assert_allclose(run.columns["joint/torque"][:-5], smooth[:-5], rtol=0, atol=3e-4)
     table["joint/position_command"] = np.repeat(table["joint/position_command"].to_numpy()[::5], 5)
     run = load(table, tmp_path)
     assert noted(run, "a command that is held")
+    assert set(run.slower) == {"joint/torque"}
     assert_allclose(run.columns["joint/position_command"], table["joint/position_command"], rtol=1e-12)
 
 

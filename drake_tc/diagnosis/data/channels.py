@@ -59,6 +59,11 @@ class Channels:
         ]
         return float(np.median(found)) if found else 0.0
 
+    def slowest(self, names: Sequence[str]) -> float:
+        """Longest period [s] at which one of the columns was sampled; at least that of the log."""
+        sampled = [run.slower.get(name, self.period) for _, run, _ in self.pieces for name in names]
+        return max(self.period, *sampled)
+
     def notes(self, runs: Sequence[Run]) -> tuple[LogRemark, ...]:
         """What was done to the runs as they came and at the common period."""
         both = (LogRemark(run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)

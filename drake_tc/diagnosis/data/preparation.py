@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.diagnosis.data.age_of_effort import aged
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -57,12 +58,13 @@ def _link_inertia(load: Load, runs: Sequence[Run]) -> float:
     return float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0
 
 
-def _width(channels: Channels, position: FloatArray, noise: float) -> float:
-    """Width [s] of the light kernel, for the encoder or the sensor of the velocity."""
+def _width(channels: Channels, rig: Rig, position: FloatArray, noise: float) -> float:
+    """Width [s] of the light kernel, for the encoder or the sensor of the velocity, and for the slowest channel."""
     segments, period = channels.segments, channels.period
+    slowest = channels.slowest(rig.required_columns(channels.joint))
     if channels.speed_only:
-        return light_width(channels.raw("velocity"), noise, segments, period, order=1)
-    return light_width(position, noise, segments, period)
+        return light_width(channels.raw("velocity"), noise, segments, period, slowest, order=1)
+    return light_width(position, noise, segments, period, slowest)
 
 
 def _filtered_motion(
@@ -87,19 +89,6 @@ def final_kernel(
     kernels = [CommonKernel(width, light.period) for width in widths]
     least = LEAST_COVER * covered(moving, segments, kernels[0], light)
     return next(k for k in reversed(kernels) if covered(moving, segments, k, light) >= least)
-
-
-def aged(effort: FloatArray, segments: Sequence[slice], age: float) -> FloatArray:
-    """Command or effort (T,) that is `age` sampling periods older; one that is held is half a period old.
-
-    A negative age takes later samples: the effort acted before it was recorded. Linear between samples; beyond the ends
-    of a segment its first or last sample.
-    """
-    out = effort.copy()
-    for s in segments:
-        at = np.arange(s.stop - s.start, dtype=float)
-        out[s] = np.interp(at - age, at, effort[s])
-    return out
 
 
 def build_samples(
@@ -144,7 +133,7 @@ def build_samples(
     timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
     whole_noise = noise if timing is None else timing.position_noise(timing.speed)
     raw_q = aged(raw_q, segments, -position_late / period)
-    light = CommonKernel(_width(channels, raw_q, whole_noise) if width_s is None else width_s, period)
+    light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(aged(raw_command, segments, effort_age))

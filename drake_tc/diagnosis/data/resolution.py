@@ -78,21 +78,31 @@ class Resolution:
         return SPEED_OF_NOISE * max(self.velocity_noise, self.speed_at_rest)
 
 
-def light_width(values: FloatArray, noise: float, segments: Sequence[slice], period: float, *, order: int = 2) -> float:
+def light_width(
+    values: FloatArray,
+    noise: float,
+    segments: Sequence[slice],
+    period: float,
+    slowest: float | None = None,
+    *,
+    order: int = 2,
+) -> float:
     """Width of the light kernel [s].
 
     The narrowest width whose acceleration noise is below 4 % of the acceleration's own spread over all stretches,
     between 4 periods (at least 12 ms) and 60 ms: wide enough to differentiate the encoder twice, narrow enough to keep
-    reversals sharp.
+    reversals sharp. The periods are those of the slowest channel: between its samples it is interpolated, and what is
+    faster is in the other channels alone.
 
     Args:
         values: (T,) position [rad], or velocity [rad/s].
         noise: Standard deviation of one sample, in the same unit.
         segments: Uniform stretches.
-        period: [s].
+        period: Of the log [s].
+        slowest: Of the channel with the slowest clock [s]; None where all have that of the log.
         order: Derivative of the values that is the acceleration: 2 of a position, 1 of a velocity.
     """
-    width = max(4.0 * period, 0.012)
+    width = max(4.0 * (period if slowest is None else slowest), 0.012)
     while width < WIDEST_LIGHT:
         kernel = CommonKernel(width, period)
         inner = [slice(s.start + kernel.margin, s.stop - kernel.margin) for s in segments]
