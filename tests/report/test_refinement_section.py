@@ -13,6 +13,7 @@ from drake_tc.report.free_run_table import free_run_table
 from drake_tc.report.html import render
 from drake_tc.report.refinement_json import free_runs_json, refinement_json
 from drake_tc.report.refinement_section import WHY_NOT, refinement_section, refinement_sentence
+from drake_tc.report.sentences.warnings import warnings
 from drake_tc.report.time_plots import position_plot
 
 ACCEPTED = Refinement(
@@ -78,3 +79,11 @@ def test_a_model_that_stays_says_why(status: str) -> None:
     said = refinement_sentence(Refinement(status, why="It is 3 N*m." if status == "implausible" else ""))  # type: ignore[arg-type]
     assert said.startswith("Output error: there is no refined model, because ")
     assert ("(It is 3 N*m)" in said) == (status == "implausible")
+
+
+@pytest.mark.parametrize(("after", "said"), [(0.0058, True), (0.00589, False), (None, False)])
+def test_a_refined_model_that_follows_the_held_out_runs_worse_is_warned_of(
+    joint: JointResult, after: float | None, said: bool
+) -> None:
+    made = replace(refined(joint), after=replace(joint.after, free_run_heldout=after))
+    assert any("prefer the model after" in each for each in warnings(made)) == said

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, SharedBand, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
-from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.report.consistency_table import consistency_rows
@@ -320,10 +319,6 @@ def test_what_must_not_be_overlooked(joint):
     for after, said in ((1.019, False), (1.021, True)):
         made = replace(free, after=replace(free.after, free_run_heldout=after))
         assert any("position error of the free run" in w for w in warnings(made)) == said
-    for refined, said in ((None, False), (0.509, False), (0.511, True)):
-        followed = replace(free, after=replace(free.after, free_run_heldout=0.5))
-        made = replace(followed, refinement=Refinement("accepted", free_run_heldout=refined))
-        assert any("prefer the model after" in w for w in warnings(made)) == said
     either = warnings(replace(sound, indistinguishable=(("stribeck", "delay"),)))
     assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; both fit equally well."]
     bound = {"stribeck": {"stribeck_exponent": Estimate(4.0, "-", (3.0, 4.0), True)}}
