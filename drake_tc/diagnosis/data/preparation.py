@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.diagnosis.data.age_of_effort import aged
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -89,6 +88,19 @@ def final_kernel(
     kernels = [CommonKernel(width, light.period) for width in widths]
     least = LEAST_COVER * covered(moving, segments, kernels[0], light)
     return next(k for k in reversed(kernels) if covered(moving, segments, k, light) >= least)
+
+
+def aged(effort: FloatArray, segments: Sequence[slice], age: float) -> FloatArray:
+    """Command or effort (T,) that is `age` sampling periods older; one that is held is half a period old.
+
+    A negative age takes later samples: the effort acted before it was recorded. Linear between samples; beyond the ends
+    of a segment its first or last sample.
+    """
+    out = effort.copy()
+    for s in segments:
+        at = np.arange(s.stop - s.start, dtype=float)
+        out[s] = np.interp(at - age, at, effort[s])
+    return out
 
 
 def build_samples(
