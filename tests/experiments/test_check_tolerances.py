@@ -52,6 +52,7 @@ def test_the_remainder_is_the_least_that_any_errors_within_limits_leave():
 def test_what_the_errors_hardly_imitate_has_no_limit():
     columns = np.array([[1.0], [0.0], [0.0]])
     assert TolerableErrors(columns, np.ones(1)).free_up_to(np.array([0.1, 1.0, 0.0])) == 0.0
+    assert TolerableErrors(columns, np.ones(1)).free_up_to(np.zeros(3)) == 0.0
 
 
 def with_tolerance(demo, bias: float):

@@ -5,8 +5,7 @@ and the contribution c of an effect at size 1 [N m], both without what the free 
 
     r(s) = s c - N b(s),   b(s) = argmin |s c - N b|  with  |b| <= L                    (remainder at a size s)
 
-In proportion to s until the first error reaches its limit, at the size s_0; beyond it r grows as an effect does that no
-error of a sensor imitates.
+It grows in proportion to s until the first error reaches its limit, at the size s_0, and faster from there on.
 """
 
 from dataclasses import dataclass
@@ -41,7 +40,7 @@ class TolerableErrors:
         """
         factors, *_ = np.linalg.lstsq(self.columns, contribution, rcond=1e-9)
         left = np.linalg.norm(contribution - self.columns @ factors)
-        if left > IMITATED * np.linalg.norm(contribution):
+        if left >= IMITATED * np.linalg.norm(contribution):  # or nothing to imitate
             return 0.0
         return float(np.min(self.limits / np.maximum(np.abs(factors), 1e-300)))
 

@@ -9,6 +9,9 @@ from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.words import capital, mostly_unexplained, title_of
 
+LARGER = 1.02
+"""Ratio of two position errors from which on the first one is called larger."""
+
 
 def warnings(joint: JointResult) -> Sequence[str]:
     """What the reader must not overlook, one sentence each."""
@@ -38,13 +41,13 @@ def warnings(joint: JointResult) -> Sequence[str]:
             "may imitate the missing cause: confirm its kind and its parameters by another experiment."
         )
     before, after = joint.before.free_run_heldout, joint.after.free_run_heldout
-    if before is not None and after is not None and np.isfinite(before) and after > 1.02 * before:
+    if before is not None and after is not None and np.isfinite(before) and after > LARGER * before:
         out.append(
             "The position error of the free run on the held-out runs is larger with the model after than with the "
             "model before: look at the free-run plots before you simulate with the model after."
         )
     refined = joint.refinement.free_run_heldout if joint.refinement is not None else None
-    if after is not None and refined is not None and refined > 1.02 * after:
+    if after is not None and refined is not None and refined > LARGER * after:
         out.append(
             f"The position error of the free run on the held-out runs is larger with {MODEL_FILE} than with the model "
             "after, although it is smaller on the training runs: prefer the model after."
