@@ -117,7 +117,7 @@ class Evidence:
 
 
 def sentence(effect_id: str, evidence: Evidence) -> str:
-    """Why the effect is not seen, or only weakly: tolerances first, then the motion, what imitates it, and the noise."""
+    """Why the effect is not seen, or only weakly: tolerances first, then motion, what imitates it, and noise."""
     if evidence.tolerated > 0.0 and evidence.tolerated >= 0.5 * evidence.size.typical:
         upto = f"{evidence.tolerated:.2g} {evidence.size.unit}".removesuffix(" -")
         return f"Sizes up to {upto} may be errors of the joint's sensors within their tolerances."
