@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.diagnosis.data.age_of_effort import aged, delayed
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -39,7 +40,7 @@ def _load(
         return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
     slow = CommonKernel(SLOWER * light.actual_width_s, channels.period)
     if not isinstance(load, Pendulum):
-        raw = aged(channels.raw("torque"), channels.segments, -torque_late / channels.period)
+        raw = delayed(channels.raw("torque"), channels.segments, -torque_late / channels.period)
         return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)
     pendulums = [load.in_run(run) for _, run, _ in channels.pieces]
     moment, inertia = (channels.by_piece(v) for v in zip(*((p.weight, p.inertia) for p in pendulums), strict=True))
@@ -90,19 +91,6 @@ def final_kernel(
     return next(k for k in reversed(kernels) if covered(moving, segments, k, light) >= least)
 
 
-def aged(effort: FloatArray, segments: Sequence[slice], age: float) -> FloatArray:
-    """Command or effort (T,) that is `age` sampling periods older; one that is held is half a period old.
-
-    A negative age takes later samples: the effort acted before it was recorded. Linear between samples; beyond the ends
-    of a segment its first or last sample.
-    """
-    out = effort.copy()
-    for s in segments:
-        at = np.arange(s.stop - s.start, dtype=float)
-        out[s] = np.interp(at - age, at, effort[s])
-    return out
-
-
 def build_samples(
     runs: Sequence[Run],
     rig: Rig,
@@ -144,7 +132,7 @@ def build_samples(
     step, noise = encoder_of(channels, rig, raw_q)
     timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
     whole_noise = noise if timing is None else timing.position_noise(timing.speed)
-    raw_q = aged(raw_q, segments, -position_late / period)
+    raw_q = delayed(raw_q, segments, -position_late / period)
     light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.data.preparation import aged
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -36,10 +35,3 @@ def test_the_report_says_by_how_much_and_friction_is_right(samples):
     assert found.effects == ()
     assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(VISCOUS, rel=0.05)
     assert found.final_parameters["coulomb"]["coulomb"].value == pytest.approx(COULOMB, rel=0.05)
-
-
-def test_a_negative_age_takes_later_samples_of_the_same_segment():
-    ramp = np.array([0.0, 1.0, 2.0, 3.0, 10.0, 11.0, 12.0])
-    segments = [slice(0, 4), slice(4, 7)]
-    assert aged(ramp, segments, -1.5) == pytest.approx([1.5, 2.5, 3.0, 3.0, 11.5, 12.0, 12.0])
-    assert aged(ramp, segments, 0.5) == pytest.approx([0.0, 0.5, 1.5, 2.5, 10.0, 10.5, 11.5])
