@@ -14,20 +14,26 @@ from drake_tc.report.figure_row import rows_json
 
 def bench_check(
     kind: Annotated[list[str] | None, typer.Option(help="Effect, such as stribeck; repeat. Default: all.")] = None,
+    strength: Annotated[
+        list[float] | None,
+        typer.Option(min=1e-6, help="Strength of the effects, 1 for the middle one; repeat. Default: 0.04, 0.3 and 1."),
+    ] = None,
     out: Out = None,
     seed: Seeds = None,
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
     """Count whether the diagnosis finds the effects that a check predicts to be visible, and no others."""
-    from drake_tc.experiments.evidence.predicted import prediction_rows, predictions
+    from drake_tc.experiments.evidence.predicted import STRENGTHS, prediction_rows, predictions
+
+    strengths = tuple(dict.fromkeys(strength or STRENGTHS))
 
     found = by_seed(
         "bench check",
         seed,
         out,
         jobs,
-        lambda folder, number, pool, report: predictions(folder, kind or (), number, pool, report),
+        lambda folder, number, pool, report: predictions(folder, kind or (), number, pool, report, strengths),
         quiet=as_json,
     )
     every = [each for part in found.values() for each in part]

@@ -23,7 +23,7 @@ from drake_tc.experiments.check.contributions import Contribution, ContributionB
 from drake_tc.experiments.check.joint import joint_effects, joint_numbers
 from drake_tc.experiments.check.reasons import Evidence, sentence
 from drake_tc.experiments.check.visibility import SEPARABLE_WITHIN, Noise, Visibility, confused_with, smallest_sizes
-from drake_tc.experiments.evidence.predicted import compared, predictions
+from drake_tc.experiments.evidence.predicted import compared, predictions, weakened_rigs
 from drake_tc.experiments.sizes import Size, size_of
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
@@ -218,6 +218,13 @@ def test_predictions_compare_the_true_size_with_both_stated_sizes():
     limit = Visibility("a", "a", "a", "seen", Size("limit", "A", 1.0, falling=True), 4.0, 5.0)
     assert [compared([limit], x)[2] for x in (3.0, 4.5, 6.0)] == ["seen", "between", "not_seen"]
     assert compared([], 1.0)[2] == "not_seen"
+
+
+def test_the_effects_of_blind_rigs_are_as_weak_as_asked_for():
+    middle, weak = (weakened_rigs(("stribeck",), 7, (strength,)) for strength in (1.0, 0.01))
+    assert [rig.name for rig in (*middle, *weak)] == ["stribeck_1", "stribeck_0.01"]
+    assert weak[0].targets["stribeck"] == pytest.approx(0.01 * middle[0].targets["stribeck"])
+    assert weak[0].joint == middle[0].joint
 
 
 @pytest.mark.slow

@@ -1,9 +1,9 @@
 """The check's predictions held against the truth of blind rigs: is what is said to be seen found, and nothing else?
 
-Each effect is put into three rigs, at 4 %, 30 % and 100 % of the strength that the blind benchmark calls middle. The
-check of a rig's training runs predicts "seen" where the true size is at least the smallest size that it states, and
-"not seen" where the true size is below the size that it states for the most favourable shape. The diagnosis of the
-same files says whether the effect was found.
+Each effect is put into one rig of each strength, by default 4 %, 30 % and 100 % of the strength that the blind
+benchmark calls middle. The check of a rig's training runs predicts "seen" where the true size is at least the smallest
+size that it states, and "not seen" where the true size is below the size that it states for the most favourable shape.
+The diagnosis of the same files says whether the effect was found.
 """
 
 import json
@@ -26,7 +26,7 @@ from drake_tc.report.figure_row import FigureRow
 
 Progress = Callable[[str, float], None]
 Predicted = Literal["seen", "between", "not_seen"]
-FACTORS = (0.04, 0.3, 1.0)
+STRENGTHS = (0.04, 0.3, 1.0)
 """Strengths, in units of the blind benchmark's middle one."""
 SEEN_AND_FOUND, HIDDEN_AND_FOUND = 0.95, 0.05
 """Goals: at least, and at most."""
@@ -52,8 +52,8 @@ class Prediction:
     named: tuple[str, ...]
 
 
-def weakened_rigs(kinds: Sequence[str], seed: int) -> list[RigSpec]:
-    """Rigs with one effect each, at three strengths.
+def weakened_rigs(kinds: Sequence[str], seed: int, strengths: Sequence[float] = STRENGTHS) -> list[RigSpec]:
+    """Rigs with one effect each, one of each strength.
 
     Raises:
         BlindError: An effect that the blind rigs do not have.
@@ -63,15 +63,20 @@ def weakened_rigs(kinds: Sequence[str], seed: int) -> list[RigSpec]:
         raise BlindError(f"no effect {unknown[0]!r} among the blind rigs; effects: {', '.join(SETTINGS)}")
     out = []
     for kind in kinds or tuple(SETTINGS):
-        for k, factor in enumerate(FACTORS):
+        for k, factor in enumerate(strengths):
             spec = caused_rig((kind,), "single", "middle", k, seed)
             targets = {cause: factor * target for cause, target in spec.targets.items()}
-            out.append(replace(spec, name=f"{kind}_{k}", targets=targets, strength=f"{factor:g}"))
+            out.append(replace(spec, name=f"{kind}_{factor:g}", targets=targets, strength=f"{factor:g}"))
     return out
 
 
 def predictions(
-    folder: Path, kinds: Sequence[str], seed: int, executor: Executor, progress: Progress
+    folder: Path,
+    kinds: Sequence[str],
+    seed: int,
+    executor: Executor,
+    progress: Progress,
+    strengths: Sequence[float] = STRENGTHS,
 ) -> list[Prediction]:
     """Simulate the rigs in `folder` unless they are there, diagnose and check them.
 
@@ -81,8 +86,12 @@ def predictions(
         seed: Of the rigs.
         executor: Works on rigs beside each other.
         progress: Told how far it is.
+        strengths: Of the effects [the blind benchmark's middle strength].
+
+    Raises:
+        BlindError: An effect that the blind rigs do not have.
     """
-    specs = weakened_rigs(kinds, seed)
+    specs = weakened_rigs(kinds, seed, strengths)
     missing = [s for s in specs if not (folder / "truth" / s.name / "truth.json").exists()]
     generate(missing, folder, lambda done, total: progress(f"simulated {done} of {total}", 0.3 * done / max(total, 1)))
     futures = [executor.submit(predicted_of, folder, spec.name) for spec in specs]
