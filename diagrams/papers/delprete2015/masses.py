@@ -37,12 +37,37 @@ LEAST, MOST = 0.97, 1.03
 """Factors on the link masses."""
 EVERY = 20
 """Ticks between those at which p is computed."""
-COMPARED = (CLASSIC, INDIVIDUAL)
 CAPTURE = CapturePointLimit.group
+KEPT_BACK = 2e-3
+"""What the third controller adds to its distance of the capture point from the feet's edges [m]."""
 NOTES = (
     SETTING,
     "The motion of B.test3. The controller has the wrong masses, the robot the right ones; limits are evaluated with"
     " the robot's, without any torque error: missed means by more than 1e-6 standard deviations.",
+    f"The third controller keeps the capture point {1e3 * KEPT_BACK:g} mm further inside than the bound that it is"
+    " evaluated by. This distance was chosen after the first two were known, which miss that bound by 1 to 2 mm.",
+)
+
+
+@dataclass(frozen=True)
+class Controller:
+    """One of those that are compared.
+
+    Attributes:
+        name: In the table.
+        way: Measure and use of the robustness.
+        kept_back: Further distance of the capture point from the feet's edges [m].
+    """
+
+    name: str
+    way: Way
+    kept_back: float = 0.0
+
+
+COMPARED = (
+    Controller(CLASSIC.name, CLASSIC),
+    Controller(INDIVIDUAL.name, INDIVIDUAL),
+    Controller(f"{INDIVIDUAL.name}, margin", INDIVIDUAL, KEPT_BACK),
 )
 
 
@@ -81,7 +106,7 @@ def corrupted(seed: int) -> TsidModel:
     return found
 
 
-def run(way: Way, model: TsidModel | None, seed: int = 0, duration: float = GOAL.duration) -> Run:
+def run(controller: Controller, model: TsidModel | None, seed: int = 0, duration: float = GOAL.duration) -> Run:
     """The reach with this model in the controller; None for the right one."""
     error = torque_error()
     misses: list[tuple[float, float, float]] = []
@@ -92,9 +117,9 @@ def run(way: Way, model: TsidModel | None, seed: int = 0, duration: float = GOAL
         misses.append((miss(moment, error), miss(moment, error, without=CAPTURE), edges.violation(moment.torque)))
         return moment
 
-    truth = reach_scene()
-    scene = truth if model is None else reach_scene(model)
-    moments = follow(scene, way, W_REACH, error, duration, truth=None if model is None else truth)
+    scene = reach_scene(model, replace(GOAL, margin=GOAL.margin + controller.kept_back))
+    same = model is None and controller.kept_back == 0.0
+    moments = follow(scene, controller.way, W_REACH, error, duration, truth=None if same else reach_scene())
     found = torque_safety(map(passing, moments), error, seed, every=EVERY, groups=False)
     every, others, beyond = np.array(misses).T
     shares = float(np.mean(every > MISSED)), float(np.mean(others > MISSED))
@@ -103,9 +128,9 @@ def run(way: Way, model: TsidModel | None, seed: int = 0, duration: float = GOAL
 
 
 def point(number: int, seed: int) -> tuple[Run, ...]:
-    """Both ways with the same wrong model, for `sweep`; the seed is the model's."""
+    """All controllers with the same wrong model, for `sweep`; the seed is the model's."""
     model = corrupted(seed)
-    return tuple(run(way, model) for way in COMPARED)
+    return tuple(run(each, model) for each in COMPARED)
 
 
 def wrong_masses(seed: int = 0, progress: Progress | None = None, executor: Executor | None = None) -> Reproduction:
@@ -113,28 +138,28 @@ def wrong_masses(seed: int = 0, progress: Progress | None = None, executor: Exec
     if executor is None:
         with processes(os.cpu_count() or 1) as pool:
             return wrong_masses(seed, progress, pool)
-    perfect = [run(way, None) for way in COMPARED]
+    perfect = [run(each, None) for each in COMPARED]
     found: list[tuple[Run, ...]] = sweep(point, range(MODELS), executor=executor, seed=seed, progress=progress)
     values: dict[str, float] = {}
     lines = []
-    for number, way in enumerate(COMPARED):
-        runs = [pair[number] for pair in found]
+    for number, controller in enumerate(COMPARED):
+        name, runs = controller.name, [pair[number] for pair in found]
         hits = sum(one.missed > 0.0 for one in runs)
-        values[f"controllers that miss a limit, {way.name}"] = 100.0 * hits / len(runs)
-        values[f"states with a missed limit, {way.name}"] = 100.0 * float(np.mean([one.missed for one in runs]))
+        values[f"controllers that miss a limit, {name}"] = 100.0 * hits / len(runs)
+        values[f"states with a missed limit, {name}"] = 100.0 * float(np.mean([one.missed for one in runs]))
         others = sum(one.others > 0.0 for one in runs)
-        values[f"controllers that miss another limit than the capture point's, {way.name}"] = 100.0 * others / len(runs)
-        values[f"capture point beyond its bound, {way.name}"] = 1e3 * max(0.0, *(one.beyond for one in runs))
-        values[f"mean p, {way.name}"] = 100.0 * float(np.mean([one.p for one in runs]))
-        values[f"least p, {way.name}"] = 100.0 * min(one.p for one in runs)
+        values[f"controllers that miss another limit than the capture point's, {name}"] = 100.0 * others / len(runs)
+        values[f"capture point beyond its bound, {name}"] = 1e3 * max(0.0, *(one.beyond for one in runs))
+        values[f"mean p, {name}"] = 100.0 * float(np.mean([one.p for one in runs]))
+        values[f"least p, {name}"] = 100.0 * min(one.p for one in runs)
         lines.append(
             (
-                way.name,
+                name,
                 _share(hits, len(runs)),
-                f"{values[f'states with a missed limit, {way.name}']:.2f}",
+                f"{values[f'states with a missed limit, {name}']:.2f}",
                 _share(others, len(runs)),
-                f"{values[f'capture point beyond its bound, {way.name}']:.2f}",
-                f"{values[f'mean p, {way.name}']:.1f}",
+                f"{values[f'capture point beyond its bound, {name}']:.2f}",
+                f"{values[f'mean p, {name}']:.1f}",
                 f"{100.0 * perfect[number].p:.1f}",
                 f"{sum(one.unsolved > 0 for one in runs)}",
             )
@@ -145,8 +170,9 @@ def wrong_masses(seed: int = 0, progress: Progress | None = None, executor: Exec
         "controllers that miss another limit than the capture point's",
         "mean p",
     ):
-        classic, robust = (values[f"{name}, {way.name}"] for way in COMPARED)
-        values[f"p_ind over classic, {name}"] = robust / max(classic, 1e-9)
+        classic, *robust = (values[f"{name}, {each.name}"] for each in COMPARED)
+        for each, value in zip(COMPARED[1:], robust, strict=True):
+            values[f"{each.name} over classic, {name}"] = value / max(classic, 1e-9)
     headings = (
         "",
         "miss a limit [%]",

@@ -17,6 +17,7 @@ from drake_tc.tsid.limits.torque import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName
+from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.posture import PostureTask
@@ -29,6 +30,9 @@ FRICTION, MOMENT_FRICTION, MINIMUM_FORCE = 0.3, 0.1, 1.0
 """Of a foot: mu, mu_m [m], f_min [N]."""
 SIGMA = 0.003
 """Standard deviation of a joint's torque, of its largest torque."""
+ACCURACY = 1e-10
+"""Of R, to which a torque is found. With w = 1, R saturates, and what is left open decides how well the posture, of
+weight 1e-6, is kept: with the library's 1e-6 a motion of four seconds still depends on it."""
 W_COM, W_REACH = 1e-5, 1.0
 """Weight w of the robustness in tests 1 and 2, and in the others."""
 W_FORCE, FORCE_COMPONENTS = 1e-4, (1.0, 1.0, 1e-3, 2.0, 2.0, 2.0)
@@ -80,7 +84,7 @@ class Way:
 
     def formulation(self, weight: float) -> Formulation:
         """With weight w of the robustness."""
-        return Formulation(self.measure, weight=weight)
+        return Formulation(self.measure, weight=weight, options=Options(accuracy=ACCURACY))
 
 
 PLAIN = Way("classic, w_f = 0", "classic")

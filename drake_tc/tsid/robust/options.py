@@ -11,7 +11,9 @@ class Options:
     """Of Newton's method.
 
     Attributes:
-        accuracy: Of R: a program ends when the model promises less than `accuracy` times the weight of R.
+        accuracy: A program ends when the model promises less than this times the weight of R. Tasks that count less
+            than that beside R are met only as well as this leaves them. Far from all limits, a smaller accuracy can
+            take several times as many iterations from a cold start.
         budget: Of iterations and, where it has a clock, of wall time; the best feasible torque comes back.
 
     Raises:

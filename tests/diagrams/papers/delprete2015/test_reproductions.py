@@ -14,6 +14,7 @@ from drake_tc.diagrams.papers.delprete2015 import closed_loop as tsid_closed_loo
 from drake_tc.diagrams.papers.delprete2015 import com_move as tsid_com_move
 from drake_tc.diagrams.papers.delprete2015 import masses as tsid_masses
 from drake_tc.diagrams.papers.delprete2015 import reach as tsid_reach
+from drake_tc.diagrams.papers.delprete2015 import setup as tsid_setup
 from drake_tc.diagrams.papers.delprete2015.choice import candidates, coverage, goals
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway
 from drake_tc.diagrams.papers.delprete2015.setup import (
@@ -185,8 +186,9 @@ def test_wrong_masses_are_those_of_the_links():
 
 
 def test_a_wrong_model_misses_limits_that_the_right_one_keeps():
-    right = tsid_masses.run(CLASSIC, None, duration=0.1)
-    wrong = tsid_masses.run(CLASSIC, tsid_masses.corrupted(0), duration=0.1)
+    classic = tsid_masses.COMPARED[0]
+    right = tsid_masses.run(classic, None, duration=0.1)
+    wrong = tsid_masses.run(classic, tsid_masses.corrupted(0), duration=0.1)
     assert right.worst < 1e-6
     assert wrong.worst > right.worst
     assert right.missed == right.others == 0.0
@@ -273,3 +275,15 @@ def test_where_rounding_decides_the_reach_with_large_boxes_stays_within_its_tole
         shares.append(100.0 * float(torque_safety(moments, torque_error(), 0, every=tsid_reach.EVERY).p.mean()))
     assert max(shares) - min(shares) > 1.0
     assert_allclose(shares, record.reached, rtol=0.0, atol=record.reached_tolerance)
+
+
+@pytest.mark.slow
+def test_the_reach_with_a_third_of_sigma_needs_exact_ticks(monkeypatch: pytest.MonkeyPatch):
+    """p_ind: 1e-10 and 1e-12 agree, the library's 1e-6 leaves the posture open, which changes p by ten points."""
+    kept = {}
+    for accuracy in (1e-6, 1e-10, 1e-12):
+        monkeypatch.setattr(tsid_setup, "ACCURACY", accuracy)
+        moments = follow(tsid_reach.reach_scene(), INDIVIDUAL, W_REACH, torque_error(0.001), tsid_reach.GOAL.duration)
+        kept[accuracy] = 100.0 * float(torque_safety(moments, torque_error(), 0, every=tsid_reach.EVERY).p.mean())
+    assert abs(kept[1e-10] - kept[1e-12]) < 0.3
+    assert kept[1e-10] - kept[1e-6] > 5.0
