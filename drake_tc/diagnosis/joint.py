@@ -123,7 +123,7 @@ def diagnose_joint(
         options.search.least_gain,
     )
     columns, held, chosen = confirmed.train, confirmed.held, confirmed.fit
-    require_drive_gain(columns, chosen, joint, context.drive, context.load)
+    require_drive_gain(columns, chosen, rig, joint, context.load)
     baseline = with_drive_gain(columns, found.baseline, chosen)
     progress("what is left", 0.0)
     floor = noise_floor(columns, chosen)

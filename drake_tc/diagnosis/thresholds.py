@@ -212,6 +212,8 @@ UNTESTED_EFFORT = 1.1
 
 LEAST_UNCOMMON = 0.25
 """Relative drop of the cross-validated error of the model found from which on an uncommon effect is looked for."""
+WANDER_SECONDS = 1.5
+"""Distance of the knots of the line that follows a torque sensor as it wanders [s]."""
 
 # What is left
 

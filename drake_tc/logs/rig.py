@@ -134,6 +134,13 @@ class Rig:
         """Units of the joint's quantities."""
         return JointUnits(self.joint_type(joint), self.drive[joint])
 
+    def opposite_unit(self, column: str, si: str) -> str | float:
+        """The entry of `units` that turns a column: its unit in this file, else `si`, with the other sign."""
+        unit = self.units.get(column, self.units.get(column.rpartition("/")[2], si))
+        if isinstance(unit, str):
+            return unit.strip()[1:].strip() if unit.strip().startswith("-") else f"-{unit.strip()}"
+        return -unit
+
     def command_column(self, joint: str) -> str:
         """Canonical name of the drive's command, e.g. `<joint>/position_command`; see `COMMAND_COLUMN`."""
         return f"{joint}/{COMMAND_COLUMN[self.drive[joint]]}"

@@ -192,11 +192,11 @@ def _require_friction(runs: Sequence[Run], rig: Rig) -> None:
             if e is None or not turned or e.load < 0.0:
                 continue
             names = (f"{joint}/position", rig.command_column(joint), f"{joint}/torque")
-            unit = rig.units_of(joint).position
+            entry = f"{names[0]}: {rig.opposite_unit(names[0], rig.units_of(joint).position)}"
             position, command, torque = (repr(rig.columns.get(name, name)) for name in names)
             raise LogError(
                 f"{run.source or run.name}: friction and inertia of {joint} would drive it: column {position} has the"
-                f" wrong sign, or {command} and {torque} are exchanged; set units: {{position: -{unit}}}, or exchange"
+                f" wrong sign, or {command} and {torque} are exchanged; set units: {{{entry}}}, or exchange"
                 " them under `columns:` in the rig file"
             )
 

@@ -64,6 +64,12 @@ class Channels:
         sampled = [run.slower.get(name, self.period) for _, run, _ in self.pieces for name in names]
         return max(self.period, *sampled)
 
+    def spacing(self, name: str) -> float:
+        """Samples of the log for one sample of `<joint>/name`, the median of the stretches'; 1 on the log's clock."""
+        column = f"{self.joint}/{name}"
+        sampled = float(np.median([run.slower.get(column, self.period) for _, run, _ in self.pieces]))
+        return max(1.0, sampled / self.period)
+
     def notes(self, runs: Sequence[Run]) -> tuple[LogRemark, ...]:
         """What was done to the runs as they came and at the common period."""
         both = (LogRemark(run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)

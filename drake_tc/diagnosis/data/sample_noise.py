@@ -67,7 +67,26 @@ def between_lines(stretches: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.median(np.mean(power, axis=0)[high] / unit)))
 
 
-def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
+def own_samples(values: FloatArray, segments: Sequence[slice], spacing: float) -> list[FloatArray]:
+    """Of each stretch, the samples of a slower clock between which the channel (T,) was interpolated.
+
+    Their rows are not known, but a mean of two samples is less noisy than either: of all rows at which they may begin,
+    those are taken that show the largest noise.
+
+    Args:
+        values: (T,) of the channel.
+        segments: Stretches.
+        spacing: Samples of the log for one of the slower clock; need not be whole.
+    """
+    own = []
+    for x in (values[s] for s in segments):
+        steps = np.arange(int((x.size - 1) / spacing) + 1) * spacing
+        rows = (np.round(steps + first).astype(int) for first in range(int(np.ceil(spacing))))
+        own.append(max((x[each[each < x.size]] for each in rows), key=lambda part: white_noise(part, [slice(None)])))
+    return own
+
+
+def sample_noise(values: FloatArray, step: float, segments: Sequence[slice], spacing: float = 1.0) -> float:
     """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
     the white part.
 
@@ -79,7 +98,13 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> 
     A channel without a step whose values repeat is held between the messages of a slower topic. Its staircase is no
     noise, so each value counts once. Noise of values that are held over h samples has h times the density of white
     noise of this size at the low frequencies of the regression, so its standard deviation is taken sqrt(h) times.
+    So is that of a channel that was interpolated between the samples of a clock that is h = `spacing` times slower.
     """
+    if spacing > 1.0:
+        own = own_samples(values, segments, spacing)
+        ends = np.cumsum([x.size for x in own])
+        parts = [slice(int(end - x.size), int(end)) for end, x in zip(ends, own, strict=True)]
+        return float(np.sqrt(spacing)) * sample_noise(np.concatenate(own), step, parts)
     least = step / float(np.sqrt(12.0))
     if not step > 0.0:
         runs = [run_lengths(values[s]) for s in segments]

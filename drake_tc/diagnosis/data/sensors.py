@@ -37,13 +37,13 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     unknown = unknown_form(load) is not None
     tells_load = unknown or (isinstance(load, RobotLoad) and load.fitted)
     if tells_load or rig.drive[channels.joint] != "position_servo":
-        effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
+        effort_noise = _noise(channels, command)
     else:
         effort_noise = scatter(channels.raw(command), channels.segments)
     if declared.torque_noise is not None:
         torque_noise = 0.0 if unknown else declared.torque_noise
     elif not (unknown or isinstance(load, Pendulum)):
-        torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
+        torque_noise = _noise(channels, "torque")
     alone = channels.speed_only
     kernel = light.kernels[0 if alone else 1]
     return Resolution(
@@ -59,3 +59,8 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         velocity_step=step if alone else 0.0,
         raw_velocity_noise=noise if alone else 0.0,
     )
+
+
+def _noise(channels: Channels, name: str) -> float:
+    """Standard deviation of one sample of `<joint>/name`, as large as if the log's clock had sampled it."""
+    return sample_noise(channels.raw(name), channels.step(name), channels.segments, channels.spacing(name))

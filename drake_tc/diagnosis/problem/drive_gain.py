@@ -22,7 +22,7 @@ from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.effects.context import LoadKind
 from drake_tc.effects.servo_integrator import ServoIntegrator
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.rig import COMMAND_COLUMN
+from drake_tc.logs.rig import COMMAND_COLUMN, Rig
 from drake_tc.types import FloatArray
 
 
@@ -68,23 +68,21 @@ def at_reverse_regression(columns: Columns, declared: Fit, drive: DriveKind) -> 
     return _fit_at(columns, gains[0], declared) if gains[0] > 0.0 else declared
 
 
-def require_drive_gain(
-    columns: Columns, fitted: Fit, joint: str, drive: DriveKind, load_kind: LoadKind = "torque"
-) -> None:
+def require_drive_gain(columns: Columns, fitted: Fit, rig: Rig, joint: str, load_kind: LoadKind = "torque") -> None:
     """Refuse a final model that does not tell the drive gain.
 
     Args:
         columns: Training rows.
         fitted: The model found, fitted to them.
-        joint: For the message.
-        drive: For the message.
+        rig: For the message.
+        joint: Which.
         load_kind: For the message: only a measured load has a column that can be turned.
 
     Raises:
         IdentificationError: One line that names what may be wrong.
     """
     if not tells_drive_gain(columns, fitted):
-        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
+        raise not_identifiable(joint, rig.drive[joint], turned_column(rig, joint, load_kind))
 
 
 def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
@@ -116,14 +114,16 @@ def not_identifiable(joint: str, drive: DriveKind, repair: str) -> Identificatio
     )
 
 
-def turned_column(joint: str, drive: DriveKind, load_kind: LoadKind) -> str:
+def turned_column(rig: Rig, joint: str, load_kind: LoadKind) -> str:
     """The entry of the rig file that turns a column; a load that is computed has none of its own."""
-    effort = f"{joint}/{COMMAND_COLUMN[drive]}: -{EFFORT_UNIT[drive]}"
+    command, units = COMMAND_COLUMN[rig.drive[joint]], rig.units_of(joint)
+    own = {f"{joint}/{command}": units.effort, f"{joint}/torque": units.torque, f"{joint}/position": units.position}
+    effort, torque, position = (f"{column}: {rig.opposite_unit(column, si)}" for column, si in own.items())
     if load_kind == "torque":
-        return f"turn one of the columns with units: {{{joint}/torque: -N*m}} or units: {{{effort}}} in the rig file"
+        return f"turn one of the columns with units: {{{torque}}} or units: {{{effort}}} in the rig file"
     source = "pendulum" if load_kind == "pendulum" else "robot's model"
     return (
-        f"the load is computed from the position and the {source}; reverse the {COMMAND_COLUMN[drive]} with units: "
+        f"the load is computed from the position and the {source}; reverse the {command} with units: "
         f"{{{effort}}} in the rig file, or, if the position increases against the direction of the {source}, also the "
-        f"position with units: {{{effort}, {joint}/position: -rad}}"
+        f"position with units: {{{effort}, {position}}}"
     )

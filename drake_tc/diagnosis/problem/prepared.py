@@ -161,7 +161,7 @@ def prepare_joint(
         _require_identified(first, plain.terms)
     if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
         require_torque_unit(first, rig, joint, context.load)
-        require_consistent_signs(first, plain, joint, context.drive, context.load)
+        require_consistent_signs(first, plain, rig, joint, context.load)
         plain = at_reverse_regression(first, plain, context.drive)
     context = replace(context, tolerances=rig.joint_sensors(joint).tolerances(context.drive, plain.gain))
     first, other, plain = _with_sensor_errors(first, other, plain, context)

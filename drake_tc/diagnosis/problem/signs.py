@@ -18,22 +18,23 @@ from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.drive_gain import beside_the_load, not_identifiable, tells_drive_gain, turned_column
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS
-from drake_tc.effects.base import EFFORT_UNIT, DriveKind
+from drake_tc.effects.base import EFFORT_UNIT
 from drake_tc.effects.context import LoadKind
 from drake_tc.errors import IdentificationError
+from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 
 def require_consistent_signs(
-    columns: Columns, declared: Fit, joint: str, drive: DriveKind, load_kind: LoadKind = "torque"
+    columns: Columns, declared: Fit, rig: Rig, joint: str, load_kind: LoadKind = "torque"
 ) -> None:
     """Refuse rows whose load or effort has the wrong sign.
 
     Args:
         columns: Training rows.
         declared: The declared model, fitted to them.
-        joint: For the message.
-        drive: For the message.
+        rig: Says the drive, and the units for the message.
+        joint: Which.
         load_kind: For the message: only a measured load has a column that can be turned.
 
     Raises:
@@ -41,16 +42,16 @@ def require_consistent_signs(
     """
     tells = tells_drive_gain(columns, declared)
     refused: list[IdentificationError] = []
-    for others in beside_the_load(columns, drive):
+    for others in beside_the_load(columns, rig.drive[joint]):
         try:
-            return _require_beside(others, columns, joint, drive, load_kind, tells=tells)
+            return _require_beside(others, columns, rig, joint, load_kind, tells=tells)
         except IdentificationError as error:
             refused.append(error)
     raise refused[0]
 
 
 def _require_beside(
-    others: FloatArray, columns: Columns, joint: str, drive: DriveKind, load_kind: LoadKind, *, tells: bool
+    others: FloatArray, columns: Columns, rig: Rig, joint: str, load_kind: LoadKind, *, tells: bool
 ) -> None:
     """Refuse the signs of load and effort, if the effort holds `others` (N, k) beside the load."""
     samples = columns.samples
@@ -60,11 +61,12 @@ def _require_beside(
     inertia = s.rotor_inertia * samples.reduce(s.acceleration)
     as_it_is, turned, without = (_unexplained(effort, x, others) for x in (load + inertia, -load + inertia, 0 * load))
     if not tells and as_it_is > LOAD_EXPLAINS * without:
-        raise not_identifiable(joint, drive, turned_column(joint, drive, load_kind))
+        raise not_identifiable(joint, rig.drive[joint], turned_column(rig, joint, load_kind))
     if as_it_is > max(CLEARLY_WORSE * turned, LEAST_UNEXPLAINED * float(np.std(effort))):
+        unit = EFFORT_UNIT[rig.drive[joint]]
         raise IdentificationError(
-            f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {EFFORT_UNIT[drive]} "
-            f"of the effort unexplained, as it is {as_it_is:.3g}; {turned_column(joint, drive, load_kind)}"
+            f"joint {joint}: the load torque has the wrong sign: turned, it leaves {turned:.3g} {unit} "
+            f"of the effort unexplained, as it is {as_it_is:.3g}; {turned_column(rig, joint, load_kind)}"
         )
 
 

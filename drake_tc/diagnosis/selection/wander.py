@@ -1,4 +1,4 @@
-"""A level beside noise that wanders: how many standard deviations it is from none.
+"""Noise of a sensor that wanders: what is left without it, and how certain a level is beside it.
 
 What the residual has beside its white noise wanders within each run, with a variance w^2 about the run's mean: the
 covariance of the means of neighbouring half seconds. Where it is a random walk, the mean over a run, of length T and
@@ -11,9 +11,10 @@ friction).
 """
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.thresholds import MOSTLY_LEVEL
+from drake_tc.diagnosis.thresholds import MOSTLY_LEVEL, WANDER_SECONDS
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -32,6 +33,30 @@ def level_over_wander(change: FloatArray, left: FloatArray, run: IntArray, block
         return np.inf
     off = _wander(left, run, block) * np.sqrt(2.0 / np.unique(run).size)
     return level / off if off > 0.0 else np.inf
+
+
+def without_wander(left: FloatArray, time: FloatArray, run: IntArray) -> FloatArray:
+    """What is left (N,) less the line that follows it best, straight between knots `WANDER_SECONDS` apart in each run.
+
+    Of a random walk of variance rate s^2, a line through its values at the knots would leave s^2 D/6 at a distance D.
+
+    Args:
+        left: (N,) residual.
+        time: (N,) of the rows [s].
+        run: (N,) index of each row's run.
+    """
+    out = left.copy()
+    for r in np.unique(run):
+        rows = run == r
+        knot, share = np.divmod((time[rows] - time[rows].min()) / WANDER_SECONDS, 1.0)
+        knot, size = knot.astype(int), int(knot.max()) + 2
+        parts = ((knot, 1.0 - share), (knot + 1, share))
+        own = sum(np.bincount(k, w**2, size) for k, w in parts)
+        beside = np.bincount(knot + 1, share * (1.0 - share), size)
+        seen = sum(np.bincount(k, w * left[rows], size) for k, w in parts)
+        level = solveh_banded(np.vstack([beside, own + 1e-9 * np.max(own)]), seen)
+        out[rows] -= (1.0 - share) * level[knot] + share * level[knot + 1]
+    return out
 
 
 def _wander(left: FloatArray, run: IntArray, block: IntArray) -> float:

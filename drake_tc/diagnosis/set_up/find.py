@@ -116,15 +116,7 @@ def _units(change: Change, joints: Sequence[str], rig: Rig) -> dict[str, str | f
     for joint in joints:
         command = rig.command_column(joint)
         if turned:
-            found[f"{joint}/position"] = _opposite(rig, f"{joint}/position", rig.units_of(joint).position)
+            found[f"{joint}/position"] = rig.opposite_unit(f"{joint}/position", rig.units_of(joint).position)
         if driven:
-            found[command] = _opposite(rig, command, rig.units_of(joint).effort)
+            found[command] = rig.opposite_unit(command, rig.units_of(joint).effort)
     return found
-
-
-def _opposite(rig: Rig, column: str, si: str) -> str | float:
-    """The column's unit with the other sign."""
-    unit = rig.units.get(column, rig.units.get(column.rpartition("/")[2], si))
-    if isinstance(unit, str):
-        return unit.strip()[1:].strip() if unit.strip().startswith("-") else f"-{unit.strip()}"
-    return -unit

@@ -28,7 +28,7 @@ def check(joint: Joint, flipped: tuple[str, ...] = (), seed: int = 0) -> None:
     made = record(joint, seed=seed)
     columns = {n: -x if n.rpartition("/")[2] in flipped else x for n, x in made.columns.items()}
     samples = Columns(build_samples([replace(made, columns=columns)], rig_of(joint), "joint"))
-    require_consistent_signs(samples, fit(samples, TERMS), "joint", joint.drive)
+    require_consistent_signs(samples, fit(samples, TERMS), rig_of(joint), "joint")
 
 
 @pytest.mark.parametrize("drive", ["current", "voltage"])
@@ -62,7 +62,7 @@ def test_a_load_that_says_nothing_is_left_to_the_fit(seed):
     without = m["joint/current"] - NOISY.gain * m["joint/torque"]
     columns = {**silent, "joint/current": without}
     samples = Columns(build_samples([replace(made, columns=columns)], rig_of(NOISY), "joint"))
-    require_consistent_signs(samples, fit(samples, TERMS), "joint", "current")
+    require_consistent_signs(samples, fit(samples, TERMS), rig_of(NOISY), "joint")
 
 
 def mostly_friction(switch: float, viscous: float = 10.0) -> tuple[Run, Joint]:
@@ -85,7 +85,7 @@ def test_a_missing_effect_larger_than_the_load_is_no_wrong_sign():
     columns = columns_of(made, joint)
     declared = fit(columns, TERMS)
     assert not tells_drive_gain(columns, declared)
-    require_consistent_signs(columns, declared, "joint", "position_servo")
+    require_consistent_signs(columns, declared, rig_of(joint), "joint")
 
 
 def test_the_missing_effect_is_found_and_both_models_are_told_at_its_drive_gain():
@@ -103,16 +103,16 @@ def test_a_load_that_explains_nothing_of_the_effort_is_refused():
     made, joint = mostly_friction(switch=0.4, viscous=60.0)
     columns = columns_of(made, joint)
     with pytest.raises(IdentificationError, match="drive gain not identifiable"):
-        require_consistent_signs(columns, fit(columns, TERMS), "joint", "position_servo")
+        require_consistent_signs(columns, fit(columns, TERMS), rig_of(joint), "joint")
 
 
 def test_a_model_found_that_tells_no_drive_gain_either_is_refused():
     columns = columns_of(record(NOISY), NOISY)
     fitted = fit(columns, TERMS)
-    require_drive_gain(columns, fitted, "joint", "current")
+    require_drive_gain(columns, fitted, rig_of(NOISY), "joint")
     nothing = replace(fitted, beta=np.array([1e-12, *fitted.beta[1:]]))
     with pytest.raises(IdentificationError, match="drive gain not identifiable"):
-        require_drive_gain(columns, nothing, "joint", "current")
+        require_drive_gain(columns, nothing, rig_of(NOISY), "joint")
 
 
 @pytest.mark.parametrize("turned", ["joint/torque", "joint/current"])
@@ -122,8 +122,25 @@ def test_a_computed_load_has_no_torque_column_that_could_be_turned(turned, load,
     columns = made.columns | {turned: -made.columns[turned]}
     rows = Columns(build_samples([replace(made, columns=columns)], rig_of(NOISY), "joint"))
     with pytest.raises(IdentificationError, match=r"units: \{joint/current: -A\}") as caught:
-        require_consistent_signs(rows, fit(rows, TERMS), "joint", "current", load)
+        require_consistent_signs(rows, fit(rows, TERMS), rig_of(NOISY), "joint", load)
     assert source in str(caught.value) and "-N*m" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "repair"),
+    [("-A", "joint/current: A}"), ("mA", "joint/current: -mA}"), ("-mA", "joint/current: mA}"), (-0.02, "t: 0.02}")],
+)
+def test_the_repair_turns_the_unit_that_the_rig_file_states(written, repair):
+    """The logs are in SI after reading, so only the rig file tells how its column is turned."""
+    made = record(NOISY)
+    columns = made.columns | {"joint/current": -made.columns["joint/current"]}
+    rows = Columns(build_samples([replace(made, columns=columns)], rig_of(NOISY), "joint"))
+    for units in ({"current": written}, {"joint/current": written}):
+        rig = replace(rig_of(NOISY), units=units | {"position": "deg"})
+        with pytest.raises(IdentificationError, match="reverse the current") as caught:
+            require_consistent_signs(rows, fit(rows, TERMS), rig, "joint", "links")
+        assert repair in str(caught.value)
+        assert "joint/position: -deg" in str(caught.value)
 
 
 def with_integral_action(rate: float) -> tuple[Run, Joint]:
@@ -159,4 +176,4 @@ def test_a_wrong_sign_is_refused_also_where_integral_action_is_missing(rate):
     made, joint = with_integral_action(rate)
     columns = columns_of(replace(made, columns=made.columns | {"joint/torque": -made.columns["joint/torque"]}), joint)
     with pytest.raises(IdentificationError, match=r"torque: -N\*m"):
-        require_consistent_signs(columns, fit(columns, TERMS), "joint", "position_servo")
+        require_consistent_signs(columns, fit(columns, TERMS), rig_of(joint), "joint")

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.selection.wander import level_over_wander
+from drake_tc.diagnosis.selection.wander import level_over_wander, without_wander
+from drake_tc.diagnosis.thresholds import WANDER_SECONDS
 
 from .runs import BIAS, PLAIN, offset
 from .test_confirmation import confirmed, reasons
@@ -44,6 +46,27 @@ def test_what_turns_with_the_motion_is_no_level():
     assert level_over_wander(wave, walks(rng), RUN, BLOCK) == np.inf
     assert level_over_wander(wave + 0.5, walks(rng), RUN, BLOCK) == np.inf
     assert np.isfinite(level_over_wander(wave + 1.0, walks(rng), RUN, BLOCK))
+
+
+TIME = np.tile(np.arange(BLOCKS * ROWS) * 0.5 / ROWS, RUNS)
+
+
+def test_a_line_between_knots_is_taken_off_whole_in_each_run():
+    rng = np.random.default_rng(7)
+    knots = np.arange(0.0, BLOCKS * 0.5 + WANDER_SECONDS, WANDER_SECONDS)
+    line = np.concatenate([np.interp(TIME[r == RUN], knots, rng.standard_normal(knots.size)) for r in range(RUNS)])
+    seen = (rng.uniform(size=line.size) < 0.3) | (TIME == 0.0)  # the rows in which a joint slides
+    assert_allclose(without_wander(line[seen], TIME[seen], RUN[seen]), 0.0, atol=1e-6)  # the ridge leaves 1e-9
+
+
+def test_little_of_a_random_walk_is_left_and_most_of_what_follows_a_motion():
+    """A line through the values of the walk at the knots would leave s^2 D/6; the best line leaves less."""
+    rng = np.random.default_rng(8)
+    walk = np.cumsum(rng.standard_normal((RUNS, BLOCKS * ROWS)), axis=1).ravel()  # s^2 = 1 per row
+    between = WANDER_SECONDS * ROWS / 0.5
+    assert 0.3 * np.sqrt(between / 6.0) < rms(without_wander(walk, TIME, RUN)) < np.sqrt(between / 6.0)
+    stroke = np.sin(2.0 * np.pi * 0.5 * TIME)
+    assert rms(without_wander(stroke, TIME, RUN)) > 0.7 * rms(stroke)
 
 
 def test_levels_of_two_signs_count_by_their_size():
