@@ -73,12 +73,21 @@ OTHER_PAGES: list[Quote] = [
     ),
     (
         TSID,
-        "5 † |",
+        "5 † | the same",
         2,
         lambda: [
             value
             for way in WAYS_5
             for value in share("controllers that miss another limit than the capture point's, ", way)
+        ],
+    ),
+    (
+        TSID,
+        "5 † | controllers",
+        2,
+        lambda: [
+            *share("controllers that miss a limit, ", "p_ind, margin"),
+            *each("B.test5", "mean p, p_ind, margin"),
         ],
     ),
     (
