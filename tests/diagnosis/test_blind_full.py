@@ -21,7 +21,7 @@ from drake_tc.benchmarks.blind.score import score_outcomes, score_reports
 from drake_tc.benchmarks.blind.scoreboard import print_score
 from drake_tc.benchmarks.blind_rigs import diagnose_folder
 
-SEED = 217
+SEED = 220
 """Untouched until the thresholds were frozen (drake_tc/diagnosis/README.md says on which seeds they were set)."""
 PARTS = {"middle": 100, "rest": 244}
 """Rigs whose effects are of middle strength, pairs among them; all others."""
