@@ -51,7 +51,7 @@ NOTES = (
 
 @dataclass(frozen=True)
 class Controller:
-    """One of those that are compared.
+    """One of the controllers that are compared.
 
     Attributes:
         name: In the table.
@@ -118,8 +118,7 @@ def run(controller: Controller, model: TsidModel | None, seed: int = 0, duration
         return moment
 
     scene = reach_scene(model, replace(GOAL, margin=GOAL.margin + controller.kept_back))
-    same = model is None and controller.kept_back == 0.0
-    moments = follow(scene, controller.way, W_REACH, error, duration, truth=None if same else reach_scene())
+    moments = follow(scene, controller.way, W_REACH, error, duration, truth=reach_scene())
     found = torque_safety(map(passing, moments), error, seed, every=EVERY, groups=False)
     every, others, beyond = np.array(misses).T
     shares = float(np.mean(every > MISSED)), float(np.mean(others > MISSED))

@@ -12,8 +12,8 @@ class Options:
 
     Attributes:
         accuracy: A program ends when the model promises less than this times the weight of R. Tasks that count less
-            than that beside R are met only as well as this leaves them. Far from all limits, a smaller accuracy can
-            take several times as many iterations from a cold start.
+            than that beside R are met only as well as this leaves them. A smaller accuracy needs more iterations, most
+            of all in a cold start far from all limits.
         budget: Of iterations and, where it has a clock, of wall time; the best feasible torque comes back.
 
     Raises:
