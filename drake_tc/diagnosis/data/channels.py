@@ -64,6 +64,11 @@ class Channels:
         sampled = [run.slower.get(name, self.period) for _, run, _ in self.pieces for name in names]
         return max(self.period, *sampled)
 
+    def ratios(self, name: str) -> list[float]:
+        """Of each stretch, the period at which `<joint>/name` was sampled over that of the log, at least 1."""
+        column = f"{self.joint}/{name}"
+        return [max(run.slower.get(column, self.period) / self.period, 1.0) for _, run, _ in self.pieces]
+
     def notes(self, runs: Sequence[Run]) -> tuple[LogRemark, ...]:
         """What was done to the runs as they came and at the common period."""
         both = (LogRemark(run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)

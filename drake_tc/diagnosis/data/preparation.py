@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.diagnosis.data.age_of_effort import aged, delayed
+from drake_tc.diagnosis.data.between_samples import between_samples
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -201,6 +202,7 @@ def build_samples(
             timing=moments,
         ),
         timing=moments,
+        between=_between_samples(channels, light, final, rows, load),
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
@@ -213,6 +215,17 @@ def build_samples(
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )
+
+
+def _between_samples(
+    channels: Channels, light: CommonKernel, final: CommonKernel, rows: IntArray, load: Load
+) -> FloatArray | None:
+    """(N,) what a measured torque on a slower clock lacks [N m]^2; None where it has the clock of the log."""
+    ratios = channels.ratios("torque")
+    if load != "torque" or max(ratios) <= 1.0:
+        return None
+    both = np.convolve(light.kernels[0], final.kernels[0])
+    return between_samples(channels.raw("torque"), channels.segments, ratios, both)[rows]
 
 
 def _links(channels: Channels, light: CommonKernel) -> FloatArray | None:

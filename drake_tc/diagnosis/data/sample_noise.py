@@ -11,6 +11,9 @@ THIRD_DIFFERENCE = 20.0
 """Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
 STEPS = 0.05
 """Share of a goal's samples that may belong to steps."""
+MEDIAN_BETWEEN_SAMPLES = 1.703
+"""Median magnitude of x(t + 3T) - 3 x(t + 2T) + 3 x(t + T) - x(t) over the standard deviation of white samples every T
+between which x is interpolated, t at all places between them."""
 LINE_BLOCK = 256
 """Samples of a spectrum in which lines are told from noise."""
 MOSTLY_LINES = 0.7
@@ -91,3 +94,31 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> 
     spread = np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)
     both = [white_noise(values + way * spread, segments) ** 2 for way in (1.0, -1.0)]  # alike for either direction
     return max(least, float(np.sqrt(max(0.5 * sum(both) - least**2, 0.0))))
+
+
+def interpolated_noise(values: FloatArray, step: float, segments: Sequence[slice], ratios: Sequence[float]) -> float:
+    """`sample_noise` of a channel (T,) that a slower clock sampled, and that is interpolated between its samples.
+
+    Between the samples the channel is straight, so differences of neighbouring rows show none of its noise. Third
+    differences over T_s do. White samples of deviation sigma every T_s have T_s/T times the density of white noise of
+    this size on each row at the low frequencies of the regression: the result is sqrt(T_s/T) sigma.
+
+    Args:
+        values: (T,) channel.
+        step: Of its values; 0 where they lie on no grid.
+        segments: Uniform stretches.
+        ratios: Of each stretch, T_s over the period T of the log.
+    """
+    slower = [(values[s], r) for s, r in zip(segments, ratios, strict=True) if r > 1.0]
+    third = np.concatenate([_third_over(x, ratio) for x, ratio in slower])
+    own = float(np.median(np.abs(third))) / MEDIAN_BETWEEN_SAMPLES if third.size else 0.0
+    ratio = float(np.median([r for _, r in slower]))
+    return float(np.sqrt(ratio)) * max(step / float(np.sqrt(12.0)), own)
+
+
+def _third_over(values: FloatArray, samples: float) -> FloatArray:
+    """Third differences of values (T,) over so many samples, which need not be whole."""
+    at = np.arange(values.size, dtype=np.float64)
+    begins = at[: max(values.size - int(np.ceil(3.0 * samples)), 0)]
+    x = [np.interp(begins + k * samples, at, values) for k in range(4)]
+    return np.asarray(x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0])

@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
 from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.data.sample_noise import sample_noise, scatter
+from drake_tc.diagnosis.data.sample_noise import interpolated_noise, sample_noise, scatter
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.rig import Rig
@@ -37,13 +37,13 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     unknown = unknown_form(load) is not None
     tells_load = unknown or (isinstance(load, RobotLoad) and load.fitted)
     if tells_load or rig.drive[channels.joint] != "position_servo":
-        effort_noise = sample_noise(channels.raw(command), channels.step(command), channels.segments)
+        effort_noise = _noise_of(channels, command)
     else:
         effort_noise = scatter(channels.raw(command), channels.segments)
     if declared.torque_noise is not None:
         torque_noise = 0.0 if unknown else declared.torque_noise
     elif not (unknown or isinstance(load, Pendulum)):
-        torque_noise = sample_noise(channels.raw("torque"), channels.step("torque"), channels.segments)
+        torque_noise = _noise_of(channels, "torque")
     alone = channels.speed_only
     kernel = light.kernels[0 if alone else 1]
     return Resolution(
@@ -59,3 +59,11 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
         velocity_step=step if alone else 0.0,
         raw_velocity_noise=noise if alone else 0.0,
     )
+
+
+def _noise_of(channels: Channels, name: str) -> float:
+    """Standard deviation of one sample of `<joint>/name`, as white noise on each row."""
+    values, step, ratios = channels.raw(name), channels.step(name), channels.ratios(name)
+    if max(ratios) > 1.0:
+        return interpolated_noise(values, step, channels.segments, ratios)
+    return sample_noise(values, step, channels.segments)
