@@ -24,15 +24,17 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import (
     AGES,
     AGES_OF_COMMAND,
     BESIDE_TORQUE_SENSOR,
+    CERTAINLY_BETTER,
     HELD_CERTAIN,
     HELD_FROM_PERIOD,
+    LEAD_FLOORS,
     OF_HELD_EFFORT,
 )
 from drake_tc.effects.base import Context, DriveEffect
@@ -95,6 +97,38 @@ def age_of_samples(
     if best.block_sse.size != without.block_sse.size:
         return None
     return joint if better_share(without.block_sse - best.block_sse) >= HELD_CERTAIN else None
+
+
+def error_of_age(prepare: Callable[..., Prepared], plain: Prepared, joint: Prepared, chosen: Sequence[Term]) -> float:
+    """Largest error that the age of a position servo's command may have, as far as the rows tell [sampling periods].
+
+    The largest distance from the age of `joint` of the ages between those of a continuous and of a held command that do
+    not leave a certainly larger error. It is `HELD` where a log does not tell: on a fast clock, beside a channel that
+    is recorded late, and where more than noise is left, because a wrong model may prefer a wrong age.
+
+    Args:
+        prepare: The joint whose command is `sampled_late` sampling periods older.
+        plain: The joint with the command as the declared model has it.
+        joint: The joint as it was fitted.
+        chosen: Terms of the final model.
+    """
+    samples, first = joint.train.samples, plain.train.samples
+    late = samples.position_late or samples.torque_late or samples.centred
+    if samples.signals.period < HELD_FROM_PERIOD or late:
+        return HELD
+    own = fit(joint.train, chosen)
+    if own.cv_rms > LEAD_FLOORS * noise_floor(joint.train, own):
+        return HELD
+    left = 0.0
+    for age in (0.0, *AGES_OF_COMMAND, HELD):
+        distance = abs(age - samples.effort_age)
+        if distance <= left:
+            continue
+        other, _ = _aged(prepare, age - first.effort_age, chosen)
+        same_rows = other.block_sse.size == own.block_sse.size
+        if not same_rows or better_share(other.block_sse - own.block_sse) < CERTAINLY_BETTER:
+            left = distance
+    return left
 
 
 def _aged(prepare: Callable[..., Prepared], age: float, chosen: Sequence[Term]) -> tuple[Fit, Prepared]:
