@@ -106,6 +106,7 @@ def build_samples(
     position_late: float = 0.0,
     torque_late: float = 0.0,
     centred: bool = False,
+    both_sides: bool = False,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -123,6 +124,7 @@ def build_samples(
         position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
         torque_late: Delay [s] with which a measured load torque is recorded.
         centred: Whether all channels of the balance are taken less their means over each stretch.
+        both_sides: As in `direction_of_motion`.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -143,7 +145,9 @@ def build_samples(
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest, timing=timing)
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
-    direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution, rig.joint_type(joint))
+    direction, travel, moving = direction_of_motion(
+        motor, motor_rate, inner, resolution, rig.joint_type(joint), both_sides=both_sides
+    )
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
         for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))

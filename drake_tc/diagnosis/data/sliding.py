@@ -28,8 +28,13 @@ def direction_of_motion(
     segments: Sequence[slice],
     resolution: Resolution,
     joint_type: JointType = "revolute",
+    *,
+    both_sides: bool = False,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Direction of the last resolved motion, travel since it turned, and where both are certain."""
+    """Direction of the last resolved motion, travel since it turned, and where both are certain.
+
+    `both_sides`: the joint also has to move on as far before it turns or stops as it has to move afterwards.
+    """
     threshold = resolution.least_speed
     least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL[joint_type])
     direction, travel = np.zeros_like(q), np.zeros_like(q)
@@ -44,8 +49,9 @@ def direction_of_motion(
         # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
         settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
         since = _travel_since_stop(sign, v[s], q[s], threshold)
-        until = _travel_until_stop(sign, v[s], q[s], threshold)
-        moving[s] = settled & (sign != 0.0) & (np.minimum(since, until) > least_travel)
+        moving[s] = settled & (sign != 0.0) & (since > least_travel)
+        if both_sides:
+            moving[s] &= _travel_until_stop(sign, v[s], q[s], threshold) > least_travel
     return direction, travel, moving
 
 

@@ -96,7 +96,7 @@ class BelowLeastAmplitude:
 
 @dataclass(frozen=True)
 class SizeMayBeZero:
-    """An effect whose size may be anything, nothing included: its only one, or all where a shape is at its bound.
+    """An effect whose size may be anything, nothing included.
 
     Attributes:
         shape: Name of the parameter at its bound, or None. size: name of the effect's size. value: of it [unit].

