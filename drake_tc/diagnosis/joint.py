@@ -50,7 +50,7 @@ from drake_tc.diagnosis.selection.indistinguishable import indistinguishable
 from drake_tc.diagnosis.selection.joint_problem import Search
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.selection.recorded_late import position_recorded_late, recorded_late, torque_recorded_late
-from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, sampled_late
+from drake_tc.diagnosis.selection.sampling_instants import age_of_samples, error_of_age, sampled_late
 from drake_tc.diagnosis.timing_notes import UnknownAge
 from drake_tc.effects.base import Context
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
@@ -138,7 +138,13 @@ def diagnose_joint(
         *drive_notes(rig, joint, final_parameters, chosen.gain),
         *gain_note(final_parameters, context.drive),
         *age_note(columns.samples, context.drive),
-        *viscous_age_note(rig.command_hold, columns.samples, final_parameters, context.drive),
+        *viscous_age_note(
+            rig.command_hold,
+            columns.samples,
+            final_parameters,
+            context.drive,
+            partial(error_of_age, prepare, first, prepared, chosen.terms),
+        ),
         *late_note(final_parameters, columns.samples),
         *(late_command(columns, chosen) if context.drive == "position_servo" else ()),
         *_unknown_age(unexplained, splits[1], floor, context),

@@ -11,6 +11,7 @@ import pandas as pd
 
 from drake_tc.errors import LogError
 from drake_tc.logs.column_hints import column_hints
+from drake_tc.logs.joint_types import require_own_unit
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, scale_of
 from drake_tc.types import BoolArray, FloatArray
@@ -193,6 +194,11 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
                 )
             notes.append(f"Column {name!r} holds no number and was left out.")
             continue
+        if (joint := canonical.rpartition("/")[0]) in rig.joints:
+            try:
+                require_own_unit(canonical, rig.joint_type(joint), rig.units)
+            except ValueError as error:
+                raise LogError(f"{path}: {error}") from None
         scale = scale_of(canonical, rig.units)
         if scale.factor != 1.0 or scale.offset != 0.0:
             values = values * scale.factor + scale.offset

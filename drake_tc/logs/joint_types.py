@@ -26,7 +26,8 @@ def joint_types(
         joints: Names.
         stated: By joint, what the rig file says; None where it does not.
         robot: The robot file, whose URDF has the types of its joints.
-        units: The key `units` of the rig file.
+        units: The key `units` of the rig file. A unit of a channel of all joints, such as `velocity: rpm`, holds
+            for the joints of its type if there are such: the others need not have the channel (`require_own_unit`).
 
     Raises:
         ValueError: They contradict each other; begins with the key.
@@ -38,8 +39,28 @@ def joint_types(
         if said is not None and modelled is not None and said != modelled:
             raise ValueError(f"joint_type: {joint} is {modelled} in the URDF of {robot}, got {said}")
         out[joint] = modelled or said or _by_unit(joint, units) or "revolute"
-        _check_units(joint, out[joint], units)
+    for joint, kind in out.items():
+        for key, other in _entries(joint, units):
+            if other != kind and not (_may_be_missing(key) and other in out.values()):
+                raise ValueError(_of_other_type(joint, kind, key, units[key], other))
     return out
+
+
+def require_own_unit(canonical: str, kind: JointType, units: Mapping[str, str | float]) -> None:
+    """Refuse a recorded channel of a joint whose only unit is that of all joints of the other type.
+
+    Args:
+        canonical: Name of the channel.
+        kind: Type of its joint.
+        units: The key `units` of the rig file.
+
+    Raises:
+        ValueError: Begins with the key `units`.
+    """
+    joint, _, suffix = canonical.rpartition("/")
+    for key, other in _entries(joint, units):
+        if key in (canonical, suffix) and other != kind:
+            raise ValueError(_of_other_type(joint, kind, key, units[key], other))
 
 
 def robot_joint_types(robot: Path | None) -> dict[str, JointType]:
@@ -84,14 +105,17 @@ def _by_unit(joint: str, units: Mapping[str, str | float]) -> JointType | None:
     return next((kind for _, kind in _entries(joint, units)), None)
 
 
-def _check_units(joint: str, kind: JointType, units: Mapping[str, str | float]) -> None:
-    for key, other in _entries(joint, units):
-        if other != kind:
-            suffix = key.rpartition("/")[2]
-            listed = ", ".join(unit for unit in JOINT_SUFFIXES[suffix] if joint_type_of_unit(unit) == kind)
-            own = "" if "/" in key else f" `{joint}/{suffix}` gives {joint} a unit of its own;"
-            raise ValueError(
-                f"units: {key}: {units[key]!r} is a unit of a joint that {MOTION[other]}, and {joint} {MOTION[kind]} "
-                f"(joint_type: {kind});{own} possible: {listed}, or a number (scale factor to "
-                f"{in_units_of(kind, next(iter(JOINT_SUFFIXES[suffix])))})"
-            )
+def _may_be_missing(key: str) -> bool:
+    """Whether an entry of `units` is for a channel of all joints that one of them may lack."""
+    return "/" not in key and key not in ("position", "position_command")
+
+
+def _of_other_type(joint: str, kind: JointType, key: str, unit: str | float, other: JointType) -> str:
+    suffix = key.rpartition("/")[2]
+    listed = ", ".join(unit for unit in JOINT_SUFFIXES[suffix] if joint_type_of_unit(unit) == kind)
+    own = "" if "/" in key else f" `{joint}/{suffix}` gives {joint} a unit of its own;"
+    return (
+        f"units: {key}: {unit!r} is a unit of a joint that {MOTION[other]}, and {joint} {MOTION[kind]} "
+        f"(joint_type: {kind});{own} possible: {listed}, or a number (scale factor to "
+        f"{in_units_of(kind, next(iter(JOINT_SUFFIXES[suffix])))})"
+    )

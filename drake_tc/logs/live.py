@@ -4,6 +4,7 @@ import numpy as np
 
 from drake_tc.errors import LogError
 from drake_tc.logs.columns import RawLog
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
@@ -36,6 +37,36 @@ def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
             )
         notes.append(f"Column {name} is constant while {joint} moves: its torque was not measured.")
     return tuple(notes)
+
+
+def require_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
+    """Refuse a log in which no command changes and no servo is moved from its goal; note joints that rest.
+
+    Raises:
+        LogError: The command of every joint is constant.
+    """
+    names = {joint: rig.command_column(joint) for joint in rig.joints}
+    resting = [joint for joint, name in names.items() if _constant(raw.columns[name])]
+    if len(resting) == len(names) and not any(_moved_from_goal(raw, rig, joint) for joint in resting):
+        value = _value(raw.columns[names[resting[0]]])
+        shown = ", ".join(repr(rig.columns.get(name, name)) for name in names.values())
+        raise LogError(
+            f"{raw.path}: the command {shown} is constant ({value:.6g}) in all rows; "
+            "record a motion with a changing command"
+        )
+    return tuple(f"Column {names[joint]} is constant: this joint was not commanded." for joint in resting)
+
+
+def _moved_from_goal(raw: RawLog, rig: Rig, joint: str) -> bool:
+    """Whether a servo holds a constant goal against a torque that the log tells, as that of a hand behind a sensor.
+
+    Its effort, the distance from the goal, then changes with the load. A load that is computed from the motion alone
+    lacks what moves the joint.
+    """
+    load = rig.load[joint]
+    measured = load == "torque" or (isinstance(load, RobotLoad) and load.method == "estimate")
+    servo = rig.drive[joint] == "position_servo"
+    return servo and measured and not _constant(raw.columns[f"{joint}/position"])
 
 
 def _constant(values: FloatArray) -> bool:

@@ -15,7 +15,7 @@ from drake_tc.logs.clock import GAP_PERIODS, MIN_ROWS, rows_in_order, uniform_cl
 from drake_tc.logs.columns import RawLog, map_columns
 from drake_tc.logs.exchanged import refuse_exchanged
 from drake_tc.logs.jumps import find_jumps
-from drake_tc.logs.live import require_live
+from drake_tc.logs.live import require_commands, require_live
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.local_motion import stepped_clock
 from drake_tc.logs.one_joint import require_one_joint
@@ -33,6 +33,8 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SHORTEST_SEGMENT = 10
 MOST_MISSING = 0.2
+SLOWEST_SAMPLES = 0.2
+"""Period of a channel of the balance [s] beyond which its filters are longer than most strokes."""
 _SLOW = ("temperature", "supply_voltage", "position_gain")
 _HELD_BY_NATURE = ("position_command", "voltage")
 _MAY_FREEZE = ("torque", "position", "motor_position")
@@ -50,24 +52,6 @@ def _in_order(raw: RawLog) -> RawLog:
     columns = {name: values[keep] for name, values in raw.columns.items()}
     rows, enabled, valid = raw.rows[keep], raw.enabled[keep], raw.valid[keep]
     return replace(raw, rows=rows, time=time, columns=columns, enabled=enabled, valid=valid, notes=raw.notes + notes)
-
-
-def _check_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
-    """Refuse a log without any change of command; note joints that rest.
-
-    Raises:
-        LogError: The command of every joint is constant.
-    """
-    names = [rig.command_column(joint) for joint in rig.joints]
-    resting = [name for name in names if np.nanmax(raw.columns[name]) == np.nanmin(raw.columns[name])]
-    if len(resting) == len(names):
-        value = float(np.nanmax(raw.columns[names[0]]))
-        shown = ", ".join(repr(rig.columns.get(name, name)) for name in names)
-        raise LogError(
-            f"{raw.path}: the command {shown} is constant ({value:.6g}) in all rows; "
-            "record a motion with a changing command"
-        )
-    return tuple(f"Column {name} is constant: this joint was not commanded." for name in resting)
 
 
 def _motion(raw: RawLog, rig: Rig, name: str) -> FloatArray:
@@ -117,7 +101,8 @@ def _repair_channels(
             columns[name] = channels.release_hold(raw.time, columns[name], k)
             slower[name] = k
             notes += (
-                f"Column {name} was sampled on a clock {k:.3g} times slower than the log and interpolated between.",
+                f"Column {name} was sampled on a clock {k:.3g} times slower than the log and interpolated between."
+                + (_too_slow(k * period) if name in required else ""),
             )
         elif suffix in _MAY_FREEZE and name.split("/")[0] in rig.joints:
             frozen = channels.frozen_rows(columns[name], _motion(filled, rig, name), period, jump=suffix != "torque")
@@ -129,6 +114,16 @@ def _repair_channels(
                 )
     off, more = _drive_rows(columns, rig, period)
     return columns, excluded | off, notes + more, slower
+
+
+def _too_slow(period: float) -> str:
+    """What to say of a channel of the balance that is sampled every `period` [s]; "" if its filters suit motions."""
+    if period <= SLOWEST_SAMPLES:
+        return ""
+    return (
+        f" All channels are filtered over four of its periods, {4.0 * period:.2g} s: motion faster than that is not "
+        f"seen, and only strokes that last longer are used. Record it at {1.0 / SLOWEST_SAMPLES:.0f} Hz or more."
+    )
 
 
 def _drive_rows(columns: dict[str, FloatArray], rig: Rig, period: float) -> tuple[BoolArray, tuple[str, ...]]:
@@ -182,7 +177,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = without_outliers(
         with_positions(_in_order(raw)), rig.joints, [j for j in rig.joints if rig.units_of(j).slides]
     )
-    notes = raw.notes + _check_commands(raw, rig) + require_live(raw, rig)
+    notes = raw.notes + require_commands(raw, rig) + require_live(raw, rig)
     beside_jumps, told = find_jumps(raw, rig)
     notes += told
     columns, excluded, more, slower = _repair_channels(raw, rig)

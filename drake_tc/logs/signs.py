@@ -113,10 +113,10 @@ def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
 
 
 def _following(run: Run, rig: Rig, joint: str) -> float:
-    """Correlation of a servo's command and position over the usable rows; 0 of one that does not move."""
+    """Correlation of a servo's command and position over the usable rows; 0 where one of them rests."""
     usable = run.segment >= 0
     command, q = (run.columns[name][usable] for name in (rig.command_column(joint), f"{joint}/position"))
-    return float(np.corrcoef(command, q)[0, 1]) if np.ptp(q) > 0 else 0.0
+    return float(np.corrcoef(command, q)[0, 1]) if min(np.ptp(q), np.ptp(command)) > 0 else 0.0
 
 
 def _verdict(evidence: SignEvidence, load: object, *, servo: bool) -> str:

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 from drake_tc.diagnosis.noise_notes import NoiseOfRecordedEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.timing_notes import OlderEffort, ViscousByAge
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import save_rig
 
@@ -37,14 +38,17 @@ def log(seed: int) -> pd.DataFrame:
 
 @pytest.mark.parametrize("seed", [0, 10])
 def test_nothing_is_named(tmp_path, seed):
+    """Nor is the command taken to be older: friction turns over within 50 mrad/s, alike on both sides of a reversal."""
     paths = [tmp_path / f"run_{i}.csv" for i in range(3)]
     for i, path in enumerate(paths):
         log(seed + i).to_csv(path, index=False)
     document = {"joint": "joint", "drive": "position_servo", "declared": {"rotor_inertia": 0.3}}
     rig = save_rig(parse_rig(document), tmp_path / "rig.yaml")
-    result = close_loop(rig, paths[:2], paths[2:], DiagnosisOptions())
-    assert result.joints["joint"].effects == ()
-    assert result.joints["joint"].verdict == "no_missing_effect"
+    found = close_loop(rig, paths[:2], paths[2:], DiagnosisOptions()).joints["joint"]
+    assert found.effects == ()
+    assert found.verdict == "no_missing_effect"
+    assert not [n for n in found.notes if isinstance(n, OlderEffort | ViscousByAge)]
+    assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(2.0, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", [0, 10])

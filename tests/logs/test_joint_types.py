@@ -2,9 +2,12 @@
 
 import re
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from drake_tc.errors import LogError, RigError
+from drake_tc.logs.columns import map_columns
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.logs.rig_writing import rig_document
@@ -50,6 +53,24 @@ def test_a_unit_that_contradicts_the_urdf_is_refused(gantry):
     with pytest.raises(RigError, match=r"units: position: 'deg' is a unit of a joint that turns, and x slides"):
         gantry("units: {position: deg}")
     assert gantry("units: {w/position: deg}").joint_type("w") == "revolute"
+
+
+def test_a_unit_of_all_joints_that_turn_leaves_out_those_that_slide(gantry, tmp_path):
+    """A speed in rpm is that of w alone; one of x is refused only if it is recorded."""
+    rig = gantry("units: {velocity: rpm}")
+    table = pd.DataFrame(
+        {"time": 0.01 * np.arange(5), "x/position": 0.1 * np.arange(5), "x/current": 0.2 * np.arange(5)}
+    )
+    table = table.assign(**{"w/position": np.arange(5.0), "w/current": np.arange(5.0), "w/velocity": np.arange(5.0)})
+    turned = map_columns(table, rig, tmp_path / "run.csv").columns["w/velocity"]
+    np.testing.assert_allclose(turned, np.arange(5.0) * 2.0 * np.pi / 60.0, rtol=1e-12)  # rounding
+    sliding = table.assign(**{"x/velocity": np.arange(5.0)})
+    with pytest.raises(
+        LogError, match=r"run.csv: units: velocity: 'rpm' is a unit of a joint that turns, and x slides"
+    ):
+        map_columns(sliding, rig, tmp_path / "run.csv")
+    both = map_columns(sliding, gantry("units: {velocity: rpm, x/velocity: mm/s}"), tmp_path / "run.csv").columns
+    np.testing.assert_allclose(both["x/velocity"], 1e-3 * np.arange(5.0), rtol=1e-12)
 
 
 def test_a_type_that_contradicts_the_urdf_is_refused(gantry):

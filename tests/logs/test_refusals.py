@@ -5,6 +5,7 @@ import pytest
 
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.prepare import load_run, load_runs
+from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.run_sets import require_different_files, require_two_runs
 
 from .conftest import bench, servo_rig, write
@@ -50,10 +51,26 @@ def test_time_going_backwards_names_the_row(tmp_path, table):
     assert "row 3001" in message and "clock was reset" in message
 
 
-def test_constant_command(tmp_path, table):
-    assert "is constant (0.5) in all rows" in refusal(
-        table.assign(**{"joint/position_command": 0.5}), tmp_path / "r.csv"
-    )
+@pytest.mark.parametrize("load", ["unknown", {"pendulum": {"mass": 1.0, "length": 0.2}}])
+def test_constant_command(tmp_path, table, load):
+    """What moves the joint is then a torque that the balance lacks."""
+    still = table.assign(**{"joint/position_command": 0.5})
+    assert "is constant (0.5) in all rows" in refusal(still, tmp_path / "r.csv", servo_rig(load=load))
+
+
+def test_constant_current(tmp_path, table):
+    rig = parse_rig({"joint": "joint", "drive": "current", "load": "torque"})
+    assert "is constant (0.5) in all rows" in refusal(table.assign(**{"joint/current": 0.5}), tmp_path / "c.csv", rig)
+
+
+def test_a_servo_that_is_moved_from_a_constant_goal_is_accepted_beside_a_torque_sensor(tmp_path, table):
+    """Its effort, the distance from the goal, follows the measured torque."""
+    stiffness = 40.0
+    moved = 0.5 - table["joint/torque"] / stiffness
+    table = table.assign(**{"joint/position_command": 0.5, "joint/position": moved})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    notes = load_runs([tmp_path / "run.csv"], servo_rig(load="torque"))[0].notes
+    assert "Column joint/position_command is constant: this joint was not commanded." in notes
 
 
 def test_empty_column(tmp_path, table):

@@ -158,6 +158,15 @@ def test_an_encoder_at_rest_is_not_frozen(tmp_path, table):
     assert not noted(load(table, tmp_path), "frozen")
 
 
+@pytest.mark.parametrize(("hold", "told"), [(100, False), (250, True)])
+def test_a_torque_below_5_hz_makes_long_filters_and_a_note_says_so(tmp_path, hold, told):
+    """Of a log at 1 kHz: 10 Hz and 4 Hz."""
+    table = bench(30.0)
+    torque = table["joint/torque"].to_numpy()
+    run = load(table.assign(**{"joint/torque": np.repeat(torque[::hold], hold)[: torque.size]}), tmp_path)
+    assert noted(run, "All channels are filtered over four of its periods, 1 s") == told
+
+
 def test_channel_on_a_slower_clock(tmp_path, table):
     smooth = 8.0 * np.sin(3.1 * table["time"].to_numpy() + 1.0)
     table["joint/torque"] = np.repeat(smooth[::5], 5)

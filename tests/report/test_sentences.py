@@ -71,6 +71,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     TrainingRunAgainst,
     UncertainOnHeldOut,
     Withdrawal,
+    WithinJumps,
 )
 from drake_tc.diagnosis.timing_notes import (
     AllRecordedLate,
@@ -106,6 +107,11 @@ OBJECTIONS = [
         SizeMayBeZero("presliding_travel", "presliding", 1.92, 0.0, 4.4, "N*m"),
         ["presliding_travel is at its bound", "presliding is not certain to differ from 0: 1.92 N*m", "0 to 4.4."],
     ),
+    (
+        SizeMayBeZero(None, "compliance", 5.69e-6, 0.0, 1.69e-5, "rad/(N*m)"),
+        ["compliance is not certain to differ from 0: 5.69e-06 rad/(N*m), 95 % interval 0 to 1.69e-05."],
+    ),
+    (WithinJumps(0.34, 0.5), ["slower clock than the log", "0.34 noise floors", "at least 0.5"]),
     (SizesMayBeZero(0.007), ["uncertainty of the links", "by 0.7 % only"]),
     (BelowLeastAmplitude(3e-4, 5e-4), ["amplitude is 0.0003 rad", "resolve 0.0005 rad"]),
     (FormOfKnownLoad(0.974, zero=True), ["97 % of what it explains", "a wrong scale or zero of that load"]),

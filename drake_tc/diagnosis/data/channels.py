@@ -64,11 +64,10 @@ class Channels:
         sampled = [run.slower.get(name, self.period) for _, run, _ in self.pieces for name in names]
         return max(self.period, *sampled)
 
-    def spacing(self, name: str) -> float:
-        """Samples of the log for one sample of `<joint>/name`, the median of the stretches'; 1 on the log's clock."""
+    def ratios(self, name: str) -> list[float]:
+        """Of each stretch, the period at which `<joint>/name` was sampled over that of the log, at least 1."""
         column = f"{self.joint}/{name}"
-        sampled = float(np.median([run.slower.get(column, self.period) for _, run, _ in self.pieces]))
-        return max(1.0, sampled / self.period)
+        return [max(run.slower.get(column, self.period) / self.period, 1.0) for _, run, _ in self.pieces]
 
     def notes(self, runs: Sequence[Run]) -> tuple[LogRemark, ...]:
         """What was done to the runs as they came and at the common period."""

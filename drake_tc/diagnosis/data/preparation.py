@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.diagnosis.data.age_of_effort import aged, delayed
+from drake_tc.diagnosis.data.between_samples import between_samples
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -105,6 +106,7 @@ def build_samples(
     position_late: float = 0.0,
     torque_late: float = 0.0,
     centred: bool = False,
+    both_sides: bool = False,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -122,6 +124,7 @@ def build_samples(
         position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
         torque_late: Delay [s] with which a measured load torque is recorded.
         centred: Whether all channels of the balance are taken less their means over each stretch.
+        both_sides: As in `direction_of_motion`.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -142,7 +145,9 @@ def build_samples(
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest, timing=timing)
     motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
-    direction, travel, moving = direction_of_motion(motor, motor_rate, inner, resolution, rig.joint_type(joint))
+    direction, travel, moving = direction_of_motion(
+        motor, motor_rate, inner, resolution, rig.joint_type(joint), both_sides=both_sides
+    )
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
         for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
@@ -201,6 +206,7 @@ def build_samples(
             timing=moments,
         ),
         timing=moments,
+        between=_between_samples(channels, light, final, rows, load),
         row_period=float(np.median(np.diff(rows))) * period,
         run_of_sample=channels.run_of_sample,
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
@@ -213,6 +219,17 @@ def build_samples(
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )
+
+
+def _between_samples(
+    channels: Channels, light: CommonKernel, final: CommonKernel, rows: IntArray, load: Load
+) -> FloatArray | None:
+    """(N,) what a measured torque on a slower clock lacks [N m]^2; None where it has the clock of the log."""
+    ratios = channels.ratios("torque")
+    if load != "torque" or max(ratios) <= 1.0:
+        return None
+    both = np.convolve(light.kernels[0], final.kernels[0])
+    return between_samples(channels.raw("torque"), channels.segments, ratios, both)[rows]
 
 
 def _links(channels: Channels, light: CommonKernel) -> FloatArray | None:

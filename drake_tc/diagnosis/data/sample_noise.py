@@ -11,6 +11,9 @@ THIRD_DIFFERENCE = 20.0
 """Variance of the third difference of white noise over that of one sample: 1 + 9 + 9 + 1."""
 STEPS = 0.05
 """Share of a goal's samples that may belong to steps."""
+MEDIAN_BETWEEN_SAMPLES = 1.703
+"""Median magnitude of x(t + 3T) - 3 x(t + 2T) + 3 x(t + T) - x(t) over the standard deviation of white samples every T
+between which x is interpolated, t at all places between them."""
 LINE_BLOCK = 256
 """Samples of a spectrum in which lines are told from noise."""
 MOSTLY_LINES = 0.7
@@ -67,26 +70,35 @@ def between_lines(stretches: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.median(np.mean(power, axis=0)[high] / unit)))
 
 
-def own_samples(values: FloatArray, segments: Sequence[slice], spacing: float) -> list[FloatArray]:
-    """Of each stretch, the samples of a slower clock between which the channel (T,) was interpolated.
+def interpolated_noise(values: FloatArray, step: float, segments: Sequence[slice], ratios: Sequence[float]) -> float:
+    """`sample_noise` of a channel (T,) that a slower clock sampled, and that is interpolated between its samples.
 
-    Their rows are not known, but a mean of two samples is less noisy than either: of all rows at which they may begin,
-    those are taken that show the largest noise.
+    Between the samples the channel is straight, so differences of neighbouring rows show none of its noise. Third
+    differences over T_s do. White samples of deviation sigma every T_s have T_s/T times the density of white noise of
+    this size on each row at the low frequencies of the regression: the result is sqrt(T_s/T) sigma.
 
     Args:
-        values: (T,) of the channel.
-        segments: Stretches.
-        spacing: Samples of the log for one of the slower clock; need not be whole.
+        values: (T,) channel.
+        step: Of its values; 0 where they lie on no grid.
+        segments: Uniform stretches.
+        ratios: Of each stretch, T_s over the period T of the log, which need not be whole; not all 1.
     """
-    own = []
-    for x in (values[s] for s in segments):
-        steps = np.arange(int((x.size - 1) / spacing) + 1) * spacing
-        rows = (np.round(steps + first).astype(int) for first in range(int(np.ceil(spacing))))
-        own.append(max((x[each[each < x.size]] for each in rows), key=lambda part: white_noise(part, [slice(None)])))
-    return own
+    slower = [(values[s], r) for s, r in zip(segments, ratios, strict=True) if r > 1.0]
+    third = np.concatenate([_third_over(x, ratio) for x, ratio in slower])
+    own = float(np.median(np.abs(third))) / MEDIAN_BETWEEN_SAMPLES if third.size else 0.0
+    ratio = float(np.median([r for _, r in slower]))
+    return float(np.sqrt(ratio)) * max(step / float(np.sqrt(12.0)), own)
 
 
-def sample_noise(values: FloatArray, step: float, segments: Sequence[slice], spacing: float = 1.0) -> float:
+def _third_over(values: FloatArray, samples: float) -> FloatArray:
+    """Third differences of values (T,) over so many samples, which need not be whole."""
+    at = np.arange(values.size, dtype=np.float64)
+    begins = at[: max(values.size - int(np.ceil(3.0 * samples)), 0)]
+    x = [np.interp(begins + k * samples, at, values) for k in range(4)]
+    return np.asarray(x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0])
+
+
+def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
     """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
     the white part.
 
@@ -98,13 +110,7 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice], spa
     A channel without a step whose values repeat is held between the messages of a slower topic. Its staircase is no
     noise, so each value counts once. Noise of values that are held over h samples has h times the density of white
     noise of this size at the low frequencies of the regression, so its standard deviation is taken sqrt(h) times.
-    So is that of a channel that was interpolated between the samples of a clock that is h = `spacing` times slower.
     """
-    if spacing > 1.0:
-        own = own_samples(values, segments, spacing)
-        ends = np.cumsum([x.size for x in own])
-        parts = [slice(int(end - x.size), int(end)) for end, x in zip(ends, own, strict=True)]
-        return float(np.sqrt(spacing)) * sample_noise(np.concatenate(own), step, parts)
     least = step / float(np.sqrt(12.0))
     if not step > 0.0:
         runs = [run_lengths(values[s]) for s in segments]

@@ -52,6 +52,7 @@ class Samples:
         open_within: Samples nearer than this time to a sign change of the transmitted torque take no part [s]; 0 where
             all samples do.
         timing: (N, 3, 3) `timing_moments` of the rows; None where the sampling instants do not scatter.
+        between: (N,) `between_samples` of the rows [N m]^2; None where the torque has the clock of the log.
         loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 
@@ -80,6 +81,7 @@ class Samples:
     torque_late: float = 0.0
     centred: bool = False
     timing: FloatArray | None = None
+    between: FloatArray | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""
@@ -182,6 +184,7 @@ class Samples:
             run=self.run[use],
             block=np.unique(self.block[use], return_inverse=True)[1].astype(np.int64),
             timing=None if self.timing is None else self.timing[use],
+            between=None if self.between is None else self.between[use],
             moving=self.moving[kept],
             run_of_sample=self.run_of_sample[kept],
         )

@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
 from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.data.sample_noise import sample_noise, scatter
+from drake_tc.diagnosis.data.sample_noise import interpolated_noise, sample_noise, scatter
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.rig import Rig
@@ -63,4 +63,7 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
 
 def _noise(channels: Channels, name: str) -> float:
     """Standard deviation of one sample of `<joint>/name`, as large as if the log's clock had sampled it."""
-    return sample_noise(channels.raw(name), channels.step(name), channels.segments, channels.spacing(name))
+    values, step, ratios = channels.raw(name), channels.step(name), channels.ratios(name)
+    if max(ratios) > 1.0:
+        return interpolated_noise(values, step, channels.segments, ratios)
+    return sample_noise(values, step, channels.segments)

@@ -28,8 +28,13 @@ def direction_of_motion(
     segments: Sequence[slice],
     resolution: Resolution,
     joint_type: JointType = "revolute",
+    *,
+    both_sides: bool = False,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Direction of the last resolved motion, travel since it turned, and where both are certain."""
+    """Direction of the last resolved motion, travel since it turned, and where both are certain.
+
+    `both_sides`: the joint also has to move on as far before it turns or stops as it has to move afterwards.
+    """
     threshold = resolution.least_speed
     least_travel = max(8.0 * resolution.position_noise, LEAST_TRAVEL[joint_type])
     direction, travel = np.zeros_like(q), np.zeros_like(q)
@@ -39,17 +44,42 @@ def direction_of_motion(
         known = np.flatnonzero(sign)
         if known.size == 0:
             continue
-        held, coming = _held(sign), _held(sign[::-1])[::-1]
-        # between two different resolved signs the true crossing is where the velocity itself crosses
-        turning = (sign == 0.0) & (held != coming) & (v[s] != 0.0)
-        held = np.where(turning, np.sign(v[s]), held)
-        turned = np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1])
+        turned, held = _turns(sign, v[s])
         direction[s], travel[s] = held, _travel_since(turned, q[s])
-        since_stop = _travel_since(np.union1d(turned, _departures(sign, v[s], threshold)), q[s])
         # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
         settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
-        moving[s] = settled & (sign != 0.0) & (since_stop > least_travel)
+        since = _travel_since_stop(sign, v[s], q[s], threshold)
+        moving[s] = settled & (sign != 0.0) & (since > least_travel)
+        if both_sides:
+            moving[s] &= _travel_until_stop(sign, v[s], q[s], threshold) > least_travel
     return direction, travel, moving
+
+
+def _turns(sign: FloatArray, v: FloatArray) -> tuple[IntArray, FloatArray]:
+    """First samples of the strokes in one direction, the first one's being 0, and the direction of each sample (T,)."""
+    held, coming = _held(sign), _held(sign[::-1])[::-1]
+    # between two different resolved signs the true crossing is where the velocity itself crosses
+    turning = (sign == 0.0) & (held != coming) & (v != 0.0)
+    held = np.where(turning, np.sign(v), held)
+    return np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1]), held
+
+
+def _travel_since_stop(sign: FloatArray, v: FloatArray, q: FloatArray, threshold: float) -> FloatArray:
+    """Travel of each sample (T,) since the joint last turned or moved on, or since the first sample."""
+    return _travel_since(_stops(sign, v, threshold), q)
+
+
+def _travel_until_stop(sign: FloatArray, v: FloatArray, q: FloatArray, threshold: float) -> FloatArray:
+    """Travel of each sample (T,) until the joint turns or comes to rest; infinite where it does neither any more."""
+    stops = _stops(-sign[::-1], -v[::-1], threshold)
+    travel = _travel_since(stops, q[::-1])
+    travel[: stops[1] if stops.size > 1 else travel.size] = np.inf  # the last sample is no stop
+    return travel[::-1]
+
+
+def _stops(sign: FloatArray, v: FloatArray, threshold: float) -> IntArray:
+    """First samples after the joint turned or stood still, sample 0 included."""
+    return np.union1d(_turns(sign, v)[0], _departures(sign, v, threshold))
 
 
 def _travel_since(starts: IntArray, q: FloatArray) -> FloatArray:

@@ -107,6 +107,7 @@ def prepare_joint(
     torque_late: float = 0.0,
     centred: bool = False,
     command_held: bool | None = None,
+    both_sides: bool = False,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -125,6 +126,7 @@ def prepare_joint(
         torque_late: As in `build_samples` [s].
         centred: As in `build_samples`.
         command_held: Whether position servos hold their commands, where that is decided; None lets this joint decide.
+        both_sides: As in `direction_of_motion`: of rows that decide on the age of an effort.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
@@ -144,9 +146,9 @@ def prepare_joint(
     )
     servo = rig.drive[joint] == "position_servo"
     if command_held is None or not servo:
-        command_held = command_is_held(partial(build, train_runs), rig, joint, link_prior, loads)
+        command_held = command_is_held(partial(build, train_runs, both_sides=True), rig, joint, link_prior, loads)
     held_for = HELD if command_held else 0.0
-    build = partial(build, effort_age=held_for + sampled_late)
+    build = partial(build, effort_age=held_for + sampled_late, both_sides=both_sides)
     train, held = _samples(build, train_runs, held_runs)
     context = context_of(train, rig, joint)
     require_positions(rig, joint, context)

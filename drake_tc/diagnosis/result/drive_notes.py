@@ -1,6 +1,6 @@
 """Notes on the drive that the rig file describes: its gain, its timing, and a servo's own damping."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from drake_tc.actuation.recorded_run import NEEDS_LOAD
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -146,25 +146,30 @@ def age_note(samples: Samples, drive: DriveKind) -> tuple[DriveNote, ...]:
 
 
 def viscous_age_note(
-    stated: bool | None, samples: Samples, found: Parameters, drive: DriveKind
+    stated: bool | None, samples: Samples, found: Parameters, drive: DriveKind, error_of_age: Callable[[], float]
 ) -> tuple[ViscousByAge, ...]:
     """How wrong a servo's viscous friction may be because the age of its command is not known.
 
     An error d of the command's age changes the servo's torque by about K d qdot, with the stiffness K of the servo
-    [N m/rad], and a fit attributes this torque to viscous friction. A log does not show d within one period T. There is
-    a note if K T/2 exceeds both half the width of the 95 % interval and a twentieth of the friction.
+    [N m/rad], and a fit attributes this torque to viscous friction. A log hardly shows d within one period T: at most
+    T/2, or what the rows do not exclude. There is a note if K d exceeds both half the width of the 95 % interval and a
+    twentieth of the friction.
 
     Args:
         stated: `command_hold` of the rig file; None where it does not say.
         samples: Training rows.
         found: Parameters of the final model, by effect.
         drive: Kind of drive.
+        error_of_age: Gives the largest d that the rows do not exclude [sampling periods]; asked only if it matters.
     """
     if stated is not None or drive != "position_servo":
         return ()
     viscous, period = found["viscous"]["viscous"], samples.signals.period
-    shift = 0.5 * period / found["drive"]["gain"].value
+    per_period = period / found["drive"]["gain"].value
     least = max(0.5 * (viscous.ci95[1] - viscous.ci95[0]), WORTH_SAYING * viscous.value)
+    if HELD * per_period <= least:
+        return ()
+    shift = error_of_age() * per_period
     return (ViscousByAge(shift, period),) if shift > least else ()
 
 

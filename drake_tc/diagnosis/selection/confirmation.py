@@ -5,12 +5,13 @@ An effect of the chosen set is withdrawn when
   2. it corrects the encoder by less than the logs resolve,
   3. it is a curve over the position that is mostly a multiple of the known load,
   4. it is a level that noise which wanders as what is left does may have put there (`wander`),
-  5. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With two
+  5. it explains no more than the jumps of a torque on a slower clock leave (`jumps_of_torque`),
+  6. some training run speaks against it: fitted on the other runs, it makes the error of that run larger. With two
      training runs the effect alone is fitted on the other run, beside the model of both,
-  6. the held-out runs speak against it,
-  7. another effect was withdrawn, and without that one it no longer lowers the training error; or none was withdrawn,
+  7. the held-out runs speak against it,
+  8. another effect was withdrawn, and without that one it no longer lowers the training error; or none was withdrawn,
      and beside the effects that were chosen after it, the model without it fits as well,
-  8. the whole model leaves more than the declared one by the same drive gain, and this effect explains least.
+  9. the whole model leaves more than the declared one by the same drive gain, and this effect explains least.
 A run says something about an effect where it has the rows of a regression and the effect acts in it: where its
 contribution has an RMS of a quarter of the noise floor or more. A training run speaks against it when its error is
 larger with the effect in 98 % of block resamples, which is the certainty that the search asks of an improvement. The
@@ -33,6 +34,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_te
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, fit, fit_without, predict
 from drake_tc.diagnosis.problem.sensor_errors import expected_errors
 from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.diagnosis.selection.jumps_of_torque import within_jumps
 from drake_tc.diagnosis.selection.known_load import looks_like_known_load
 from drake_tc.diagnosis.selection.plausible_values import objection_to_values
 from drake_tc.diagnosis.selection.runs_against import heldout_against, speaks_against
@@ -45,6 +47,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     LittleGainAlone,
     Objection,
     TrainingRunAgainst,
+    WithinJumps,
 )
 from drake_tc.diagnosis.thresholds import FEW_RUNS, LEAST_OVER_WANDER, SAME_ERROR
 from drake_tc.effects.base import Context
@@ -169,6 +172,7 @@ def _objection(
         objection_to_values(chosen, term, context, columns)
         or looks_like_known_load(chosen, term, columns)
         or _within_wander(columns, chosen, rest)
+        or _within_jumps(columns, chosen, rest, floor)
         or _training_run_against(columns, chosen, term, rest, floor)
         or heldout_against(held.samples, without_it, with_it, floor)
     )
@@ -182,6 +186,12 @@ def _within_wander(columns: Columns, chosen: Fit, rest: Fit) -> LevelWithinWande
     without_it, with_it = (columns.target - columns.design(f.terms) @ f.beta for f in (rest, chosen))
     ratio = level_over_wander(without_it - with_it, with_it, columns.samples.run, columns.samples.block)
     return LevelWithinWander(ratio, LEAST_OVER_WANDER) if ratio < LEAST_OVER_WANDER else None
+
+
+def _within_jumps(columns: Columns, chosen: Fit, rest: Fit, floor: float) -> WithinJumps | None:
+    """That an effect explains what a torque on a slower clock lacks."""
+    without_it, with_it = (columns.target - columns.design(f.terms) @ f.beta for f in (rest, chosen))
+    return within_jumps(columns.samples, without_it, with_it, chosen.gain, floor)
 
 
 def _training_run_against(

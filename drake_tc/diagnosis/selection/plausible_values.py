@@ -78,20 +78,25 @@ def objection_to_values(fitted: Fit, term: Term, context: Context, columns: Colu
 
 
 def _size_may_be_zero(fitted: Fit, term: Term, context: Context, columns: Columns) -> SizeMayBeZero | None:
-    """That a shape at its bound makes an effect which need not be there; None where the effect has a size.
+    """That the effect need not be there, by a shape or by a column that is not its size; None where it has a size.
 
-    At the bound the search has found the end of a family of curves, not a curve: noise that acts just after reversals
-    is presliding over the shortest travel that the rows can show. A true effect there has a size none the less.
+    At the bound of a shape the search has found the end of a family of curves, not a curve: noise that acts just after
+    reversals is presliding over the shortest travel that the rows can show. A true effect there has a size none the
+    less. An effect with more columns than sizes may explain by the other columns alone: elasticity has rates of the
+    torque, and the sum of a noisy torque and its second derivative is a low-pass of it.
     """
-    ends = [p.name for p in term.effect.shapes if rests_on_bound(term.shape[p.name], p.lower, p.upper)]
-    if not ends:
+    effect = term.effect
+    ends = [p.name for p in effect.shapes if rests_on_bound(term.shape[p.name], p.lower, p.upper)]
+    shapes = {p.name for p in (*effect.shapes, *effect.given_shapes)}
+    sizes = [p.name for p in effect.parameters if p.name not in shapes]
+    if not (sizes and (ends or len(sizes) < len(effect.coefficients))):
         return None
     found = estimates(columns, fitted, context.drive)[term.effect.key]
-    sizes = [p.name for p in term.effect.coefficients if p.name in found]
-    if not (sizes and all(found[name].ci95[0] <= 0.0 <= found[name].ci95[1] for name in sizes)):
+    if not all(found[name].ci95[0] <= 0.0 <= found[name].ci95[1] for name in sizes):
         return None
     size = max(sizes, key=lambda name: abs(found[name].value))
-    return SizeMayBeZero(ends[0], size, found[size].value, *found[size].ci95, found[size].unit)
+    at_bound = ends[0] if ends else None
+    return SizeMayBeZero(at_bound, size, found[size].value, *found[size].ci95, found[size].unit)
 
 
 def _within_curve(fitted: Fit, term: Term, context: Context) -> CorrectsCurve | None:

@@ -24,15 +24,17 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.selection.comparison import better_share
 from drake_tc.diagnosis.selection.lag_or_noise import LATE
 from drake_tc.diagnosis.thresholds import (
     AGES,
     AGES_OF_COMMAND,
     BESIDE_TORQUE_SENSOR,
+    CERTAINLY_BETTER,
     HELD_CERTAIN,
     HELD_FROM_PERIOD,
+    LEAD_FLOORS,
     OF_HELD_EFFORT,
 )
 from drake_tc.effects.base import Context, DriveEffect
@@ -87,28 +89,63 @@ def age_of_samples(
     ages = _ages(context, plain.train.samples)
     if not ages:
         return None
-    without = fit(plain.train, chosen)
+    without = _aged(prepare, 0.0, chosen)
     tried = {age: _aged(prepare, age, chosen) for age in ages}
     if context.drive == "position_servo":
         tried |= _between(tried, prepare, chosen)
-    best, joint = min(tried.values(), key=lambda pair: pair[0].cv_rms)
+    age, best = min(tried.items(), key=lambda item: item[1].cv_rms)
     if best.block_sse.size != without.block_sse.size:
         return None
-    return joint if better_share(without.block_sse - best.block_sse) >= HELD_CERTAIN else None
+    certain = better_share(without.block_sse - best.block_sse) >= HELD_CERTAIN
+    return prepare(sampled_late=age) if certain else None
 
 
-def _aged(prepare: Callable[..., Prepared], age: float, chosen: Sequence[Term]) -> tuple[Fit, Prepared]:
-    """The joint with an effort that is `age` sampling periods older, and the fit of the chosen terms to it."""
-    joint = prepare(sampled_late=age)
-    return fit(joint.train, chosen), joint
+def error_of_age(prepare: Callable[..., Prepared], plain: Prepared, joint: Prepared, chosen: Sequence[Term]) -> float:
+    """Largest error that the age of a position servo's command may have, as far as the rows tell [sampling periods].
+
+    The largest distance from the age of `joint` of the ages between those of a continuous and of a held command that do
+    not leave a certainly larger error. It is `HELD` where a log does not tell: on a fast clock, beside a channel that
+    is recorded late, and where more than noise is left, because a wrong model may prefer a wrong age.
+
+    Args:
+        prepare: The joint whose command is `sampled_late` sampling periods older.
+        plain: The joint with the command as the declared model has it.
+        joint: The joint as it was fitted.
+        chosen: Terms of the final model.
+    """
+    samples, first = joint.train.samples, plain.train.samples
+    late = samples.position_late or samples.torque_late or samples.centred
+    if samples.signals.period < HELD_FROM_PERIOD or late:
+        return HELD
+    rows = prepare(sampled_late=samples.effort_age - first.effort_age, both_sides=True).train
+    own = fit(rows, chosen)
+    if own.cv_rms > LEAD_FLOORS * noise_floor(rows, own):
+        return HELD
+    left = 0.0
+    for age in (0.0, *AGES_OF_COMMAND, HELD):
+        distance = abs(age - samples.effort_age)
+        if distance <= left:
+            continue
+        other = _aged(prepare, age - first.effort_age, chosen)
+        same_rows = other.block_sse.size == own.block_sse.size
+        if not same_rows or better_share(other.block_sse - own.block_sse) < CERTAINLY_BETTER:
+            left = distance
+    return left
 
 
-def _between(
-    tried: Mapping[float, tuple[Fit, Prepared]], prepare: Callable[..., Prepared], chosen: Sequence[Term]
-) -> dict[float, tuple[Fit, Prepared]]:
+def _aged(prepare: Callable[..., Prepared], age: float, chosen: Sequence[Term]) -> Fit:
+    """Fit of the chosen terms to the joint with an effort that is `age` sampling periods older.
+
+    Its rows lie alike on both sides of a reversal. Friction that turns over within a small speed instead of at once
+    would otherwise be in the rows before reversals only, where it looks like that of an older effort.
+    """
+    return fit(prepare(sampled_late=age, both_sides=True).train, chosen)
+
+
+def _between(tried: Mapping[float, Fit], prepare: Callable[..., Prepared], chosen: Sequence[Term]) -> dict[float, Fit]:
     """The age at which the parabola through the squared errors of three equally spaced ages is least, and its fit."""
     ages = sorted(tried)
-    low, mid, high = (tried[age][0].cv_rms ** 2 for age in ages)
+    low, mid, high = (tried[age].cv_rms ** 2 for age in ages)
     bend = low - 2.0 * mid + high
     step = ages[1] - ages[0]
     if not bend > 0.0:

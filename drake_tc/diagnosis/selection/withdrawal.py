@@ -96,14 +96,14 @@ class BelowLeastAmplitude:
 
 @dataclass(frozen=True)
 class SizeMayBeZero:
-    """A shape at its bound, where the size may be anything, nothing included.
+    """An effect whose size may be anything, nothing included.
 
     Attributes:
-        shape: Name of the parameter at its bound. size: name of the effect's size. value: of it [unit].
+        shape: Name of the parameter at its bound, or None. size: name of the effect's size. value: of it [unit].
         low, high: its 95 % interval, which holds 0. unit: of the size.
     """
 
-    shape: str
+    shape: str | None
     size: str
     value: float
     low: float
@@ -161,6 +161,15 @@ class LevelWithinWander:
     ratio: float
     least: float
     reason: ClassVar[Withdrawal] = "may_be_wander"
+
+
+@dataclass(frozen=True)
+class WithinJumps:
+    """What a torque lacks at its jumps may be all that the effect explains, in noise floors of each row."""
+
+    explains: float
+    least: float
+    reason: ClassVar[Withdrawal] = "below_resolution"
 
 
 @dataclass(frozen=True)
@@ -258,6 +267,7 @@ Objection = (
     | ReplacesInertia
     | FormOfKnownLoad
     | LevelWithinWander
+    | WithinJumps
     | TrainingRunAgainst
     | LargerOnHeldOut
     | UncertainOnHeldOut

@@ -23,6 +23,7 @@ from drake_tc.diagnosis.selection.withdrawal import (
     SizesMayBeZero,
     TrainingRunAgainst,
     UncertainOnHeldOut,
+    WithinJumps,
 )
 
 _OfValues = (
@@ -54,6 +55,11 @@ def _why(objection: Objection) -> str:
             return (
                 f"It mainly adds a constant to each training run. The constant is {ratio:.2g} times what slow drift, "
                 f"like that of the residual, can add to the mean of a run; at least {least:g} times are required."
+            )
+        case WithinJumps(explains, least):
+            return (
+                "The torque was sampled on a slower clock than the log, so the instants of its jumps are uncertain. "
+                f"Beyond what this leaves, it explains {explains:.2g} noise floors; at least {least:g} are required."
             )
         case TrainingRunAgainst(run):
             return f"Fitted on the other training runs, it makes the error of {run} larger."
@@ -116,9 +122,10 @@ def _of_values(objection: _OfValues) -> str:
         case BelowLeastAmplitude(amplitude, least):
             return f"amplitude is {amplitude:.2g} rad; these logs resolve {least:.2g} rad."
         case SizeMayBeZero(shape, size, value, low, high, unit):
+            where = "" if shape is None else f"{shape} is at its bound, and there "
             return (
-                f"{shape} is at its bound, and there {size} is not certain to differ from 0: {value:.3g} {unit}, 95 % "
-                f"interval {low:.3g} to {high:.3g}."
+                f"{where}{size} is not certain to differ from 0: {value:.3g} {unit}, 95 % interval {low:.3g} to "
+                f"{high:.3g}."
             )
         case SizesMayBeZero(gain):
             return (

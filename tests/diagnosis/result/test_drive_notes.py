@@ -84,8 +84,12 @@ def test_the_age_of_a_servos_command_may_be_viscous_friction(stated, drive, half
     """K = 200 N m/rad at 500 Hz: K T/2 = 0.2 N m s/rad beside 1.1 N m s/rad."""
     friction = Estimate(1.1, "N*m*s/rad", (1.1 - half_width, 1.1 + half_width), False)
     samples = SimpleNamespace(signals=SimpleNamespace(period=2e-3))
-    notes = viscous_age_note(stated, samples, found(DECLARED) | {"viscous": {"viscous": friction}}, drive)
+    parameters = found(DECLARED) | {"viscous": {"viscous": friction}}
+    notes = viscous_age_note(stated, samples, parameters, drive, lambda: 0.5)
     assert notes == ((ViscousByAge(0.2, 2e-3),) if told else ())
+    notes = viscous_age_note(stated, samples, parameters, drive, lambda: 0.25)
+    assert notes == ((ViscousByAge(0.1, 2e-3),) if told else ())
+    assert viscous_age_note(stated, samples, parameters, drive, lambda: 0.125) == ()
 
 
 ROTOR, MASS, LENGTH = 0.4, 4.0, 0.5
