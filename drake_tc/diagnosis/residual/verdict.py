@@ -59,7 +59,7 @@ def what_is_left(
     if left.structured:
         return equal.unweighted(left, splits[1], min(levels)), equal.unweighted_floor(min(levels)), notes
     if sensor and not splits[0].samples.resolution.torque_is_declared:
-        noise = [correlated_noise(s.samples, s.after / chosen.gain) for s in judged]
+        noise = correlated_noise([(s.samples, s.after / chosen.gain) for s in judged])
         levels = [
             max(each, n.rms * chosen.gain) if n is not None and n.is_noise else each
             for each, n in zip(equal.floors, noise, strict=True)

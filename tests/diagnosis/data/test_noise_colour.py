@@ -62,7 +62,7 @@ def test_the_floor_of_ar1_noise_is_that_of_kernel_and_autocorrelation(memory):
     levels = []
     for seed in range(4):
         samples, left = left_by(replace(JOINT, sensor=sensor(0.3, memory, seed)))
-        found = correlated_noise(samples, left)
+        (found,) = correlated_noise([(samples, left)])
         assert found is not None
         assert found.is_noise
         assert 0.4 < found.correlation_time / memory < 2.5
@@ -72,7 +72,7 @@ def test_the_floor_of_ar1_noise_is_that_of_kernel_and_autocorrelation(memory):
 
 def test_white_noise_keeps_its_own_level():
     samples, left = left_by(replace(JOINT, torque_noise=0.3))
-    found = correlated_noise(samples, left)
+    (found,) = correlated_noise([(samples, left)])
     assert found is not None
     k = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
     assert found.is_noise
@@ -83,7 +83,7 @@ def test_a_cause_below_5_hz_does_not_raise_its_own_floor():
     noisy = replace(JOINT, sensor=sensor(0.3, 0.02, 0))
     samples, quiet = left_by(noisy)
     _, loud = left_by(replace(noisy, extra=lambda m: 2.0 * np.sin(2.0 * np.pi * 0.6 * m.time)))
-    found = [correlated_noise(samples, each) for each in (quiet, loud)]
+    found = [correlated_noise([(samples, each)])[0] for each in (quiet, loud)]
     assert found[0] is not None
     assert found[1] is not None
     assert np.std(loud) > 3.0 * np.std(quiet)
@@ -93,7 +93,7 @@ def test_a_cause_below_5_hz_does_not_raise_its_own_floor():
 def test_a_disturbance_that_the_torque_channel_does_not_hold_is_not_its_noise():
     """A torque that acts behind the sensor, as broad as noise: it cannot be more than the channel holds."""
     samples, left = left_by(replace(JOINT, extra=sensor(0.6, 0.02, 0), torque_noise=0.02))
-    found = correlated_noise(samples, left)
+    (found,) = correlated_noise([(samples, left)])
     assert found is not None
     assert found.rms < 0.2 * np.std(left)
 
@@ -103,7 +103,7 @@ def test_noise_that_comes_and_goes_is_not_noise_of_a_sensor():
         return sensor(0.3, 0.02, 0)(m) * np.where((m.time % 10.0) < 1.2, 8.0, 1.0)
 
     samples, left = left_by(replace(JOINT, sensor=gusts))
-    found = correlated_noise(samples, left)
+    (found,) = correlated_noise([(samples, left)])
     assert found is not None
     assert not found.is_noise
 
@@ -113,9 +113,37 @@ def test_what_passes_for_noise_at_the_thresholds(misfit, unevenness, noise):
     assert CorrelatedNoise(1.0, 0.02, misfit, unevenness).is_noise is noise
 
 
+def test_both_splits_tell_one_form_and_each_its_own_level():
+    """A sensor that is twice as noisy in the second log."""
+    pairs = [left_by(replace(JOINT, sensor=sensor(sigma, 0.02, seed))) for sigma, seed in ((0.3, 5), (0.6, 6))]
+    found = correlated_noise(pairs)
+    for sigma, (samples, _), each in zip((0.3, 0.6), pairs, found, strict=True):
+        assert each is not None
+        assert each.is_noise
+        assert_allclose(each.rms, exact(samples, sigma, 0.02), rtol=0.15)
+
+
+def test_a_log_with_noise_of_another_form_makes_both_doubtful():
+    """Noise of 30 ms in one log, and of a band around 20 Hz in the other: one sensor does not have both."""
+
+    def resonance(m: Motion) -> np.ndarray:
+        period = float(m.time[1])
+        pole = np.exp((-4.0 + 2j * np.pi * 20.0) * period)
+        white = np.random.default_rng(9).standard_normal(m.q.size)
+        return 0.05 * lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], white)
+
+    pairs = [left_by(replace(JOINT, sensor=each)) for each in (sensor(0.3, 0.03, 7), resonance)]
+    first, second = correlated_noise(pairs)
+    assert first is not None
+    assert second is not None
+    assert correlated_noise(pairs[:1])[0].is_noise
+    assert not first.is_noise
+    assert not second.is_noise
+
+
 def test_a_band_that_ends_below_8_hz_says_nothing():
     samples = build_samples([record(JOINT)], rig_of(JOINT), "joint", width_s=0.3)
-    assert correlated_noise(samples, np.random.default_rng(0).standard_normal(samples.rows.size)) is None
+    assert correlated_noise([(samples, np.random.default_rng(0).standard_normal(samples.rows.size))]) == [None]
 
 
 def test_the_spectral_density_integrates_to_the_variance():
