@@ -75,7 +75,8 @@ def interpolated_noise(values: FloatArray, step: float, segments: Sequence[slice
 
     Between the samples the channel is straight, so differences of neighbouring rows show none of its noise. Third
     differences over T_s do. White samples of deviation sigma every T_s have T_s/T times the density of white noise of
-    this size on each row at the low frequencies of the regression: the result is sqrt(T_s/T) sigma.
+    this size on each row at the low frequencies of the regression: the result is sqrt(T_s/T) sigma. Values on a grid
+    are spread as in `sample_noise`.
 
     Args:
         values: (T,) channel.
@@ -84,10 +85,30 @@ def interpolated_noise(values: FloatArray, step: float, segments: Sequence[slice
         ratios: Of each stretch, T_s over the period T of the log, which need not be whole; not all 1.
     """
     slower = [(values[s], r) for s, r in zip(segments, ratios, strict=True) if r > 1.0]
+    ratio, least = float(np.median([r for _, r in slower])), step / float(np.sqrt(12.0))
+    spread = [_spread(x, step, r) for x, r in slower]
+    both = [_own_noise([(x + way * d, r) for (x, r), d in zip(slower, spread, strict=True)]) for way in (1.0, -1.0)]
+    own = float(np.sqrt(max(0.5 * sum(each**2 for each in both) - least**2, 0.0)))
+    return float(np.sqrt(ratio)) * max(least, own)
+
+
+def _own_noise(slower: Sequence[tuple[FloatArray, float]]) -> float:
+    """Standard deviation of the samples of a slower clock, of stretches (T,) and their T_s/T."""
     third = np.concatenate([_third_over(x, ratio) for x, ratio in slower])
-    own = float(np.median(np.abs(third))) / MEDIAN_BETWEEN_SAMPLES if third.size else 0.0
-    ratio = float(np.median([r for _, r in slower]))
-    return float(np.sqrt(ratio)) * max(step / float(np.sqrt(12.0)), own)
+    return float(np.median(np.abs(third))) / MEDIAN_BETWEEN_SAMPLES if third.size else 0.0
+
+
+def _spread(values: FloatArray, step: float, ratio: float) -> FloatArray:
+    """(T,) uniform within +-step/2 at the samples between which the values were interpolated; straight between them."""
+    if not step > 0.0 or values.size < 8.0 * ratio:
+        return np.zeros(values.size)
+    at = np.arange(values.size, dtype=np.float64)
+    begins = np.arange(0.0, ratio, 0.5)  # the samples are noisier than what lies between them
+    rough = [
+        np.mean(np.square(np.diff(np.interp(np.arange(b, values.size - 1.0, ratio), at, values), 3))) for b in begins
+    ]
+    own = np.arange(begins[int(np.argmax(rough))] - ratio, values.size + ratio, ratio)
+    return np.asarray(np.interp(at, own, np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, own.size)))
 
 
 def _third_over(values: FloatArray, samples: float) -> FloatArray:

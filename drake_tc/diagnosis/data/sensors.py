@@ -26,6 +26,9 @@ def encoder_of(channels: Channels, rig: Rig, position: FloatArray) -> tuple[floa
     step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
     if declared.position_noise is not None:
         return step, max(float(np.hypot(declared.position_noise, step / np.sqrt(12.0))), LEAST_NOISE)
+    ratios = channels.ratios("position")
+    if max(ratios) > 1.0:
+        return step, max(interpolated_noise(position, step, channels.segments, ratios), LEAST_NOISE)
     return step, max(sample_noise(position, step, channels.segments), LEAST_NOISE)
 
 

@@ -35,3 +35,19 @@ def test_the_noise_behind_a_wide_filter_is_that_which_the_filter_leaves(spacing,
 def test_the_differences_of_an_interpolated_channel_alone_show_too_little():
     values = interpolated(2.0, 0.0, seed=3)
     assert sample_noise(values, 0.0, [slice(None)]) < 0.6 * interpolated_noise(values, 0.0, [slice(None)], [2.0])
+
+
+@pytest.mark.parametrize("spacing", [2.0, 3.0, 10.0 / 3.0, 5.0])
+@pytest.mark.parametrize("noise", [0.2, 0.4, 0.7])
+def test_steps_as_large_as_the_noise_do_not_hide_it(spacing, noise):
+    """Differences of rounded samples are few different values, and so is their median."""
+    own = np.arange(int(COUNT / spacing) + 2) * spacing
+    true = 60.0 * np.sin(2.0 * np.pi * 0.2 * PERIOD * own)
+    read = np.round(true + noise * np.random.default_rng(4).standard_normal(own.size))
+    found = interpolated_noise(np.interp(np.arange(COUNT), own, read), 1.0, [slice(None)], [spacing])
+    assert found == pytest.approx(np.sqrt(spacing) * np.std(read - true), rel=0.15)
+
+
+def test_a_stretch_too_short_for_differences_has_the_noise_of_its_steps():
+    found = interpolated_noise(np.array([0.0, 0.05, 0.1, 0.05]), 0.1, [slice(None)], [2.0])
+    assert found == pytest.approx(np.sqrt(2.0) * 0.1 / np.sqrt(12.0))
