@@ -15,7 +15,7 @@ def at_common_period(runs: Sequence[Run]) -> tuple[Run, ...]:
     """The runs at the shortest of their periods; unchanged where the periods agree within 1 %.
 
     Between samples the channels are interpolated linearly, segment by segment: a low-pass of a few of the longest
-    periods, which every later step applies, does not see the difference. `Run.slower` tells those periods.
+    periods, which every later step applies, does not see the difference.
 
     Args:
         runs: Uniform inside their segments.
@@ -48,6 +48,5 @@ def _resampled(run: Run, period: float) -> Run:
         columns={name: np.concatenate(parts) for name, parts in values.items()},
         segment=np.concatenate(segments),
         notes=(*run.notes, note),
-        slower={name: max(run.period, run.slower.get(name, 0.0)) for name in run.columns},
         acceleration_weights=None,
     )
