@@ -91,7 +91,6 @@ def test_held_out_trajectories_at_every_gain(table: dict[str, FigureRow]) -> Non
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-@pytest.mark.xfail(strict=True, reason="missed, as the README says: its refinement on free runs is not accepted")
 def test_the_sts3250_is_below_its_published_model(table: dict[str, FigureRow]) -> None:
     assert table["sts3250_kp32/refined"].met
 
