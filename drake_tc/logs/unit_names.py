@@ -61,7 +61,7 @@ def unit_named(text: str, quantity: str) -> str:
 def _spelled(quantity: str) -> Mapping[str, str]:
     """Spellings of the units of a quantity, as `_plain` leaves them, to the units."""
     possible = allowed_units(quantity)
-    named = {_plain(unit): unit for unit in reversed(possible)}
+    named = {_plain(unit): unit for unit in reversed(list(possible))}
     for unit in possible:
         named |= {_plain(spelling): unit for spelling in SPELLINGS.get(unit, ()) if _plain(spelling) not in named}
     return named
