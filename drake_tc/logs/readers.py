@@ -44,7 +44,7 @@ def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """A table of columns that must be of one length; the odd ones out are named.
+    """A table of columns that must be of one length; the odd ones out are named, and texts among them left out.
 
     Raises:
         LogError: Columns of different lengths.
@@ -53,11 +53,16 @@ def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
         return pd.DataFrame()
     lengths = {name: int(column.shape[0]) for name, column in columns.items()}
     rows = lengths.get("time", max(lengths.values()))
-    odd = {name: n for name, n in lengths.items() if n != rows}
+    texts = [name for name, n in lengths.items() if n != rows and columns[name].dtype.kind in "US"]
+    columns = {name: column for name, column in columns.items() if name not in texts}
+    odd = {name: n for name, n in lengths.items() if n != rows and name not in texts}
     if odd:
         name, n = next(iter(odd.items()))
         raise LogError(f"{path}: array {name!r} has {n} rows where the others have {rows}; save one row a sample")
-    return pd.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
+    table = pd.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
+    if texts:
+        table.attrs["notes"] = [f"The texts {', '.join(map(repr, texts))} are no columns and were left out."]
+    return table
 
 
 def _read_npz(path: Path) -> pd.DataFrame:
