@@ -117,8 +117,17 @@ def _delay(stream: Stream) -> float | None:
 
 
 def _on_clock(timed: _Timed, delay: float | None, topic: str) -> tuple[_Timed, tuple[str, ...]]:
-    """On the clock of the main topic, where the senders' clocks differ, or one of the two has no stamps."""
+    """On the clock of the main topic, where the senders' clocks differ, or one of the two has no stamps.
+
+    A row without a stamp was sent before it was recorded: by the delay of the main topic, the best estimate there is.
+    """
     own = _delay(timed.stream)
+    if own is None and delay is not None and 0.0 < delay < CLOCKS_AGREE:
+        note = (
+            f"{timed.stream.topic} was taken {1e3 * delay:.3g} ms before its recording, as {topic} is recorded so long"
+            " after its stamps."
+        )
+        return timed._replace(time=timed.time - round(1e9 * delay)), (note,)
     if (delay or 0.0) == (own or 0.0) or abs((own or 0.0) - (delay or 0.0)) < CLOCKS_AGREE:
         return timed, ()
     shift = (own or 0.0) - (delay or 0.0)

@@ -96,7 +96,7 @@ def test_two_topics_of_one_robot_are_refused(tmp_path):
 
 @pytest.mark.parametrize("kind", ["Float64", "Float32"])
 def test_topics_of_one_number_and_temperatures_are_columns(tmp_path, kind):
-    messages = [state(t, ["knee"], [q], [v]) for t, q, v in zip(TIME, POSITION, VELOCITY, strict=True)]
+    messages = [state(t, ["knee"], [q], [v], late=0.0) for t, q, v in zip(TIME, POSITION, VELOCITY, strict=True)]
     number, degrees = T[f"std_msgs/msg/{kind}"], T["sensor_msgs/msg/Temperature"]
     for topic, factor in (("/motor/current", 2.0), ("/knee/velocity", 5.0), ("/knee_controller/command", 7.0)):
         for t in TIME:
@@ -111,3 +111,17 @@ def test_topics_of_one_number_and_temperatures_are_columns(tmp_path, kind):
     assert_allclose(table["/knee/velocity"], 5.0 * TIME, rtol=1e-6)
     known = TIME[::50][-1] >= TIME
     assert_allclose(table["knee/temperature"][known], 25.0 + TIME[known], rtol=1e-12)
+
+
+@pytest.mark.parametrize("ahead", [0.0003, 0.0])
+def test_commands_without_stamps_were_sent_before_they_were_recorded(tmp_path, ahead):
+    """The recorder writes both topics 0.8 ms after they were sent: a command is at the row of its cycle."""
+    goal = 1.1 * POSITION
+    path = bag(
+        tmp_path / "bag",
+        joint_states("/joint_states", TIME, {"knee": (POSITION, VELOCITY)}, late=0.0008),
+        arrays("/position_controller/commands", TIME + 0.0008 - ahead, goal[:, None]),
+    )
+    table = read_table(path)
+    assert_allclose(table["knee/position_command"], goal, rtol=0, atol=1e-12)
+    assert "taken 0.8 ms before its recording, as /joint_states is recorded so long after its stamps" in notes(table)
