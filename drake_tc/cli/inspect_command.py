@@ -53,10 +53,8 @@ def inspect_command(
 
 
 def _print(found: "Inspection") -> None:
-    print(
-        f"{found.path}: {found.rows} rows, {found.duration:.4g} s at {found.rate:.4g} Hz"
-        f"{f', {found.gaps} gaps' if found.gaps else ''}"
-    )
+    timed = "no time" if math.isnan(found.rate) else f"{found.duration:.4g} s at {found.rate:.4g} Hz"
+    print(f"{found.path}: {found.rows} rows, {timed}{f', {found.gaps} gaps' if found.gaps else ''}")
     if found.topics:
         kinds = [
             (t.name, t.kind, str(t.messages), _number(t.rate), "read" if t.read else "not read") for t in found.topics

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from drake_tc.config.is_file import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.column_hints import column_hints
+from drake_tc.logs.csv_file import ENDINGS, first_line
 from drake_tc.logs.joint_types import require_own_unit
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, scale_of
+from drake_tc.logs.unit_names import is_unit, unit_named
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, parse_unit, scale_of
 from drake_tc.types import BoolArray, FloatArray
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE)
@@ -51,8 +54,16 @@ class RawLog:
 
 def file_row(path: Path, index: int) -> str:
     """How messages name a data row: counted from 1, with the line of a text file (the header is line 1)."""
-    text = path.name.lower().endswith((".csv", ".csv.gz"))
-    return f"row {index + 1}" + (f" (file line {index + 2})" if text else "")
+    text = path.name.lower().endswith(ENDINGS) and is_file(path)
+    return f"row {index + 1}" + (f" (file line {index + first_line(path)})" if text else "")
+
+
+def seconds_of_dates(series: pd.Series) -> FloatArray:
+    """(T,) seconds since the first date; NaN where there is none."""
+    stamps = series.to_numpy(dtype="datetime64[ns]")
+    known = stamps[~np.isnat(stamps)]
+    first = known[0] if known.size else np.datetime64(0, "ns")
+    return np.asarray((stamps - first) / np.timedelta64(1, "s"), dtype=np.float64)
 
 
 def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> FloatArray:
@@ -67,8 +78,7 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
     if pd.api.types.is_bool_dtype(series) or pd.api.types.is_numeric_dtype(series):
         values = series.to_numpy(dtype=np.float64, na_value=np.nan)
     elif pd.api.types.is_datetime64_any_dtype(series):
-        stamps = series.to_numpy(dtype="datetime64[ns]")
-        values = (stamps - stamps[0]) / np.timedelta64(1, "s")
+        values = seconds_of_dates(series)
     else:
         text = series.astype("string").str.strip()
         parsed = pd.to_numeric(text, errors="coerce")
@@ -78,6 +88,8 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
             shown = str(text.iloc[int(bad[0])])[:40]
             comma = DECIMAL_COMMA.fullmatch(shown) is not None
             remedy = "write numbers with a decimal point" if comma else "mend or remove what is not a number"
+            if canonical == "time" and not comma and bad.size == len(table):
+                remedy = "write seconds, or dates as 2026-03-04T10:11:12.005"
             raise LogError(
                 f"{path}: column {name!r} ({canonical}) is not numeric: {file_row(path, int(bad[0]))} holds {shown!r}"
                 f" ({bad.size} such row{'s' if bad.size > 1 else ''}); {remedy}"
@@ -163,6 +175,22 @@ def _valid(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
     return holds
 
 
+def _refuse_other_unit(canonical: str, name: str, stated: str, path: Path) -> None:
+    """Refuse a column whose file states a unit that is not SI where the rig file states none.
+
+    Raises:
+        LogError: names the column and the unit.
+    """
+    unit = unit_named(stated, canonical.rpartition("/")[2])
+    scale = parse_unit(canonical, unit) if unit else None
+    if stated and (scale.factor != 1.0 or scale.offset != 0.0 if scale else is_unit(stated)):
+        remedy = f"{{{canonical}: {unit}}}" if unit else f"{{{canonical}: FACTOR}}, the factor to SI units"
+        raise LogError(
+            f"{path}: column {name!r} ({canonical}): line 2 of the file states the unit {stated!r}, and the rig file"
+            f" states none, which means SI; write units: {remedy}"
+        )
+
+
 def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     """Canonical columns in SI units from a table in the file's own names and units.
 
@@ -200,6 +228,8 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
             except ValueError as error:
                 raise LogError(f"{path}: {error}") from None
         scale = scale_of(canonical, rig.units)
+        if not scale.stated:
+            _refuse_other_unit(canonical, name, table.attrs.get("units", {}).get(name, ""), path)
         if scale.factor != 1.0 or scale.offset != 0.0:
             values = values * scale.factor + scale.offset
         columns[canonical] = values

@@ -1,10 +1,21 @@
-"""What the beginning of a CSV file must be: text in UTF-8, and a line of names."""
+"""What the beginning of a CSV file must be: text, a line of names, and perhaps a line of their units."""
 
-from collections.abc import Sequence
+import csv
+import io
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import IO
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
+from drake_tc.logs.unit_names import is_known, is_unit
+
+LONGEST_LINE = 2**24
+"""Of the first lines of a CSV file [bytes]."""
+SEPARATORS = (",", ";", "\t")
+"""Of cells; the first of them that the header has."""
+LINES_ABOVE = 50
+"""Lines among which a header is looked for that is not the first line."""
 
 
 def check_encoding(path: Path, beginning: bytes) -> None:
@@ -19,6 +30,62 @@ def check_encoding(path: Path, beginning: bytes) -> None:
     """
     if beginning.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\x00" in beginning:
         raise LogError(f"{path}: expected text in UTF-8, got UTF-16, UTF-32 or binary data; save it as CSV in UTF-8")
+
+
+def decoded(line: bytes) -> str:
+    """The text of a line: UTF-8, or else Windows-1252, which spreadsheets write where a name has a degree sign."""
+    try:
+        return line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", errors="replace")
+
+
+def cells(file: IO[bytes], separator: str, lines: int) -> list[list[str]]:
+    """The cells of the first `lines` lines; fewer rows where the file ends before."""
+    text = "".join(decoded(file.readline(LONGEST_LINE)) for _ in range(lines))
+    return [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text), delimiter=separator)]
+
+
+def stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
+    """By column, the units that the second line of a CSV file states; empty where it is a row of data.
+
+    It states units if none of its cells is a number, at least half of the filled ones are units, and the next line has
+    a number.
+
+    Args:
+        rows: The cells of the first three lines, which are names, units or data, and data.
+    """
+    if len(rows) < 3:
+        return {}
+    names, second, third = rows
+    filled = {name: cell.strip("[]()") for name, cell in zip(names, second, strict=False) if cell}
+    if not filled or any(map(_is_number, filled.values())) or not any(map(_is_number, third)):
+        return {}
+    known = sum(is_unit(cell) or is_known(cell) for cell in filled.values())
+    return filled if 2 * known >= len(filled) else {}
+
+
+def check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
+    """Refuse lines of text above the names: a first line of one cell where lines below have several.
+
+    Args:
+        path: Of the file, for the message.
+        opened: Opens its content.
+
+    Raises:
+        LogError: names the first line that has as many cells as any.
+    """
+    with opened() as file:
+        lines = [decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
+    widths = [max(line.count(mark) for mark in SEPARATORS) + 1 for line in lines]
+    if widths[0] > 1 or max(widths) < 2:
+        return
+    header = widths.index(max(widths))
+    above = "line 1" if header == 1 else f"lines 1 to {header}"
+    raise LogError(
+        f"{path}: expected the names of the columns in line 1, got {quoted(lines[0].strip())}; line {header + 1} has"
+        f" {widths[header]} cells: remove {above}, so that the names come first"
+    )
 
 
 def check_names_are_words(path: Path, names: Sequence[str]) -> None:

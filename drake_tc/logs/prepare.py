@@ -24,6 +24,7 @@ from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, l
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.logs.several_clocks import on_rows_of_positions
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
 from drake_tc.logs.torque_unit import check_torque_unit
@@ -171,7 +172,7 @@ def _stepped(raw: RawLog, rig: Rig) -> BoolArray:
 def _prepare(path: Path, rig: Rig) -> Run:
     """One run, with every repair but the signs, which are decided over all runs of a rig."""
     table = read_table(path)
-    raw = map_columns(table, rig, path)
+    raw = on_rows_of_positions(map_columns(table, rig, path), rig)
     rows = len(table)
     del table
     raw = without_outliers(

@@ -19,7 +19,7 @@ from drake_tc.logs.units import scale_of
 from drake_tc.types import IntArray
 
 UNITS: Mapping[JointType, Mapping[str, float]] = {
-    "revolute": {"mN*m": 1e3, "kN*m": 1e-3, "kgf*cm": 10.1972, "9.80665": 0.101972, "0.112985": 8.85075},
+    "revolute": {"mN*m": 1e3, "kN*m": 1e-3, "kgf*cm": 10.1972, "kgf*m": 0.101972, "lbf*in": 8.85075},
     "prismatic": {"mN": 1e3, "kN": 1e-3, "kgf": 0.101972, "4.44822": 0.224809},
 }
 """What a rig file may say of the column (a number is the factor to N*m or N) and how much of it is one N*m or N."""

@@ -100,6 +100,13 @@ def test_csv_without_a_header_is_refused(tmp_path):
     assert "expected the names of the columns in line 1, got numbers ('0.0' first)" in _refusal(tmp_path / "run.csv")
 
 
+def test_texts_beside_the_samples_are_left_out(tmp_path):
+    np.savez(tmp_path / "run.npz", t=np.arange(30.0), q=np.zeros((30, 2)), joints=np.array(["hip", "knee"]))
+    table = read_table(tmp_path / "run.npz")
+    assert list(table.columns) == ["t", "q_0", "q_1"]
+    assert "The texts 'joints' are no columns" in table.attrs["notes"][0]
+
+
 def test_arrays_of_different_length_are_refused(tmp_path):
     np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(29.0))
     assert "'q' has 29 rows" in _refusal(tmp_path / "run.npz")

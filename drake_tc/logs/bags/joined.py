@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import LogError
+from drake_tc.logs.bags.robots import by_robot
 from drake_tc.logs.bags.streams import Kind, Stream
 from drake_tc.types import FloatArray, IntArray
 
@@ -43,6 +44,7 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
     Raises:
         LogError: no joint states, or a column from two topics.
     """
+    streams, robots = by_robot(streams)
     states = [s for s in streams if s.kind is Kind.measured and any(name.endswith("/position") for name in s.names)]
     if not states:
         known = ", ".join(sorted({f"{s.topic} ({s.kind})" for s in streams})) or "none"
@@ -52,7 +54,7 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
         )
     main = _timed(max(states, key=len))
     rate = (len(main.time) - 1) / max(1e-9, 1e-9 * float(main.time[-1] - main.time[0]))
-    notes = [f"Rows are the {len(main.time)} messages of {main.stream.topic} ({rate:.4g} Hz).", *main.notes]
+    notes = [f"Rows are the {len(main.time)} messages of {main.stream.topic} ({rate:.4g} Hz).", *robots, *main.notes]
     columns: dict[str, FloatArray] = {"time": 1e-9 * (main.time - main.time[0]).astype(np.float64)}
     columns |= dict(zip(main.stream.names, main.table.T, strict=True))
     delay = _delay(main.stream)
@@ -66,8 +68,12 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
             if name in columns and np.isfinite(columns[name]).any():
                 if name.endswith("/position"):  # a controller's feedback repeats the joint state
                     continue
+                if name == stream.topic.strip("/"):  # one number a message, whose topic is called like a column
+                    columns[stream.topic] = column
+                    continue
                 raise LogError(
-                    f"{path}: {name} comes from two topics, one of them {stream.topic}; expected one; remove the other"
+                    f"{path}: {name} comes from two topics, one of them {stream.topic}; expected one; write a bag"
+                    " without the other (ros2 bag convert)"
                 )
             columns[name] = column
         notes.append(_how(timed))
@@ -78,18 +84,27 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
 
 
 def _timed(stream: Stream) -> _Timed:
-    """Sorted by time, the last of rows of one time."""
-    stamps = np.frombuffer(stream.stamps, dtype=np.int64)
-    stamped = bool((stamps != 0).all())
-    time = stamps if stamped else np.frombuffer(stream.received, dtype=np.int64)
+    """Sorted by time, the last of rows of one time.
+
+    Rows without a stamp are dropped where most rows have one: a simulated clock had not begun. Else all rows count at
+    the time at which they were recorded.
+    """
+    stamps, received = (np.frombuffer(each, dtype=np.int64) for each in (stream.stamps, stream.received))
+    has = stamps != 0
+    stamped = 2 * int(has.sum()) > has.size
+    rows = np.flatnonzero(has) if stamped else np.arange(has.size)
+    time = (stamps if stamped else received)[rows]
     order = np.argsort(time, kind="stable")
     keep = order[np.append(np.diff(time[order]) > 0, True)]
-    notes: tuple[str, ...] = (
-        () if stamped else (f"{stream.topic} has no stamps: its rows have the time at which they were recorded.",)
-    )
+    notes: tuple[str, ...] = ()
+    if not stamped:
+        some = "no stamps" if not has.any() else "few stamps"
+        notes = (f"{stream.topic} has {some}: its rows have the time at which they were recorded.",)
+    elif not has.all():
+        notes = (f"{int((~has).sum())} of {has.size} rows of {stream.topic} have no stamp and were dropped.",)
     if len(keep) < len(time):
         notes += (f"{len(time) - len(keep)} rows of {stream.topic} repeat a stamp and were dropped.",)
-    return _Timed(stream, time[keep], stream.table()[keep], notes)
+    return _Timed(stream, time[keep], stream.table()[rows[keep]], notes)
 
 
 def _delay(stream: Stream) -> float | None:
@@ -102,8 +117,17 @@ def _delay(stream: Stream) -> float | None:
 
 
 def _on_clock(timed: _Timed, delay: float | None, topic: str) -> tuple[_Timed, tuple[str, ...]]:
-    """On the clock of the main topic, where the senders' clocks differ, or one of the two has no stamps."""
+    """On the clock of the main topic, where the senders' clocks differ, or one of the two has no stamps.
+
+    A row without a stamp was sent before it was recorded: by the delay of the main topic, the best estimate there is.
+    """
     own = _delay(timed.stream)
+    if own is None and delay is not None and 0.0 < delay < CLOCKS_AGREE:
+        note = (
+            f"{timed.stream.topic} was taken {1e3 * delay:.3g} ms before its recording, as {topic} is recorded so long"
+            " after its stamps."
+        )
+        return timed._replace(time=timed.time - round(1e9 * delay)), (note,)
     if (delay or 0.0) == (own or 0.0) or abs((own or 0.0) - (delay or 0.0)) < CLOCKS_AGREE:
         return timed, ()
     shift = (own or 0.0) - (delay or 0.0)
@@ -131,7 +155,8 @@ def _how(timed: _Timed) -> str:
         Kind.commanded: "held",
         Kind.planned: "interpolated between points, then held",
     }
-    return f"{timed.stream.topic} ({rate}) was {how[timed.stream.kind]} at these rows."
+    what = ", ".join(sorted({name.rpartition("/")[2] for name in timed.stream.names if "[" not in name}))
+    return f"{timed.stream.topic} ({rate}) was {how[timed.stream.kind]} at these rows{what and ': '}{what}."
 
 
 def _assigned(columns: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[str]]:
@@ -141,6 +166,7 @@ def _assigned(columns: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], li
     for topic in arrays:
         names = [name for name in columns if name.rpartition("[")[0] == topic]
         joints = [name.removesuffix("/position") for name in columns if name.endswith("/position")]
+        joints = [j for j in joints if "/" in j and topic.startswith(f"/{j.rpartition('/')[0]}/")] or joints
         suffix = _commanded(topic)
         if suffix == "position_command":
             joints, sure = _nearest([columns[name] for name in names], {j: columns[f"{j}/position"] for j in joints})

@@ -1,6 +1,7 @@
 """The ROS messages that logs of joints are made of, one function a type: message -> rows of streams.
 
 Types: `sensor_msgs/JointState`, `sensor_msgs/Imu`, `geometry_msgs/WrenchStamped`, `std_msgs/Float64MultiArray`,
+`std_msgs/Float64`, `std_msgs/Float32`, `sensor_msgs/Temperature`,
 `trajectory_msgs/JointTrajectory`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad,
 rad/s, N, N m, m/s^2.
 """
@@ -91,6 +92,16 @@ def _array(topic: str, message: Any) -> Iterator[Row]:
         yield Row(Kind.commanded, names, 0, [float(value) for value in message.data])
 
 
+def _scalar(topic: str, message: Any) -> Iterator[Row]:
+    """One number a message without a stamp: the column is called like the topic."""
+    kind = Kind.commanded if is_command(topic) else Kind.measured
+    yield Row(kind, (topic.strip("/"),), 0, [float(message.data)])
+
+
+def _temperature(topic: str, message: Any) -> Iterator[Row]:
+    yield Row(Kind.measured, (topic.strip("/"),), _stamp(message), [float(message.temperature)])
+
+
 def _controller_state(topic: str, message: Any) -> Iterator[Row]:
     """Reference and feedback of a joint trajectory controller; older distributions say desired and actual."""
     joints = list(message.joint_names)
@@ -121,6 +132,9 @@ EXTRACT: Mapping[str, Extract] = MappingProxyType(
         "sensor_msgs/msg/Imu": _imu,
         "geometry_msgs/msg/WrenchStamped": _wrench,
         "std_msgs/msg/Float64MultiArray": _array,
+        "std_msgs/msg/Float64": _scalar,
+        "std_msgs/msg/Float32": _scalar,
+        "sensor_msgs/msg/Temperature": _temperature,
         "trajectory_msgs/msg/JointTrajectory": _trajectory,
         "control_msgs/msg/JointTrajectoryControllerState": _controller_state,
     }

@@ -13,7 +13,7 @@ from drake_tc.config.is_file import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.joined import joined
 from drake_tc.logs.bags.messages import EXTRACT, Row
-from drake_tc.logs.bags.streams import Kind, Stream
+from drake_tc.logs.bags.streams import Kind, Stream, complete
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 """Files that hold bags; a folder with `metadata.yaml` is one, too."""
@@ -37,11 +37,11 @@ def read_bag(path: Path) -> pd.DataFrame:
     Raises:
         LogError: no bag, damaged, without joint states; or the package that reads bags is missing.
     """
-    return joined(list(read_streams(path).values()), path)
+    return joined(complete(list(read_streams(path).values())), path)
 
 
 def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
-    """By topic and columns, the rows of every message type that is known.
+    """By topic and sorted columns, the rows of every message type that is known.
 
     Raises:
         LogError: as `read_bag`.
@@ -100,10 +100,15 @@ def topics(path: Path) -> tuple[Topic, ...]:
 
 
 def _add(found: dict[tuple[str, tuple[str, ...]], Stream], topic: str, received: int, row: Row) -> None:
-    stream = found.setdefault((topic, row.names), Stream(topic, row.kind, row.names))
+    """Append a row to the stream of its topic and columns, whose order the first message gives."""
+    stream = found.setdefault((topic, tuple(sorted(row.names))), Stream(topic, row.kind, row.names))
+    values = row.values
+    if stream.names != row.names:
+        value_of = dict(zip(row.names, row.values, strict=True))
+        values = [value_of[name] for name in stream.names]
     if row.first and row.kind is Kind.planned:
         stream.replan(row.stamp, received)
-    stream.add(row.stamp + row.after if row.stamp else 0, received + row.after, row.values)
+    stream.add(row.stamp + row.after if row.stamp else 0, received + row.after, values)
 
 
 @contextmanager

@@ -78,6 +78,30 @@ class Stream:
         return dict(zip(self.names, self.table().T, strict=True))
 
 
+def complete(streams: Sequence[Stream]) -> list[Stream]:
+    """The streams, where those of one topic's measurements that share columns are one; what a message lacks is NaN."""
+    result: list[Stream] = []
+    for stream in streams:
+        alike = [
+            s for s in result if (s.topic, s.kind) == (stream.topic, Kind.measured) and set(s.names) & set(stream.names)
+        ]
+        if not alike:
+            result.append(stream)
+            continue
+        parts = [*alike, stream]
+        names = tuple(dict.fromkeys(name for part in parts for name in part.names))
+        whole = Stream(stream.topic, stream.kind, names)
+        for part in parts:
+            table = np.full((len(part), len(names)), np.nan)
+            table[:, [names.index(name) for name in part.names]] = part.table()
+            whole.stamps += part.stamps
+            whole.received += part.received
+            whole.values.frombytes(table.tobytes())
+        result = [s for s in result if not any(s is each for each in alike)]
+        result.append(whole)
+    return result
+
+
 def is_command(topic: str) -> bool:
     """Whether a topic's name says that it holds commands."""
     return any(word in topic.lower() for word in COMMAND_WORDS)

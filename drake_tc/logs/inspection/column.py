@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.logs.channels import grid_step
+from drake_tc.logs.columns import seconds_of_dates
 from drake_tc.logs.inspection.names import DUTY_CYCLE, Meaning
 from drake_tc.logs.units import SENSOR_SUFFIXES
 from drake_tc.types import FloatArray
@@ -63,11 +64,12 @@ def numbers(series: pd.Series) -> FloatArray | None:
     """(T,) as numbers, dates in seconds from the first; None where it holds none."""
     if pd.api.types.is_complex_dtype(series):
         return None
-    if pd.api.types.is_datetime64_any_dtype(series):
-        stamps = series.to_numpy(dtype="datetime64[ns]")
-        return np.asarray((stamps - stamps[0]) / np.timedelta64(1, "s"))
-    values = np.asarray(pd.to_numeric(series, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan))
+    values = seconds_of_dates(series) if pd.api.types.is_datetime64_any_dtype(series) else _parsed(series)
     return values if np.isfinite(values).any() else None
+
+
+def _parsed(series: pd.Series) -> FloatArray:
+    return np.asarray(pd.to_numeric(series, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan))
 
 
 def describe(
@@ -94,7 +96,9 @@ def describe(
     whole = bool((both == np.round(both)).all())
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.unit:
-        unit, why = told.unit, f"its name states {told.unit}"
+        unit, why = told.unit, f"{told.unit_by} states {told.unit}"
+    elif told.unknown_unit:
+        unit, why = "", f"{told.unit_by} states {told.unknown_unit}, which is no unit of it that a rig file may name"
     elif told.by in DUTY_CYCLE:
         unit, why = "", "a duty cycle: its unit is the voltage [V] of one step of it, 0.12 for percent of 12 V"
     elif told.quantity != "time":

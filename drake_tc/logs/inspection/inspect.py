@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.inspection.column import NAMELESS, Column, describe
 from drake_tc.logs.inspection.column import numbers as in_numbers
-from drake_tc.logs.inspection.names import Meaning, meaning
+from drake_tc.logs.inspection.names import Meaning, meaning, with_unit
 from drake_tc.logs.inspection.suggestion import suggested_rig
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.readers import read_table
@@ -74,7 +75,11 @@ def inspect_log(path: Path) -> Inspection:
     table = read_table(path)
     notes = [str(note) for note in table.attrs.get("notes", ())]
     numbers = {str(name): in_numbers(table[name]) for name in table.columns}
-    found = {name: meaning(name) for name, values in numbers.items() if values is not None}
+    below: Mapping[str, str] = table.attrs.get("units", {})
+    found = {
+        name: with_unit(meaning(name), below.get(name, "")) for name, values in numbers.items() if values is not None
+    }
+    found |= _dates_as_time(table, found)
     meanings = _distinct(_of_the_only_joint(_of_one_joint(found, notes)), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name])
@@ -90,6 +95,13 @@ def inspect_log(path: Path) -> Inspection:
     rate = 1.0 / period if period > 0 else float("nan")
     held = topics(path) if is_bag(path) else ()
     return Inspection(path, len(table), rate, gaps, duration, columns, rig, tuple(notes), held, comment)
+
+
+def _dates_as_time(table: pd.DataFrame, found: Mapping[str, Meaning | None]) -> dict[str, Meaning]:
+    """The only column of dates as the time, where no column is called like a time."""
+    dates = [str(name) for name in table.columns if pd.api.types.is_datetime64_any_dtype(table[name])]
+    called = any(told is not None and told.quantity == "time" for told in found.values())
+    return {dates[0]: Meaning("", "time", dates[0])} if len(dates) == 1 and not called else {}
 
 
 def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, Meaning]) -> tuple[Column, ...]:

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
+from drake_tc.logs.unit_names import at_the_end, is_unit, unit_named
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES
 
 DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
 """Names of a voltage that is stated as a share of the supply voltage."""
@@ -69,31 +70,25 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Quantity to the words, joined by '_' in small letters, that columns of it are called."""
 _BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names}
-_NOISE = ("joint", "joints", "state", "states", "actual", "meas", "measured", "data", "observation", "value", "link")
-"""Words that name neither a joint nor a quantity, where others do."""
-UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        **dict.fromkeys(("deg", "degs", "degree", "degrees"), "deg"),
-        **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
-        **dict.fromkeys(("deg_s", "degs_s", "deg_per_s", "deg/s", "dps"), "deg/s"),
-        **dict.fromkeys(("rad_s", "rads_s", "rad_per_s", "rad/s"), "rad/s"),
-        **dict.fromkeys(("nm", "n_m", "n*m", "n·m", "n m"), "N*m"),
-        "mrad": "mrad",
-        "mm": "mm",
-        "cm": "cm",
-        "um": "um",
-        **dict.fromkeys(("mm_s", "mm_per_s", "mm/s"), "mm/s"),
-        **dict.fromkeys(("m_s", "m_per_s", "m/s"), "m/s"),
-        "n": "N",
-        "kn": "kN",
-        "ma": "mA",
-        "mv": "mV",
-        "mnm": "mN*m",
-    }
+_NOISE = (
+    "joint",
+    "joints",
+    "state",
+    "states",
+    "actual",
+    "meas",
+    "measured",
+    "data",
+    "observation",
+    "value",
+    "link",
+    "ticks",
+    "counts",
+    "raw",
 )
-"""Units as the ends of names write them, in small letters, to units of rig files."""
+"""Words that name neither a joint nor a quantity, where others do."""
 _IN_BRACKETS = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")
-_AT_THE_END = re.compile(rf"(.+?)[\s_.\-]+({'|'.join(map(re.escape, UNITS))})", re.IGNORECASE)
+_AT_THE_END = at_the_end()
 
 
 @dataclass(frozen=True)
@@ -105,12 +100,16 @@ class Meaning:
         quantity: A key of `QUANTITIES`.
         by: The words that told.
         unit: That the name states, as rig files write it; empty where it states none.
+        unknown_unit: What the name states in its place: a unit, but none that a rig file may name for the quantity.
+        unit_by: What states the unit.
     """
 
     joint: str
     quantity: str
     by: str
     unit: str = ""
+    unknown_unit: str = ""
+    unit_by: str = "its name"
 
 
 def words(name: str) -> list[str]:
@@ -133,11 +132,21 @@ def meaning(name: str) -> Meaning | None:
         found = form.fullmatch(name)
         told = None if found is None else _meaning(found[1])
         if found is not None and told is not None and told.quantity != "time":
-            units = allowed_units(told.quantity)
-            unit = UNITS.get(found[2].lower(), found[2])
-            if unit in units:
+            unit = unit_named(found[2], told.quantity)
+            if unit:
                 return replace(told, unit=unit)
+            if form is _IN_BRACKETS and is_unit(found[2]):
+                return replace(told, unknown_unit=found[2])
     return _meaning(name)
+
+
+def with_unit(told: Meaning | None, stated: str) -> Meaning | None:
+    """A meaning, with the unit that a line below the names states; one in the name itself goes first."""
+    if told is None or told.unit or told.quantity == "time" or not stated:
+        return told
+    unit = unit_named(stated, told.quantity)
+    other = "" if unit or not is_unit(stated) else stated
+    return replace(told, unit=unit, unknown_unit=other, unit_by="line 2 of the file")
 
 
 def _meaning(name: str) -> Meaning | None:

@@ -1,0 +1,127 @@
+"""Bags as drivers leave them: orders that change, parts of messages, missing stamps, several robots, single numbers."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import LogError
+from drake_tc.logs.readers import read_table
+
+from .recorded import T, arrays, bag, header, joint_states, nanoseconds
+
+TIME = np.arange(400) / 200.0
+POSITION, VELOCITY, EFFORT = np.sin(3.0 * TIME), 3.0 * np.cos(3.0 * TIME), 2.0 * np.cos(TIME)
+
+
+def state(t, names, *parts, stamp=True, topic="/joint_states", late=0.0005):
+    values = [np.array(part, dtype=np.float64) for part in (*parts, [], [], [])[:3]]
+    message = T["sensor_msgs/msg/JointState"](header(nanoseconds(t) if stamp else None), list(names), *values)
+    return topic, "sensor_msgs/msg/JointState", nanoseconds(t + late), message
+
+
+def notes(table) -> str:
+    return " ".join(table.attrs["notes"])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_of_joints_may_change_between_messages(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    messages = []
+    for i, t in enumerate(TIME):
+        order = rng.permutation(2)
+        each = [("hip", 0.1, 0.2, 0.3), ("knee", POSITION[i], VELOCITY[i], EFFORT[i])]
+        names, q, v, tau = zip(*(each[k] for k in order), strict=True)
+        messages.append(state(t, names, q, v, tau))
+    table = read_table(bag(tmp_path / "bag", messages))
+    assert len(table) == TIME.size and not table.isna().any().any()
+    for name, values in (("position", POSITION), ("velocity", VELOCITY), ("effort", EFFORT)):
+        assert_allclose(table[f"knee/{name}"], values, rtol=0)
+    assert_allclose(table["hip/effort"], 0.3, rtol=0)
+
+
+def test_messages_that_lack_the_effort_are_rows_without_one(tmp_path):
+    lacks = np.arange(TIME.size) % 7 == 3
+    messages = [
+        state(t, ["knee"], [q], [v], [] if gone else [tau])
+        for t, q, v, tau, gone in zip(TIME, POSITION, VELOCITY, EFFORT, lacks, strict=True)
+    ]
+    table = read_table(bag(tmp_path / "bag", messages))
+    assert_allclose(table["knee/position"], POSITION, rtol=0)
+    assert_allclose(table["knee/effort"], np.where(lacks, np.nan, EFFORT), rtol=0)
+
+
+@pytest.mark.parametrize(("without", "rows"), [(60, 340), (300, 400)])
+def test_rows_before_a_simulated_clock_began_are_dropped(tmp_path, without, rows):
+    """Recording is 30 ms late from the middle on; the stamps, where most rows have one, know nothing of it."""
+    messages = [
+        state(t, ["knee"], [q], stamp=i >= without, late=0.03 if i >= 200 else 0.0)
+        for i, (t, q) in enumerate(zip(TIME, POSITION, strict=True))
+    ]
+    table = read_table(bag(tmp_path / "bag", messages))
+    assert len(table) == rows
+    if rows == TIME.size:
+        assert "/joint_states has few stamps" in notes(table)
+    else:
+        assert_allclose(table["time"], TIME[without:] - TIME[without], rtol=0, atol=1e-9)
+        assert f"{without} of 400 rows of /joint_states have no stamp and were dropped" in notes(table)
+
+
+@pytest.mark.parametrize("first", ["/left", ""])
+def test_joints_of_two_robots_are_told_apart(tmp_path, first):
+    path = bag(
+        tmp_path / "bag",
+        joint_states(f"{first}/joint_states", TIME, {"knee": (POSITION, VELOCITY)}),
+        joint_states("/right/joint_states", TIME, {"knee": (-POSITION, -VELOCITY)}),
+        arrays(f"{first}/position_controller/commands", TIME, 1.1 * POSITION[:, None]),
+        arrays("/right/position_controller/commands", TIME, -1.2 * POSITION[:, None]),
+    )
+    table = read_table(path)
+    own = f"{first.strip('/')}/knee".strip("/")
+    for joint, factor, goal in ((own, 1.0, 1.1), ("right/knee", -1.0, -1.2)):
+        assert_allclose(table[f"{joint}/position"], factor * POSITION, rtol=0, atol=1e-12)
+        assert_allclose(table[f"{joint}/velocity"], factor * VELOCITY, rtol=0, atol=1e-12)
+        assert_allclose(table[f"{joint}/position_command"], goal * POSITION, rtol=0, atol=1e-12)
+    assert "Robots with joints of the same names" in notes(table)
+
+
+def test_two_topics_of_one_robot_are_refused(tmp_path):
+    path = bag(
+        tmp_path / "bag",
+        joint_states("/joint_states", TIME, {"knee": (POSITION, VELOCITY)}),
+        joint_states("/joint_states_raw", TIME, {"knee": (POSITION, VELOCITY)}),
+    )
+    with pytest.raises(LogError, match=r"knee/velocity comes from two topics, one of them /joint_states_raw; expected"):
+        read_table(path)
+
+
+@pytest.mark.parametrize("kind", ["Float64", "Float32"])
+def test_topics_of_one_number_and_temperatures_are_columns(tmp_path, kind):
+    messages = [state(t, ["knee"], [q], [v], late=0.0) for t, q, v in zip(TIME, POSITION, VELOCITY, strict=True)]
+    number, degrees = T[f"std_msgs/msg/{kind}"], T["sensor_msgs/msg/Temperature"]
+    for topic, factor in (("/motor/current", 2.0), ("/knee/velocity", 5.0), ("/knee_controller/command", 7.0)):
+        for t in TIME:
+            messages.append((topic, number.__msgtype__, nanoseconds(t), number(factor * t)))
+    for t in TIME[::50]:
+        warm = degrees(header(nanoseconds(t), "motor"), 25.0 + t, 0.0)
+        messages.append(("/knee/temperature", degrees.__msgtype__, nanoseconds(t), warm))
+    table = read_table(bag(tmp_path / "bag", messages))
+    assert_allclose(table["motor/current"], 2.0 * TIME, rtol=1e-6)
+    assert_allclose(table["knee_controller/command"], 7.0 * TIME, rtol=1e-6)
+    assert_allclose(table["knee/velocity"], VELOCITY, rtol=0)
+    assert_allclose(table["/knee/velocity"], 5.0 * TIME, rtol=1e-6)
+    known = TIME[::50][-1] >= TIME
+    assert_allclose(table["knee/temperature"][known], 25.0 + TIME[known], rtol=1e-12)
+
+
+@pytest.mark.parametrize("ahead", [0.0003, 0.0])
+def test_commands_without_stamps_were_sent_before_they_were_recorded(tmp_path, ahead):
+    """The recorder writes both topics 0.8 ms after they were sent: a command is at the row of its cycle."""
+    goal = 1.1 * POSITION
+    path = bag(
+        tmp_path / "bag",
+        joint_states("/joint_states", TIME, {"knee": (POSITION, VELOCITY)}, late=0.0008),
+        arrays("/position_controller/commands", TIME + 0.0008 - ahead, goal[:, None]),
+    )
+    table = read_table(path)
+    assert_allclose(table["knee/position_command"], goal, rtol=0, atol=1e-12)
+    assert "taken 0.8 ms before its recording, as /joint_states is recorded so long after its stamps" in notes(table)

@@ -1,0 +1,152 @@
+"""Units that a CSV file states: in the names of its columns, in other encodings, and in a line below the names."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.errors import LogError
+from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.readers import read_table
+from drake_tc.logs.rig import parse_rig
+
+from .conftest import bench
+
+TURN = 2.0 * np.pi
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        ("Position [°]", "position", "deg"),
+        ("Velocity [°/s]", "velocity", "deg/s"),
+        ("Speed [1/min]", "velocity", "rpm"),
+        ("position_turns", "position", "turn"),
+        ("Angle (revolutions)", "position", "rev"),
+        ("Torque [N·m]", "torque", "N*m"),
+        ("Torque(Nmm)", "torque", "N*mm"),
+        ("torque_kgfcm", "torque", "kgf*cm"),
+        ("Torque (lb-in)", "torque", "lbf*in"),
+        ("Temperature [°C]", "temperature", "degC"),
+    ],
+)
+def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
+    told = meaning(name)
+    assert told is not None and (told.joint, told.quantity, told.unit) == ("", quantity, unit)
+
+
+@pytest.mark.parametrize(("name", "joint"), [("pos (A)", "A"), ("pos (left/knee)", "left_knee"), ("q_ma", "ma")])
+def test_names_of_joints_are_no_units(name, joint):
+    told = meaning(name)
+    assert told is not None and (told.joint, told.unit, told.unknown_unit) == (joint, "", "")
+
+
+@pytest.mark.parametrize("unit", ["%", "µNm", "counts/s"])
+def test_a_unit_that_no_rig_file_may_name_is_not_taken_for_si(tmp_path, unit):
+    table = mine().rename(columns={"torque": f"torque [{unit}]"})
+    (tmp_path / "run.csv").write_text(table.to_csv(index=False))
+    found = inspect_log(tmp_path / "run.csv")
+    (torque,) = [column for column in found.columns if column.canonical == "joint/torque"]
+    assert torque.unit == "" and unit.replace("µ", "µ") in torque.why
+    assert any("is not clear: say it under `units:`" in note for note in found.notes)
+
+
+def mine() -> pd.DataFrame:
+    """The bench's log in degrees and N mm."""
+    table = bench()
+    columns = {"time": table["time"], "angle": table["joint/position"] * 360.0 / TURN}
+    columns["target"] = table["joint/position_command"] * 360.0 / TURN
+    return pd.DataFrame({**columns, "torque": 1e3 * table["joint/torque"]})
+
+
+def with_units(units: str) -> str:
+    names, rest = mine().to_csv(index=False).split("\n", 1)
+    return f"{names}\n{units}\n{rest}"
+
+
+def test_a_line_of_units_below_the_names_gives_the_rig_file(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(with_units("s,deg,deg,Nmm"))
+    found = inspect_log(path)
+    assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg", "joint/torque": "N*mm"}
+    assert trial(found) == "" and found.rows == len(bench())
+    assert [c.why for c in found.columns if c.name == "angle"] == ["called angle; line 2 of the file states deg"]
+    run = load_run(path, parse_rig(dict(found.rig)))
+    plain = tmp_path / "plain.csv"
+    bench().to_csv(plain, index=False)
+    same = load_run(plain, parse_rig({"joint": "joint", "drive": "position_servo"}))
+    for name in ("joint/position", "joint/torque"):
+        assert_allclose(run.columns[name], same.columns[name], rtol=1e-12, atol=1e-12)
+
+
+def test_a_unit_of_the_file_that_the_rig_file_does_not_state_is_refused(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(with_units("s,deg,deg,Nmm"))
+    columns = {"joint/position": "angle", "joint/position_command": "target", "joint/torque": "torque"}
+    rig = {"joint": "joint", "drive": "position_servo", "columns": columns}
+    for units, name in (({}, "position"), ({"position": "deg"}, "torque")):
+        with pytest.raises(LogError, match=rf"joint/{name}\): line 2 of the file states .*units: {{joint/{name}"):
+            load_run(path, parse_rig(rig | {"units": units}))
+    load_run(path, parse_rig(rig | {"units": {"position": "deg", "torque": 1e-3}}))
+
+
+def test_rows_below_a_line_of_units_are_named_by_their_lines(tmp_path):
+    lines = with_units("s,deg,deg,Nmm").splitlines()
+    lines[9] = lines[9].rpartition(",")[0] + ",slipped"
+    (tmp_path / "run.csv").write_text("\n".join(lines))
+    columns = {"joint/position": "angle", "joint/position_command": "target", "joint/torque": "torque"}
+    document = {"joint": "joint", "drive": "position_servo", "columns": columns, "units": {"position": "deg"}}
+    with pytest.raises(LogError, match=r"row 8 \(file line 10\) holds 'slipped'"):
+        load_run(tmp_path / "run.csv", parse_rig(document))
+
+
+@pytest.mark.parametrize("second", ["0.0,a,b,c", "x,y,z,w", ",,,"])
+def test_other_lines_are_rows(tmp_path, second):
+    (tmp_path / "run.csv").write_text(with_units(second))
+    assert "units" not in read_table(tmp_path / "run.csv").attrs
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+def test_names_keep_their_degree_sign(tmp_path, encoding):
+    text = mine().rename(columns={"angle": "angle [°]", "torque": "torque [N·mm]"}).to_csv(index=False)
+    (tmp_path / "run.csv").write_bytes(text.encode(encoding))
+    assert list(read_table(tmp_path / "run.csv").columns) == ["time", "angle [°]", "target", "torque [N·mm]"]
+    units = inspect_log(tmp_path / "run.csv").rig["units"]
+    assert units["joint/position"] == "deg" and units["joint/torque"] == "N*mm"
+
+
+@pytest.mark.parametrize(("above", "lines"), [("# recorder\n", "line 1"), ("Recorder\nMotor;XY\n\n", "lines 1 to 3")])
+def test_lines_above_the_names_are_refused_with_their_numbers(tmp_path, above, lines):
+    (tmp_path / "run.csv").write_text(above + mine().to_csv(index=False, sep=";"))
+    with pytest.raises(LogError, match=rf"4 cells: remove {lines}, so that the names come first"):
+        read_table(tmp_path / "run.csv")
+
+
+def test_tabs(tmp_path):
+    mine().to_csv(tmp_path / "run.tsv", sep="\t", index=False)
+    assert_allclose(read_table(tmp_path / "run.tsv")["angle"], mine()["angle"], rtol=1e-15)
+
+
+def test_the_only_column_of_dates_is_the_time(tmp_path):
+    dates = pd.Timestamp("2026-03-04 10:11:12.5") + pd.to_timedelta(mine()["time"], unit="s")
+    mine().assign(time=dates).rename(columns={"time": "date"}).to_csv(tmp_path / "run.csv", index=False)
+    found = inspect_log(tmp_path / "run.csv")
+    assert found.rig["columns"]["time"] == "date" and found.rate == pytest.approx(1000.0)
+
+
+def test_a_first_row_without_a_date(tmp_path):
+    dates = (pd.Timestamp("2026-03-04") + pd.to_timedelta(mine()["time"], unit="s")).astype("datetime64[ns]")
+    dates[0] = pd.NaT
+    mine().assign(time=dates).to_parquet(tmp_path / "run.parquet")
+    assert inspect_log(tmp_path / "run.parquet").duration == pytest.approx(mine()["time"].iloc[-1] - 1e-3)
+
+
+def test_a_time_of_day_is_refused_with_what_is_possible(tmp_path):
+    texts = [f"10:11:{12.0 + t:09.6f}" for t in mine()["time"]]
+    mine().assign(time=texts).to_csv(tmp_path / "run.csv", index=False)
+    document = {"joint": "joint", "drive": "position_servo", "load": "unknown"}
+    document["columns"] = {"joint/position": "angle", "joint/position_command": "target"}
+    with pytest.raises(LogError, match=r"'time' .* write seconds, or dates as 2026-03-04T10:11:12\.005"):
+        load_run(tmp_path / "run.csv", parse_rig(document | {"units": {"position": "deg"}}))
