@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from drake_tc.experiments.check.joint import joint_effects
+from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.found_sizes import found_from
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.joint import LogColumns, MotionColumns
 from drake_tc.experiments.design.known import joint_from_logs
-from drake_tc.experiments.design.run import DesignOptions, default_motion, design_joint
+from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
@@ -27,7 +28,7 @@ def test_the_sizes_of_the_logs_are_those_of_the_check(known):
     criterion = criterion_of(parse_goal("all"), joint, 30.0)
     columns = LogColumns(joint, prepared.train)
     checked = {each.key: each.smallest for each in joint_effects(prepared).effects}
-    noise = criterion.noise(columns.seconds)
+    noise = criterion.noise(columns.joint, columns.seconds)
     found = {form.effect.key: found_from(form, columns, noise) for form in criterion.forms}
     assert {"load_dependent_friction", "deadzone", "saturation", "delay.loop", "stribeck"} <= set(found)
     for key, size in found.items():
@@ -40,10 +41,10 @@ def test_an_effect_that_the_declared_model_imitates_has_no_size(known):
     """Without gravity a sensor's bias is a constant, which an asymmetry of the sliding friction does not contain."""
     joint, limits, _ = known
     still = replace(joint, gravity=0.0, link_inertia=0.0, constant=0.0)
-    columns = MotionColumns(still, default_motion(limits, 10.0), 5e-3)
+    columns = MotionColumns(still, default_motion(still, limits, 10.0, 5e-3), 5e-3)
     criterion = criterion_of(parse_goal("all"), still, 10.0)
     form = next(each for each in criterion.forms if each.effect.key == "load_dependent_friction")
-    assert found_from(form, columns, criterion.noise()) == math.inf
+    assert found_from(form, columns, criterion.noise(columns.joint)) == math.inf
 
 
 def test_the_page_names_the_effects_without_a_size(known):

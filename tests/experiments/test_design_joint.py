@@ -13,6 +13,7 @@ from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.criteria import Parameters
+from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination, detection_probability, distinction_probability
 from drake_tc.experiments.design.forms import Projection, form_of, remainder
 from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
@@ -20,7 +21,7 @@ from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.request import DesignRequest, designed
-from drake_tc.experiments.design.run import DesignOptions, default_motion, design_joint, joint_within
+from drake_tc.experiments.design.run import DesignOptions, design_joint, joint_within
 from drake_tc.experiments.design.solve import random_start
 from drake_tc.experiments.sizes import JointNumbers, size_of, sizes_found
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -221,8 +222,8 @@ def test_a_lead_in_joins_rest_and_motion_within_the_limits():
     assert math.isfinite(rest)
 
 
-def test_the_default_motion_fills_the_limits():
-    motion = default_motion(LIMITS, 30.0)
+def test_the_default_motion_fills_the_limits(joint):
+    motion = default_motion(joint, LIMITS, 30.0, 5e-3)
     assert np.abs(motion[1]).max() <= LIMITS.velocity and np.abs(motion[2]).max() <= LIMITS.acceleration
     assert motion[0].max() > 0.6 * LIMITS.position[1]
 

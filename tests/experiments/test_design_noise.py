@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.noise import measured_as
-from drake_tc.experiments.design.run import default_motion
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
@@ -35,7 +35,8 @@ def test_a_recorded_motion_has_the_filters_and_the_noise_of_its_log(demo):
 def test_a_faster_motion_is_filtered_less_and_is_noisier(known):
     joint, _, _ = known
     slow, fast = (
-        measured_as(joint, default_motion(JointLimits((-0.5, 0.5), v, 8.0 * v), 20.0, 1e-3), 1e-3) for v in (0.3, 3.0)
+        measured_as(joint, default_motion(joint, JointLimits((-0.5, 0.5), v, 8.0 * v), 20.0, 1e-3), 1e-3)
+        for v in (0.3, 3.0)
     )
     assert fast.kernel_width < slow.kernel_width and fast.floor > slow.floor
     assert fast.independent_per_second > slow.independent_per_second

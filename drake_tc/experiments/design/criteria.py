@@ -92,7 +92,7 @@ class Parameters(Criterion):
     def information(self, columns: BalanceColumns) -> FloatArray:
         """M (p, p) of the whole experiment, in units of the typical sizes."""
         z = self.columns(columns)
-        scale = information_scale(self.joint, self.duration, z.shape[0])
+        scale = information_scale(columns.joint, self.duration, z.shape[0])
         return np.asarray(scale * z.T @ (columns.weight[:, None] * z))
 
     def value(self, columns: BalanceColumns) -> float:
@@ -114,15 +114,15 @@ class AllEffects(Criterion):
     forms: tuple[EffectForm, ...]
     duration: float
 
-    def noise(self, seconds: float | None = None) -> Noise:
-        """Of a run of so many seconds in motion; None for the experiment."""
-        joint, length = self.joint, self.duration if seconds is None else seconds
+    def noise(self, joint: DesignJoint, seconds: float | None = None) -> Noise:
+        """Of a run of so many seconds in motion; None for the experiment. `joint` has the noise of this run."""
+        length = self.duration if seconds is None else seconds
         return Noise(joint.floor or joint.noise, joint.noise, max(joint.independent_per_second * length, 3.0))
 
     def ratios(self, columns: BalanceColumns) -> FloatArray:
         """(e,) RMS of each effect's remainder, at the middle one of its shapes, over what is found."""
         declared = Projection(declared_columns(columns), columns.weight)
-        noise, rows = self.noise(), math.sqrt(float(np.mean(columns.weight)))
+        noise, rows = self.noise(columns.joint), math.sqrt(float(np.mean(columns.weight)))
         out = []
         for form in self.forms:
             left = declared.of(form.change(columns, form.shapes[len(form.shapes) // 2]))

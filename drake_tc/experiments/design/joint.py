@@ -2,7 +2,8 @@
 
     y = K (tau + J qddot + F_v qdot + F_c d + tau_effects),  tau = J_l qddot + m g l sin(q - zero) + c
 
-d: direction of motion, smoothed over a small speed so that a solver sees a differentiable function.
+d: direction of motion. A solver sees it smoothed over a small speed, so that the criterion is differentiable; motions
+are compared, and what they bring is stated, with the sharp direction and the rows that a diagnosis takes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -54,6 +55,7 @@ class DesignJoint:
         floor: Noise floor: part of `noise` due to sensor noise and encoder steps [N m].
         resolution: Of the sensors; None where it is not known from a log.
         gain_held: Whether every fit holds the drive gain at its value, so that it is no parameter.
+        servo_damping: Part of the viscous friction that is the declared damping of the position servo [N m s/rad].
     """
 
     name: str
@@ -74,6 +76,7 @@ class DesignJoint:
     floor: float = 0.0
     resolution: Resolution | None = None
     gain_held: bool = False
+    servo_damping: float = 0.0
 
     @property
     def inertia(self) -> float:
@@ -91,12 +94,16 @@ class DesignJoint:
         grid = np.linspace(low, high, 181)
         return float(np.max(np.abs(self.load(grid, np.zeros_like(grid)))))
 
-    def signals(self, motion: FloatArray, step: float) -> Signals:
-        """What the next log would show, free of noise, for a motion (4, T)."""
+    def motor_torque(self, motion: FloatArray, step: float) -> FloatArray:
+        """Torque of the motor (T,) [N m] that must keep its limit,  y/K - D qdot, with D the `servo_damping`."""
+        return np.asarray(self.signals(motion, step).effort / self.numbers.gain - self.servo_damping * motion[1])
+
+    def signals(self, motion: FloatArray, step: float, *, sharp: bool = False) -> Signals:
+        """What the next log would show, free of noise, for a motion (4, T); the direction turns at once if `sharp`."""
         q, v, a, _ = motion
         n, servo = self.numbers, self.context.drive == "position_servo"
         tau = self.load(q, a)
-        direction = np.tanh(v / (TURN_SPEED * max(n.speed, 1e-9)))
+        direction = np.sign(v) if sharp else np.tanh(v / (TURN_SPEED * max(n.speed, 1e-9)))
         pendulum = self.context.load == "pendulum"
         known = {
             "time": np.arange(q.size) * step,
@@ -138,11 +145,15 @@ def _travel(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
     return np.asarray(np.abs(q - (q - back)[start]))
 
 
-def _sliding(joint: DesignJoint, signals: Signals, step: float) -> FloatArray:
-    """(T,) weight of each sample: 1 where a diagnosis takes it, 0 near reversals, with a smooth passage."""
-    slow = max(joint.slowest, SLOW * joint.numbers.speed)
-    speed, travel = signals.velocity**2, signals.travel**2
-    moving = speed / (speed + slow**2) * travel / (travel + LEAST_TRAVEL[joint.context.joint_type] ** 2)
+def _sliding(joint: DesignJoint, signals: Signals, step: float, *, sharp: bool) -> FloatArray:
+    """(T,) weight: 1 where a diagnosis takes the sample, 0 near reversals, with a smooth passage unless `sharp`."""
+    least = LEAST_TRAVEL[joint.context.joint_type]
+    if sharp:
+        moving = ((np.abs(signals.velocity) > joint.slowest) & (signals.travel > least)).astype(float)
+    else:
+        slow = max(joint.slowest, SLOW * joint.numbers.speed)
+        speed, travel = signals.velocity**2, signals.travel**2
+        moving = speed / (speed + slow**2) * travel / (travel + least**2)
     reach = max(1, round(REACH * joint.final_width / step))
     return np.asarray(minimum_filter1d(moving, 2 * reach + 1, mode="nearest"))
 
@@ -228,14 +239,16 @@ class MotionColumns:
     another one the first and the last half second take no part.
     """
 
-    def __init__(self, joint: DesignJoint, motion: FloatArray, step: float, *, periodic: bool = True) -> None:
-        """Columns of the motion (4, T) sampled every `step` [s]."""
+    def __init__(
+        self, joint: DesignJoint, motion: FloatArray, step: float, *, periodic: bool = True, sharp: bool = False
+    ) -> None:
+        """Columns of the motion (4, T) sampled every `step` [s]; rows and friction as in a diagnosis if `sharp`."""
         self.joint, self.step, self._periodic = joint, step, periodic
         self.seconds = motion.shape[1] * step
         self._size = motion.shape[1]
-        self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step)
+        self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step, sharp=sharp)
         self._gain = _filter_gain(joint.kernel_width, joint.final_width, step, self._size)
-        self.weight = _sliding(joint, self._signals, step)[-self._size :]
+        self.weight = _sliding(joint, self._signals, step, sharp=sharp)[-self._size :]
         if not periodic:
             edge = round(EDGE / step)
             self.weight[:edge] = self.weight[-edge:] = 0.0

@@ -51,6 +51,9 @@ def joint_from_logs(
     moving = max(float(np.count_nonzero(samples.moving)) * s.period, 1e-9)
     inertia, gravity, zero, constant = _load(prepared, rig_used, joint)
     declared = tuple(Term(t.effect, t.shape) for t in prepared.terms)
+    torque, damping = found.numbers.torque, servo_damping(rig, joint, found.numbers.gain)
+    if damping > 0.0:
+        torque = float(np.max(np.abs(s.effort[rows] / found.numbers.gain - damping * s.velocity[rows])))
     made = DesignJoint(
         name=joint,
         numbers=found.numbers,
@@ -69,6 +72,7 @@ def joint_from_logs(
         floor=found.noise.floor,
         resolution=samples.resolution,
         gain_held=prepared.train.declared_gain is not None,
+        servo_damping=damping,
     )
     made = made if model is None else with_model(made, model)
     low, high = prepared.context.position_span
@@ -76,10 +80,16 @@ def joint_from_logs(
         position=(low, high),
         velocity=float(np.percentile(np.abs(s.velocity[rows]), 99.9)),
         acceleration=float(np.percentile(np.abs(s.acceleration[rows]), 99.9)),
-        torque=1.05 * found.numbers.torque,
+        torque=1.05 * torque,
         units=prepared.context.units,
     )
     return made, limits, prepared
+
+
+def servo_damping(rig: Rig, joint: str, gain: float) -> float:
+    """Damping of a position servo [N m s/rad],  K_0 D/K: its gain 1/K multiplies the damped error."""
+    damping = rig.derivative_gain.get(joint)
+    return 0.0 if damping is None else rig.drive_gain[joint] * damping / gain
 
 
 def _load(prepared: Prepared, rig: Rig, joint: str) -> tuple[float, float, float, float]:
@@ -173,6 +183,7 @@ def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLi
         slowest=0.005 * limits.velocity,
         kernel_width=0.02,
         final_width=0.02,
+        servo_damping=servo_damping(rig, joint, model.drive.gain),
     )
     return with_model(made, model)
 

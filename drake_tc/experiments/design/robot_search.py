@@ -11,10 +11,10 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.collisions import Collisions
+from drake_tc.experiments.design.default_motion import DEFAULT_HZ
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import InformationCriterion
 from drake_tc.experiments.design.robot_goal import RobotGoal
-from drake_tc.experiments.design.run import DEFAULT_HZ
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray

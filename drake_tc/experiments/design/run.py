@@ -9,6 +9,7 @@ from scipy.interpolate import BPoly
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
+from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.found_sizes import found_from
 from drake_tc.experiments.design.goal import Goal, criterion_of
@@ -19,7 +20,6 @@ from drake_tc.experiments.design.noise import measured_as
 from drake_tc.experiments.design.solve import Optimum, optimise
 from drake_tc.experiments.design.tracking import tracking_warning
 from drake_tc.experiments.design.wider import what_limits
-from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -35,8 +35,6 @@ REFIT = (
     "Give the new run as --log and the earlier ones as --holdout. If they were fitted together, the earlier runs alone "
     "would also have to predict the new run, and their bias could make the diagnosis withdraw the true effect."
 )
-DEFAULT_HZ = 0.4
-"""Frequency of the growing sinusoid with which a design is compared [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +153,7 @@ def design_joint(
     """
     limits.require_resolved(joint.slowest, joint.name)
     logged, joint = joint, joint_within(joint, limits)
-    fill = default_motion(limits, options.duration, FINE)
+    fill = default_motion(joint, limits, options.duration, FINE)
     if goal.kind == "tell":
         joint = measured_as(joint, fill, FINE)
     criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
@@ -173,8 +171,8 @@ def design_joint(
     )
     motion = basis.motion(found.x)
     own = measured_as(joint, motion, basis.step) if goal.kind == "tell" else joint
-    designed = MotionColumns(own, motion, basis.step)
-    default = MotionColumns(joint, fill, FINE, periodic=False)
+    designed = MotionColumns(own, motion, basis.step, sharp=True)
+    default = MotionColumns(joint, fill, FINE, periodic=False, sharp=True)
     before = None if logs is None else LogColumns(logged, logs.train)
     expected, sentences = _expected(criterion, before, default, designed)
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
@@ -191,17 +189,6 @@ def joint_within(joint: DesignJoint, limits: JointLimits) -> DesignJoint:
     """
     wide = replace(joint.context, position_span=limits.position, max_speed=limits.velocity)
     return replace(joint, context=wide)
-
-
-def default_motion(limits: JointLimits, duration: float, step: float = STEP) -> FloatArray:
-    """(4, T) growing sinusoid of the same length and limits, which fills them at its end."""
-    time: FloatArray = np.asarray(np.arange(round(duration / step)) * step, dtype=np.float64)
-    low, high = limits.position
-    bounds = MotionLimits(limits.position, limits.velocity, limits.acceleration)
-    half = 0.5 * (high - low)
-    made = growing_sinusoid(time, DEFAULT_HZ, 0.05 * half, 0.95 * half / duration, bounds, 0.5 * (low + high))
-    jerk = np.gradient(made.acceleration, step)
-    return np.stack([made.position, made.velocity, made.acceleration, jerk])
 
 
 def _expected(
@@ -238,7 +225,7 @@ def _of_discrimination(
     )
     text = f"The designed motion distinguishes {names} with a probability of {100.0 * rows[0].after:.0f} %"
     text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
-    more = [] if before is None else [REFIT]
+    more = [] if before is None or rows[0].after < TOLD else [REFIT]
     more += [
         f"Where {truth} alone is the cause, no motion rules {other} out, which is the same function while the joint "
         f"slides: {proof}."
@@ -281,7 +268,7 @@ def _of_everything(
     given = ((before, None if before is None else before.seconds), (default, None), (designed, None))
     rows, shown = [], [0, 0, 0]
     for form in criterion.forms:
-        sizes = [np.nan if c is None else found_from(form, c, criterion.noise(seconds)) for c, seconds in given]
+        sizes = [np.nan if c is None else found_from(form, c, criterion.noise(c.joint, each)) for c, each in given]
         word = "largest" if form.size.falling else "smallest"
         rows.append(Expected(f"{word} {form.effect.key} that is found", form.size.unit, *sizes))
         for i, size in enumerate(sizes):

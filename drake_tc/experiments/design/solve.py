@@ -1,6 +1,6 @@
 """The best motion of a criterion within limits, by Drake's MathematicalProgram from several starts.
 
-    max_x f(x)   s.t.   q_low <= P x <= q_high, |V x| <= v, |A x| <= a, |J x| <= j, |y(x)|/K <= torque  at samples
+    max_x f(x)   s.t.   q_low <= P x <= q_high, |V x| <= v, |A x| <= a, |J x| <= j, |y(x)/K - D V x| <= tau  at samples
 
 Linear constraints but the last. The gradient of f is a forward difference: f is a function of a few tens of numbers.
 """
@@ -26,6 +26,8 @@ MARGIN = 0.01
 """Share by which the limits are narrowed, for what the motion does between two constrained samples."""
 RANDOM_STARTS = 16
 """Random motions among which the best are taken as starts."""
+SHARES = (1.0, 0.3, 0.1)
+"""Sizes of single waves among the starts, over what the limits allow: effects of small speeds need slow motions."""
 DIFFERENCE = 1e-3
 """Step of the forward difference, as a share of the amplitude that the limits allow each function."""
 
@@ -80,6 +82,9 @@ def optimise(
     tight = limits.with_margin(MARGIN)
 
     def value(x: FloatArray) -> float:
+        return sharp_value(joint, criterion, basis, x)
+
+    def smooth(x: FloatArray) -> float:
         return criterion.value(MotionColumns(joint, basis.motion(x), basis.step))
 
     tried = []
@@ -91,7 +96,7 @@ def optimise(
     tried.sort(key=lambda pair: -pair[0])
     best, solved, name = tried[0], 0, ""
     for number, (_, start) in enumerate(tried[:starts]):
-        x, ended, name = _solve(joint, basis, tight, value, start, iterations)
+        x, ended, name = _solve(joint, basis, tight, smooth, start, iterations)
         solved += ended
         x = within(joint, basis, tight, x)
         found = value(x)
@@ -99,6 +104,12 @@ def optimise(
             best = (found, x)
         progress(f"start {number + 1} of {starts}", 0.2 + 0.8 * (number + 1) / starts)
     return Optimum(best[1], best[0], tried[0][0], name, starts, solved)
+
+
+def sharp_value(joint: DesignJoint, criterion: Criterion, basis: MotionBasis, x: FloatArray) -> float:
+    """Of a criterion with the rows and the friction of a diagnosis; minus infinity for a motion without such rows."""
+    columns = MotionColumns(joint, basis.motion(x), basis.step, sharp=True)
+    return criterion.value(columns) if columns.weight.any() else -np.inf
 
 
 def random_start(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, rng: np.random.Generator) -> FloatArray:
@@ -114,12 +125,18 @@ def random_start(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, rn
 
 
 def single_waves(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) -> list[FloatArray]:
-    """A sinusoid of each frequency about the middle, as large as the limits allow; none for B-splines."""
+    """A sinusoid of each frequency about the middle, as large as the limits allow and smaller ones, which are slower.
+
+    None for B-splines.
+    """
     if basis.kind != "fourier":
         return []
     low, high = limits.position
     waves = np.eye(basis.size)[basis.size // 2 + 1 :] * 0.5 * (high - low) / basis.scale[basis.size // 2 + 1 :, None]
-    return [within(joint, basis, limits, _centred(basis, wave, 0.5 * (low + high))) for wave in waves]
+    middle = 0.5 * (low + high)
+    largest = [within(joint, basis, limits, _centred(basis, wave, middle)) for wave in waves]
+    rest = middle * _constant(basis)
+    return [rest + share * (wave - rest) for share in SHARES for wave in largest]
 
 
 def _constant(basis: MotionBasis) -> FloatArray:
@@ -159,7 +176,7 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
     share = min([1.0, *(room / size for room, size in rooms if size > 0.0)])
     for _ in range(60):
         motion = basis.motion(mean * one + share * swing)
-        torque = np.abs(joint.signals(motion, basis.step).effort) / joint.numbers.gain
+        torque = np.abs(joint.motor_torque(motion, basis.step))
         if float(torque.max()) <= limits.torque * (1.0 + 1e-9):
             return np.asarray(mean * one + share * swing)
         share *= 0.93
@@ -215,12 +232,12 @@ def _add_limits(program: Any, basis: MotionBasis, limits: JointLimits, x: Any) -
 
 
 def _add_torque(program: Any, joint: DesignJoint, basis: MotionBasis, torque: float, x: Any) -> None:
-    """|y|/K at a hundred samples, with the exact slopes by position, velocity and acceleration at each."""
+    """|torque of the motor| at a hundred samples, with the slopes by position, velocity and acceleration at each."""
     at = np.linspace(0, basis.matrices.shape[1] - 1, 100).astype(int)
     rows = basis.matrices[:, at]
 
     def effort(motion: FloatArray) -> FloatArray:
-        return joint.signals(motion, basis.step).effort / (joint.numbers.gain * torque)
+        return joint.motor_torque(motion, basis.step) / torque
 
     def values(point: Any) -> Any:
         if point.dtype != object:

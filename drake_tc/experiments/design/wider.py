@@ -7,9 +7,9 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.criteria import Criterion
-from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
+from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.solve import random_start, single_waves
+from drake_tc.experiments.design.solve import random_start, sharp_value, single_waves
 
 TRIES = 8
 """Random motions within each set of limits."""
@@ -43,7 +43,10 @@ def what_limits(joint: DesignJoint, limits: JointLimits, criterion: Criterion, b
     gains = {name: _best(joint, each, criterion, basis, seed) - before for name, each in wider.items()}
     name, gain = max(gains.items(), key=lambda pair: pair[1])
     if not gain > np.log(1.2):
-        return "Twice as wide limits would not bring the two much further apart; a longer experiment would."
+        return (
+            "Twice as wide limits would not bring the two much further apart; the distance grows with the square root "
+            "of the length of the experiment."
+        )
     return (
         f"The limits, and not the search, keep the two close: of all limits, doubling {name} helps most and makes the "
         f"distance {float(np.exp(0.5 * gain)):.2g} times as large."
@@ -59,7 +62,7 @@ def _best(joint: DesignJoint, limits: JointLimits, criterion: Criterion, basis: 
     try:
         motions = [random_start(joint, own, limits, rng) for _ in range(TRIES)] + single_waves(joint, own, limits)
         for x in motions:
-            found = max(found, criterion.value(MotionColumns(joint, own.motion(x), own.step)))
+            found = max(found, sharp_value(joint, criterion, own, x))
     except ParamsError:
         pass
     return found

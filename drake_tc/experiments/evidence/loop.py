@@ -19,10 +19,11 @@ from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError
+from drake_tc.experiments.design.default_motion import DEFAULT_HZ
 from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.run import DEFAULT_HZ, TOLD, DesignOptions, design_joint
+from drake_tc.experiments.design.run import TOLD, DesignOptions, design_joint
 from drake_tc.experiments.evidence.pairs import JOINT, Pair, drawn_joint
 from drake_tc.experiments.rehearsal.twin import SimulatedJoint
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock

@@ -1,0 +1,111 @@
+"""What a design states of a motion: with the friction and rows of a diagnosis, beside a sinusoid within all limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import effect
+from drake_tc.experiments.design.default_motion import default_motion
+from drake_tc.experiments.design.goal import parse_goal
+from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
+from drake_tc.experiments.design.known import joint_from_logs
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.run import DesignOptions, design_joint
+from drake_tc.experiments.sizes import JointNumbers
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import load_rig
+
+LIMITS = JointLimits((-0.6, 0.4), 1.5, 8.0, jerk=200.0, torque=25.0)
+STEP = 5e-3
+
+
+@pytest.fixture(scope="module")
+def joint() -> DesignJoint:
+    numbers = JointNumbers(
+        gain=0.01, viscous=1.0, coulomb=1.5, inertia=0.5, torque=25.0, effort=0.25, speed=2.5, span=1.6
+    )
+    context = Context(
+        drive="position_servo",
+        load="torque",
+        recorded=frozenset(),
+        declared={"rotor_inertia": 0.2},
+        max_speed=2.5,
+        position_span=(-0.8, 0.8),
+        effort_span=(-0.25, 0.25),
+        period=2e-3,
+        torque_span=(-10.0, 10.0),
+        duration=30.0,
+    )
+    declared = (Term(effect("viscous")), Term(effect("coulomb")))
+    return DesignJoint("joint", numbers, context, 0.2, 0.3, 7.0, 0.0, 0.0, declared, 0.01, 40.0, 5e-3, 0.02, 0.02)
+
+
+def balance(motion):
+    """Torque of the motor (T,) of `joint` [N m]."""
+    q, v, a, _ = motion
+    return 0.5 * a + 1.0 * v + 1.5 * np.tanh(v / 0.1) + 7.0 * np.sin(q)
+
+
+@pytest.mark.parametrize(("torque", "jerk"), [(3.5, 200.0), (25.0, 4.0)])
+def test_the_sinusoid_beside_a_design_keeps_torque_and_jerk_and_is_not_much_smaller(joint, torque, jerk):
+    limits = replace(LIMITS, torque=torque, jerk=jerk)
+    motion, free = (default_motion(joint, each, 30.0, STEP) for each in (limits, LIMITS))
+    used = max(np.abs(balance(motion)).max() / torque, np.abs(np.gradient(motion[2], STEP)).max() / jerk)
+    assert 0.9 < used <= 1.0
+    assert np.ptp(motion[0]) < np.ptp(free[0])
+    assert_allclose(np.abs(free[0] + 0.1).max(), 0.5, rtol=0.05)  # about the middle, up to the limits
+
+
+def test_the_damping_of_a_servo_is_no_torque_of_its_motor(joint):
+    damped = replace(joint, numbers=replace(joint.numbers, viscous=21.0), servo_damping=20.0)
+    q = 0.3 * np.sin(np.arange(0.0, 10.0, STEP))
+    motion = np.stack([q, np.gradient(q, STEP), np.gradient(np.gradient(q, STEP), STEP), 0.0 * q])
+    assert_allclose(damped.motor_torque(motion, STEP), balance(motion), atol=1e-12)
+    # Without the declaration the motor would have to push against 20 N m s/rad within 10 N m.
+    limits = replace(LIMITS, torque=10.0)
+    options = DesignOptions(duration=10.0, starts=1, iterations=4)
+    known, unknown = (
+        design_joint(each, limits, parse_goal("parameters"), options)
+        for each in (damped, replace(damped, servo_damping=0.0))
+    )
+    speeds = [np.abs(d.basis.motion(d.optimum.x)[1]).max() for d in (known, unknown)]
+    assert speeds[0] > 1.5 * speeds[1]
+    assert np.abs(balance(known.basis.motion(known.optimum.x))).max() <= 10.0
+
+
+def test_the_damping_that_a_rig_declares_is_that_of_the_fitted_gain(demo, tmp_path):
+    rig = load_rig(demo[0])
+    (name,) = rig.joints
+    stated = replace(rig, drive_gain={name: 2e-4}, derivative_gain={name: 15.0})
+    runs = load_runs(demo[1], stated)
+    known, limits, _ = joint_from_logs(stated, runs, name)
+    assert_allclose(known.servo_damping, 2e-4 * 15.0 / known.numbers.gain, rtol=1e-12)
+    plain = joint_from_logs(rig, runs, name)[1]
+    assert 0.5 * plain.torque < limits.torque < 1.1 * plain.torque
+
+
+def test_columns_that_are_judged_have_the_rows_and_the_friction_of_a_diagnosis(joint):
+    time = np.arange(0.0, 10.0, STEP)
+    w, size = 2.0 * np.pi * 0.1, 0.06  # at most 0.038 rad/s, far below the 0.1 rad/s of the smooth direction
+    motion = size * np.stack([np.sin(w * time), w * np.cos(w * time), -(w**2) * np.sin(w * time), 0.0 * time])
+    smooth, sharp = (MotionColumns(joint, motion, STEP, sharp=each) for each in (False, True))
+    shape = {"stribeck_velocity": 0.02, "stribeck_exponent": 2.0}
+    exact = np.exp(-((motion[1] / 0.02) ** 2)) * np.sign(motion[1])
+    fast = np.abs(motion[1]) > 0.01
+    assert_allclose(sharp.of(Term(effect("stribeck"), shape))[fast, 0], exact[fast], atol=5e-3)
+    assert np.abs(smooth.of(Term(effect("stribeck"), shape))[fast, 0]).max() < 0.3
+    assert set(np.unique(sharp.weight)) == {0.0, 1.0}
+    assert (sharp.weight[fast] == 1.0).all() and (sharp.weight[np.abs(motion[1]) < 4.9e-3] == 0.0).all()
+
+
+def test_a_motion_for_friction_at_small_speeds_is_slow_and_tells_it(joint):
+    goal = parse_goal("tell:stribeck,load_dependent_friction")
+    noisy = replace(joint, noise=0.02)
+    design = design_joint(noisy, LIMITS, goal, DesignOptions(duration=30.0, starts=1, iterations=6))
+    chance = design.expected[0]
+    assert chance.after > 0.95 and chance.default < 0.05
+    assert np.mean(np.abs(design.basis.motion(design.optimum.x)[1]) < 0.1) > 0.1
