@@ -8,6 +8,9 @@ from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
+FOLLOWS = 0.7
+"""Correlation of position and torque of a servo that is moved from its goal, at least: friction hides up to half."""
+
 
 def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
     """Refuse a log in which no joint moves, or no moving joint's torque changes; note single joints of that kind.
@@ -60,13 +63,19 @@ def require_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
 def _moved_from_goal(raw: RawLog, rig: Rig, joint: str) -> bool:
     """Whether a servo holds a constant goal against a torque that the log tells, as that of a hand behind a sensor.
 
-    Its effort, the distance from the goal, then changes with the load. A load that is computed from the motion alone
-    lacks what moves the joint.
+    Its effort, the distance from the goal, then follows the load. If it does not, the servo followed another goal than
+    the recorded one. A load that is computed from the motion alone lacks what moves the joint.
     """
-    load = rig.load[joint]
-    measured = load == "torque" or (isinstance(load, RobotLoad) and load.method == "estimate")
-    servo = rig.drive[joint] == "position_servo"
-    return servo and measured and not _constant(raw.columns[f"{joint}/position"])
+    load, position = rig.load[joint], raw.columns[f"{joint}/position"]
+    if rig.drive[joint] != "position_servo" or _constant(position):
+        return False
+    if load != "torque":
+        return isinstance(load, RobotLoad) and load.method == "estimate"
+    torque = raw.columns[f"{joint}/torque"]
+    both = np.isfinite(position) & np.isfinite(torque)
+    if _constant(torque) or not both.any():
+        return False
+    return abs(float(np.corrcoef(position[both], torque[both])[0, 1])) >= FOLLOWS
 
 
 def _constant(values: FloatArray) -> bool:

@@ -73,6 +73,13 @@ def test_a_servo_that_is_moved_from_a_constant_goal_is_accepted_beside_a_torque_
     assert "Column joint/position_command is constant: this joint was not commanded." in notes
 
 
+def test_a_servo_whose_goal_was_not_recorded_is_refused_beside_a_torque_sensor(tmp_path, table):
+    """It moves, but not with the torque: its true goal moved it."""
+    moved = table["joint/position"] + np.linspace(0.0, 60.0, len(table)) % 1.3
+    table = table.assign(**{"joint/position_command": 0.25, "joint/position": moved})
+    assert "is constant (0.25) in all rows" in refusal(table, tmp_path / "run.csv")
+
+
 def test_empty_column(tmp_path, table):
     assert "holds no number at all" in refusal(table.assign(**{"joint/torque": np.nan}), tmp_path / "run.csv")
 
