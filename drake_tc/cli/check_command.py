@@ -1,6 +1,8 @@
 """`drake-tc check`: what logs can and cannot show, before anything is fitted."""
 
 import json
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,6 +51,9 @@ def check_command(
         print_check(result)
         if out is not None:
             print(out / FILES[0])
+        logs = [word for each in log for word in ("--log", str(each))]
+        fit = shlex.join(["drake-tc", "close-loop", "--rig", str(rig), *logs])
+        print(f"next: {fit} --holdout RUN --out FOLDER, with a run that is not among these", file=sys.stderr)
 
 
 def write_check(result: "CheckResult", folder: Path) -> None:

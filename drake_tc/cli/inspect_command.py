@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -48,8 +49,20 @@ def inspect_command(
             print(f"close-loop would refuse it: {problem}", file=sys.stderr)
     if rig is not None and not found.rig:
         raise LogError(f"{log}: no rig file was written: {found.notes[-1]}")
-    if rig is not None and not as_json:
-        print(rig)
+    if not as_json:
+        if rig is not None:
+            print(rig)
+        if found.rig:
+            print(_next(log, rig), file=sys.stderr)
+
+
+def _next(log: Path, rig: Path | None) -> str:
+    """What to run next."""
+    if rig is None:
+        again = shlex.join(["drake-tc", "inspect", str(log), "--rig", "rig.yaml"])
+        return f"next: {again} writes a rig file to start from"
+    check = shlex.join(["drake-tc", "check", "--rig", str(rig), "--log", str(log)])
+    return f"next: correct the guesses in the rig file, then {check}"
 
 
 def _print(found: "Inspection") -> None:
