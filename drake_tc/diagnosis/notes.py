@@ -94,6 +94,14 @@ class SizeByRotorInertia:
 
 
 @dataclass(frozen=True)
+class FarFromRotor:
+    """A payload, by title, whose inertia (or mass) is `ratio` times the declared rotor inertia."""
+
+    effect: str
+    ratio: float
+
+
+@dataclass(frozen=True)
 class LoadWithRotor:
     """Effects, by title, that depend on a load torque whose fitted inertia includes that of the rotor."""
 
@@ -249,6 +257,7 @@ ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 DriveNote = (
     GainOfTorqueDrive
     | SizeByRotorInertia
+    | FarFromRotor
     | LoadWithRotor
     | PayloadFromRatio
     | GainBesideEffects

@@ -13,6 +13,7 @@ from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecorde
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
     DriveNote,
+    FarFromRotor,
     FreeRunDiverges,
     FreeRunObstacle,
     GainBesideEffects,
@@ -167,6 +168,7 @@ NOTES = [
     (GainOfTorqueDrive(1.2, 1.15, 1.25), ["is 1.2 N*m of commanded torque", "interval 1.15 to 1.25)"]),
     (LoadWithRotor(("load-dependent friction",)), ["load-dependent friction depends on the torque that the gear"]),
     (LoadWithRotor(("a", "b")), ["The a and the b depend on the torque", "the parameters of these effects exceed"]),
+    (FarFromRotor("payload", 999.6), ["payload is 1e+03 times the declared rotor inertia", "N*mm", "gear ratio"]),
     (SizeByRotorInertia(("payload", "gain")), ["size of the payload and the gain rests on"]),
     (
         PayloadFromRatio(3.04, 5.21),

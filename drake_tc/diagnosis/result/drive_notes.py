@@ -7,6 +7,7 @@ from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.notes import (
     DriveNote,
+    FarFromRotor,
     GainBesideEffects,
     GainDeclaredWrong,
     GainOfTorqueDrive,
@@ -31,6 +32,8 @@ from drake_tc.diagnosis.timing_notes import (
 from drake_tc.effects.base import Context, DriveKind, Effect
 from drake_tc.effects.effort_bias import EffortBias
 from drake_tc.effects.library import effect
+from drake_tc.effects.payload import Payload
+from drake_tc.effects.sliding_payload import SlidingPayload
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
 
@@ -52,6 +55,9 @@ ZERO_OF_DATA_SHEETS = 0.03
 
 (Allegro ACS712, a Hall sensor: total output error of 1.5 % at 25 deg C, and as much again over temperature.)
 """
+FAR_FROM_ROTOR = 30.0
+"""Inertia of a payload over the declared one of the rotor from which on a unit may be wrong: below the factors of N*mm
+(1000) and of an inertia on the motor's side (the gear ratio squared), above what loads usually are."""
 Parameters = Mapping[str, Mapping[str, Estimate]]
 
 
@@ -64,7 +70,8 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
         found: Parameters of the final model, by effect.
         fitted_gain: K of the final fit [effort/(N m)], an error of the declared gain included.
     """
-    load: tuple[DriveNote, ...] = (*_payload(rig, joint, found), *_with_rotor(rig, joint, found))
+    far = _far_from_rotor(rig, joint, found)
+    load: tuple[DriveNote, ...] = (*far, *_payload(rig, joint, found), *_with_rotor(rig, joint, found))
     if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
         return (*_torque_scale(found["drive"]["gain"]), *load)
     notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *load)
@@ -184,6 +191,18 @@ def _other_gain(found: Parameters, declared: float | None, drive: DriveKind) -> 
     if declared is None or not scaling or abs(gain / declared - 1.0) < NEAR_ONE:
         return ()
     return (GainBesideEffects(tuple(member.title for member in scaling), drive, gain, declared),)
+
+
+def _far_from_rotor(rig: Rig, joint: str, found: Parameters) -> tuple[FarFromRotor, ...]:
+    """A payload that is so large beside the declared rotor inertia that the two may have different units."""
+    rotor = rig.known(joint, "rotor_inertia")
+    out = []
+    for key, values in found.items():
+        member = effect(key) if key != "drive" else None
+        if rotor > 0.0 and isinstance(member, Payload | SlidingPayload) and member.inertia_parameter in values:
+            ratio = values[member.inertia_parameter].value / rotor
+            out += [FarFromRotor(member.title, ratio)] if ratio >= FAR_FROM_ROTOR else []
+    return tuple(out)
 
 
 def _payload(rig: Rig, joint: str, found: Parameters) -> tuple[PayloadFromRatio, ...]:

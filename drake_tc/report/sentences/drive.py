@@ -5,6 +5,7 @@ from typing import assert_never
 
 from drake_tc.diagnosis.notes import (
     DriveNote,
+    FarFromRotor,
     GainBesideEffects,
     GainDeclaredWrong,
     GainOfTorqueDrive,
@@ -44,7 +45,13 @@ EFFORTS: Mapping[DriveKind, str] = {
 """The same of several joints."""
 
 _Gain = (
-    GainOfTorqueDrive | SizeByRotorInertia | LoadWithRotor | PayloadFromRatio | GainBesideEffects | GainDeclaredWrong
+    GainOfTorqueDrive
+    | SizeByRotorInertia
+    | FarFromRotor
+    | LoadWithRotor
+    | PayloadFromRatio
+    | GainBesideEffects
+    | GainDeclaredWrong
 )
 
 
@@ -150,6 +157,12 @@ def _gain_sentence(note: _Gain) -> str:
                 f"The size of the {' and the '.join(effects)} rests on the declared rotor_inertia, which alone fixes "
                 "the scale of the torques where no drive gain is declared: a wrong rotor_inertia would look the same. "
                 "Declare drive_gain to have it checked."
+            )
+        case FarFromRotor(title, ratio):
+            return (
+                f"The inertia of the {title} is {ratio:.3g} times the declared rotor inertia. If the link carries no "
+                "such load, the units disagree: a torque in N*mm makes it 1000 times as large (state it under "
+                "units), and a rotor inertia on the motor's side has to be multiplied by the square of the gear ratio."
             )
         case LoadWithRotor(effects):
             depend = "depends" if len(effects) == 1 else "depend"

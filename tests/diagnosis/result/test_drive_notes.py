@@ -4,7 +4,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from drake_tc.diagnosis.notes import GainBesideEffects, LoadWithRotor, PayloadFromRatio, SizeByRotorInertia
+from drake_tc.diagnosis.notes import (
+    FarFromRotor,
+    GainBesideEffects,
+    LoadWithRotor,
+    PayloadFromRatio,
+    SizeByRotorInertia,
+)
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.drive_notes import drive_notes, scale_alternatives, viscous_age_note
 from drake_tc.diagnosis.timing_notes import ViscousByAge
@@ -40,6 +46,18 @@ def test_what_scales_the_torques_alone_says_what_its_size_rests_on() -> None:
     rig = parse_rig({"joint": "joint", "drive": "position_servo"})
     notes = drive_notes(rig, "joint", found(0.1, "viscous", "torque_sensor_gain"), 0.1)
     assert notes == (SizeByRotorInertia((effect("torque_sensor_gain").title,)),)
+
+
+@pytest.mark.parametrize(("inertia", "told"), [(199.8, True), (2.0, False)])
+@pytest.mark.parametrize("drive", [{"drive": "current"}, {"drive": "torque", "drive_gain": 1.0}])
+def test_a_payload_of_a_thousand_rotors_asks_for_the_units(drive: dict, inertia: float, told: bool) -> None:
+    """A torque in N*mm that is taken for N*m: the rotor of 0.2 kg m^2 has a thousandth of the inertia that is seen."""
+    rig = parse_rig({"joint": "joint", "declared": {"rotor_inertia": 0.2}, **drive})
+    parameters = {name: Estimate(value, "", (value, value), False) for name, value in (("payload_inertia", inertia),)}
+    notes = drive_notes(rig, "joint", found(1.0) | {"payload": parameters}, 1.0)
+    assert [note for note in notes if isinstance(note, FarFromRotor)] == (
+        [FarFromRotor("payload", pytest.approx(999.0))] if told else []
+    )
 
 
 @pytest.mark.parametrize(
