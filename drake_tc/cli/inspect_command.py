@@ -14,7 +14,7 @@ from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
-from drake_tc.config.utf8_names import utf8_name
+from drake_tc.config.utf8_names import utf8_name, utf8_text
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ def inspect_command(
 def _next(log: Path, rig: Path | None) -> str:
     """What to run next."""
     if rig is None:
-        again = shlex.join(["drake-tc", "inspect", str(log), "--rig", "rig.yaml"])
+        again = shlex.join(["drake-tc", "inspect", utf8_text(str(log)), "--rig", "rig.yaml"])
         return f"next: {again} writes a rig file to start from"
-    check = shlex.join(["drake-tc", "check", "--rig", str(rig), "--log", str(log)])
+    check = shlex.join(["drake-tc", "check", "--rig", utf8_text(str(rig)), "--log", utf8_text(str(log))])
     return f"next: correct the guesses in the rig file, then {check}"
 
 
