@@ -64,7 +64,7 @@ def evaluated(each: Case, code: int, out: str, err: str, folder: Path) -> list[s
         if out and not out.startswith("{"):
             wrong.append("stdout of a refusal")
         wrong += _line(ours[-1], each, folder) if ours else []
-    said = ("drake-tc: ", "reading ", each.arguments[0] if each.arguments else "-")
+    said = ("drake-tc: ", "reading ", "next: ", each.arguments[0] if each.arguments else "-")
     wrong += [f"line on stderr: {line[:200]}" for line in lines if not line.startswith(said)]
     if re.search(r"Warning|Traceback", err):
         wrong.append("a warning or traceback on stderr")
