@@ -1,18 +1,16 @@
 """`drake-tc check`: what logs can and cannot show, before anything is fitted."""
 
 import json
-import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from drake_tc.cli.next_command import command_line, say_next
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.utf8_names import utf8_text
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -52,9 +50,8 @@ def check_command(
         print_check(result)
         if out is not None:
             print(out / FILES[0])
-        logs = [word for each in log for word in ("--log", utf8_text(str(each)))]
-        fit = shlex.join(["drake-tc", "close-loop", "--rig", utf8_text(str(rig)), *logs])
-        print(f"next: {fit} --holdout RUN --out FOLDER, with a run that is not among these", file=sys.stderr)
+        fit = command_line("close-loop", "--rig", rig, *(word for each in log for word in ("--log", each)))
+        say_next(f"{fit} --holdout RUN --out FOLDER, with a run that is not among these")
 
 
 def write_check(result: "CheckResult", folder: Path) -> None:

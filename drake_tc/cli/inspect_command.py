@@ -2,7 +2,6 @@
 
 import json
 import math
-import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -10,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drake_tc.cli.next_command import command_line, say_next
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
-from drake_tc.config.utf8_names import utf8_name, utf8_text
+from drake_tc.config.utf8_names import utf8_name
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -53,16 +53,14 @@ def inspect_command(
         if rig is not None:
             print(rig)
         if found.rig:
-            print(_next(log, rig), file=sys.stderr)
+            say_next(_after(log, rig))
 
 
-def _next(log: Path, rig: Path | None) -> str:
-    """What to run next."""
+def _after(log: Path, rig: Path | None) -> str:
+    """What follows: writing a rig file, or checking what the logs can show with the one that was written."""
     if rig is None:
-        again = shlex.join(["drake-tc", "inspect", utf8_text(str(log)), "--rig", "rig.yaml"])
-        return f"next: {again} writes a rig file to start from"
-    check = shlex.join(["drake-tc", "check", "--rig", utf8_text(str(rig)), "--log", utf8_text(str(log))])
-    return f"next: correct the guesses in the rig file, then {check}"
+        return f"{command_line('inspect', log, '--rig', 'rig.yaml')} writes a rig file to start from"
+    return f"correct the guesses in the rig file, then {command_line('check', '--rig', rig, '--log', log)}"
 
 
 def _print(found: "Inspection") -> None:

@@ -95,7 +95,7 @@ class SizeByRotorInertia:
 
 @dataclass(frozen=True)
 class FarFromRotor:
-    """A payload, by title, whose inertia (or mass) is `ratio` times the declared rotor inertia."""
+    """A payload, by title, whose inertia is `ratio` times the declared rotor inertia."""
 
     effect: str
     ratio: float
@@ -254,7 +254,7 @@ class FreeRunDiverges:
 
 ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 """On what fixes the scale of the torques of an unknown load."""
-DriveNote = (
+GainNote = (
     GainOfTorqueDrive
     | SizeByRotorInertia
     | FarFromRotor
@@ -262,6 +262,10 @@ DriveNote = (
     | PayloadFromRatio
     | GainBesideEffects
     | GainDeclaredWrong
+)
+"""On the gain of a drive, and what else scales the torques."""
+DriveNote = (
+    GainNote
     | ZeroOfEffort
     | DelayBySampling
     | OlderEffort

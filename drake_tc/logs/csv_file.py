@@ -90,9 +90,9 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
     longer = [first[length] for length in lengths if length > expected]
     if longer:
         line = min(longer)
-        cells = next(length for length, at in first.items() if at == line)
+        count = next(length for length, at in first.items() if at == line)
         raise LogError(
-            f"{path}: line {line} has {cells} cells, and the header {width} names; expected one cell a column"
+            f"{path}: line {line} has {count} cells, and the header {width} names; expected one cell a column"
             " (a decimal comma, or a separator inside a text, makes two of one)"
         )
 

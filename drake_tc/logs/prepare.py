@@ -24,7 +24,7 @@ from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, l
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.several_clocks import on_rows_of_positions
+from drake_tc.logs.several_clocks import HELD, on_rows_of_positions
 from drake_tc.logs.signs import wrong_signs
 from drake_tc.logs.speed_only import require_alike, with_positions
 from drake_tc.logs.torque_unit import check_torque_unit
@@ -37,7 +37,6 @@ MOST_MISSING = 0.2
 SLOWEST_SAMPLES = 0.2
 """Period of a channel of the balance [s] beyond which its filters are longer than most strokes."""
 _SLOW = ("temperature", "supply_voltage", "position_gain")
-_HELD_BY_NATURE = ("position_command", "voltage")
 _MAY_FREEZE = ("torque", "position", "motor_position")
 
 
@@ -96,7 +95,7 @@ def _repair_channels(
     for name in list(columns):
         suffix = name.rsplit("/", 1)[-1]
         k = channels.hold_period(raw.time, columns[name]) if suffix not in _SLOW else 1.0
-        if k > 1.0 and suffix in _HELD_BY_NATURE:
+        if k > 1.0 and suffix in HELD:
             notes += (f"Column {name} changes every {k:.3g} rows only: a command that is held, left as it is.",)
         elif k > 1.0:
             columns[name] = channels.release_hold(raw.time, columns[name], k)

@@ -26,10 +26,7 @@ def encoder_of(channels: Channels, rig: Rig, position: FloatArray) -> tuple[floa
     step = channels.step("position") if declared.encoder_step is None else declared.encoder_step
     if declared.position_noise is not None:
         return step, max(float(np.hypot(declared.position_noise, step / np.sqrt(12.0))), LEAST_NOISE)
-    ratios = channels.ratios("position")
-    if max(ratios) > 1.0:
-        return step, max(interpolated_noise(position, step, channels.segments, ratios), LEAST_NOISE)
-    return step, max(sample_noise(position, step, channels.segments), LEAST_NOISE)
+    return step, max(_noise(channels, "position", position, step), LEAST_NOISE)
 
 
 def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
@@ -40,13 +37,13 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     unknown = unknown_form(load) is not None
     tells_load = unknown or (isinstance(load, RobotLoad) and load.fitted)
     if tells_load or rig.drive[channels.joint] != "position_servo":
-        effort_noise = _noise(channels, command)
+        effort_noise = _recorded_noise(channels, command)
     else:
         effort_noise = scatter(channels.raw(command), channels.segments)
     if declared.torque_noise is not None:
         torque_noise = 0.0 if unknown else declared.torque_noise
     elif not (unknown or isinstance(load, Pendulum)):
-        torque_noise = _noise(channels, "torque")
+        torque_noise = _recorded_noise(channels, "torque")
     alone = channels.speed_only
     kernel = light.kernels[0 if alone else 1]
     return Resolution(
@@ -64,9 +61,14 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     )
 
 
-def _noise(channels: Channels, name: str) -> float:
-    """Standard deviation of one sample of `<joint>/name`, as large as if the log's clock had sampled it."""
-    values, step, ratios = channels.raw(name), channels.step(name), channels.ratios(name)
+def _recorded_noise(channels: Channels, name: str) -> float:
+    """Standard deviation of one sample of `<joint>/name` as it was recorded."""
+    return _noise(channels, name, channels.raw(name), channels.step(name))
+
+
+def _noise(channels: Channels, name: str, values: FloatArray, step: float) -> float:
+    """Standard deviation of one sample of `<joint>/name` (T,), as large as if the log's clock had sampled it."""
+    ratios = channels.ratios(name)
     if max(ratios) > 1.0:
         return interpolated_noise(values, step, channels.segments, ratios)
     return sample_noise(values, step, channels.segments)

@@ -33,7 +33,6 @@ from drake_tc.effects.base import Context, DriveKind, Effect
 from drake_tc.effects.effort_bias import EffortBias
 from drake_tc.effects.library import effect
 from drake_tc.effects.payload import Payload
-from drake_tc.effects.sliding_payload import SlidingPayload
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
 
@@ -199,7 +198,7 @@ def _far_from_rotor(rig: Rig, joint: str, found: Parameters) -> tuple[FarFromRot
     out = []
     for key, values in found.items():
         member = effect(key) if key != "drive" else None
-        if rotor > 0.0 and isinstance(member, Payload | SlidingPayload) and member.inertia_parameter in values:
+        if rotor > 0.0 and isinstance(member, Payload) and member.inertia_parameter in values:
             ratio = values[member.inertia_parameter].value / rotor
             out += [FarFromRotor(member.title, ratio)] if ratio >= FAR_FROM_ROTOR else []
     return tuple(out)

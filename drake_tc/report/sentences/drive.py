@@ -8,6 +8,7 @@ from drake_tc.diagnosis.notes import (
     FarFromRotor,
     GainBesideEffects,
     GainDeclaredWrong,
+    GainNote,
     GainOfTorqueDrive,
     LoadWithRotor,
     PayloadFromRatio,
@@ -43,16 +44,6 @@ EFFORTS: Mapping[DriveKind, str] = {
     "torque": "torques of the drives",
 }
 """The same of several joints."""
-
-_Gain = (
-    GainOfTorqueDrive
-    | SizeByRotorInertia
-    | FarFromRotor
-    | LoadWithRotor
-    | PayloadFromRatio
-    | GainBesideEffects
-    | GainDeclaredWrong
-)
 
 
 def drive_sentence(note: DriveNote) -> str:
@@ -144,7 +135,7 @@ def drive_sentence(note: DriveNote) -> str:
             return _gain_sentence(note)
 
 
-def _gain_sentence(note: _Gain) -> str:
+def _gain_sentence(note: GainNote) -> str:
     match note:
         case GainOfTorqueDrive(gain, low, high):
             return (
