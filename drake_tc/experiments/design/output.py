@@ -203,5 +203,6 @@ def _plot_of(motion: FloatArray, step: float, limits: JointLimits, joint: str, n
             for bound in bounds:
                 axes.axhline(bound, color=BACKWARD, linewidth=0.8, linestyle="--")
             axes.set_ylabel(label)
+            axes.tick_params(labelbottom=row == len(labels) - 1)
         axes.set_xlabel("time [s], one period")
         return to_svg(figure, f"designed motion of {joint}")
