@@ -6,6 +6,7 @@ a viscous friction that is too large by K T/2, and a delay of T/2. Free runs hol
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_taken_off
 from drake_tc.diagnosis.selection.comparison import better_share
-from drake_tc.diagnosis.thresholds import HELD_CERTAIN, HELD_FROM_PERIOD
+from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, HELD_CERTAIN, HELD_FROM_PERIOD
 from drake_tc.effects.base import Effect
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
@@ -29,10 +30,13 @@ def command_is_held(
     """As the rig file states; else true of a position servo on a slow clock whose training runs say so.
 
     They say so where the declared model, with a rotor inertia, leaves a smaller error in 90 % of the block resamples
-    when the command is taken to hold.
+    when the command is taken to hold. What counts are the rows that lie alike on both sides of a reversal: friction
+    that turns over within a small speed looks like an older command in the others. A log of few reversals has few such
+    rows. Where more than half of their resamples, but fewer than 90 %, speak for a held command, all rows decide, and
+    98 % of their resamples must.
 
     Args:
-        build: Makes the training samples; takes `effort_age`.
+        build: Makes the training samples; takes `effort_age` and `both_sides`.
         rig: Says drive and load.
         joint: Which joint.
         link_prior: Of the links' columns; None where there are none.
@@ -43,7 +47,13 @@ def command_is_held(
     load = rig.load[joint]
     if isinstance(load, RobotLoad) and load.fitted and link_prior is None:
         return bool(build().signals.period >= HELD_FROM_PERIOD)  # the load is not yet fitted
-    return speaks_for_hold([drop_by_hold(build, rig, joint, link_prior, loads)])
+    alike = drop_by_hold(partial(build, both_sides=True), rig, joint, link_prior, loads)
+    if alike.size == 0:
+        return False
+    share = better_share(alike)
+    if 0.5 < share < HELD_CERTAIN:
+        return better_share(drop_by_hold(build, rig, joint, link_prior, loads)) >= CERTAINLY_BETTER
+    return share >= HELD_CERTAIN
 
 
 def speaks_for_hold(drops: Sequence[FloatArray]) -> bool:

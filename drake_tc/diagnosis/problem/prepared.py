@@ -146,7 +146,7 @@ def prepare_joint(
     )
     servo = rig.drive[joint] == "position_servo"
     if command_held is None or not servo:
-        command_held = command_is_held(partial(build, train_runs, both_sides=True), rig, joint, link_prior, loads)
+        command_held = command_is_held(partial(build, train_runs), rig, joint, link_prior, loads)
     held_for = HELD if command_held else 0.0
     build = partial(build, effort_age=held_for + sampled_late, both_sides=both_sides)
     train, held = _samples(build, train_runs, held_runs)

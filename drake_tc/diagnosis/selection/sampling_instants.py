@@ -5,15 +5,16 @@ acts is T/2 older than the sample. A torque sensor that is read at the end of th
 of it, which adds up to T/2. A log does not tell how its columns lie within one period, so a delay or lag of up to
 
     0.6 T of an effort that may be held (a tenth for jitter), T beside a torque sensor,
-    T/2 beyond the hold of a position servo's command, beside a torque sensor
+    T/2 beyond the hold of a position servo's command, unless the rig file states the hold and there is no torque sensor
     T/2 of a position servo's command that was not taken to be held, on a slow clock
 
 is taken for the age of the recorded effort and no cause is named, unless the rig file says that the samples are points
-of a continuous curve. The half period of an effort that is stated to be held is already in the fit. A command that is
-held and recorded a time s after it was written acts T/2 - s later than a continuous one. Where no delay was found, the
-effort is taken to be older if the model then fits better in 90 % of the block resamples: half a period that is not
-taken into account biases friction and inertia, and other effects imitate it. For a position servo this is tried on a
-slow clock only, and between the ages 0 and T/2, of which one was already chosen.
+of a continuous curve. The half period of an effort that is stated to be held is already in the fit. A goal that is
+recorded before it is written acts up to T/2 later than a held one, and a goal that is recorded a time s after it was
+written acts T/2 - s later than a continuous one. Where no delay was found, the effort is taken to be older if the model
+then fits better in 90 % of the block resamples: half a period that is not taken into account biases friction and
+inertia, and other effects imitate it. For a position servo this is tried on a slow clock only, and between the ages 0
+and T/2, of which one was already chosen.
 Joints whose links are fitted are left out: a delay of theirs is sought for all joints together.
 """
 
@@ -47,7 +48,7 @@ def most_of_sampling(stated: bool | None, context: Context, samples: Samples) ->
     sensor = context.load == "torque"
     if context.drive == "position_servo":
         if samples.effort_age == HELD:
-            return BESIDE_TORQUE_SENSOR - HELD if sensor else 0.0
+            return HELD if sensor or (stated is None and context.load != "links") else 0.0
         return HELD - samples.effort_age if samples.signals.period >= HELD_FROM_PERIOD else 0.0
     if context.load == "links":
         return 0.0

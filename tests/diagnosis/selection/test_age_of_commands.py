@@ -1,5 +1,9 @@
-"""Goals that are written and held once a cycle, and logged some time after they were written: no delay is named."""
+"""Goals that are written and held once a cycle and logged some time before or after that: no delay is named.
 
+A servo whose own delay is longer than half a cycle keeps it.
+"""
+
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,8 +12,9 @@ import pytest
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples
-from drake_tc.diagnosis.timing_notes import OlderEffort
+from drake_tc.diagnosis.timing_notes import LateCommand, OlderEffort
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
@@ -36,11 +41,13 @@ RIG: Rig = parse_rig(
 )
 
 
-def run(shift: float) -> Run:
-    """One run, logged a fifth of a cycle after each goal was written."""
+def run(shift: float, after: int = 1) -> Run:
+    """One run, logged `after` fifths of a cycle after each goal was written; negative: before."""
     goals = np.repeat(sines(LOGGED.times(), WAVES, shift)[0], PARTS)
-    position = SERVO.encoder(simulated(SERVO, goals), np.random.default_rng(round(100 * shift)))
-    columns = {f"{JOINT}/position": position[1::PARTS], f"{JOINT}/position_command": goals[1::PARTS]}
+    acting = np.concatenate([np.full(max(-after, 0), goals[0]), goals])[: goals.size]
+    position = SERVO.encoder(simulated(SERVO, acting), np.random.default_rng(round(100 * shift)))
+    first = max(after, 0)
+    columns = {f"{JOINT}/position": position[first::PARTS], f"{JOINT}/position_command": goals[first::PARTS]}
     return LOGGED.run(f"run{shift}", columns)
 
 
@@ -66,3 +73,32 @@ def test_the_age_of_the_goal_is_found_beside_any_model(runs):
     assert older is not None
     assert older.train.samples.effort_age * CYCLE == pytest.approx(AGE, abs=4e-4)
     assert age_of_samples(False, prepare, plain, plain.terms) is None
+
+
+def test_a_goal_that_is_logged_before_it_is_written_is_no_delay():
+    """Two fifths of a cycle before: the goal that acts is 0.9 cycles older than the recorded one."""
+    found = diagnose(-2, RIG)
+    assert [each.key for each in found.effects] == []
+    (older,) = (note for note in found.notes if isinstance(note, OlderEffort))
+    assert older.age == pytest.approx(0.9 * CYCLE, abs=4e-4)
+    viscous = found.final_parameters["viscous"]["viscous"]
+    assert viscous.value == pytest.approx(SERVO.viscous, rel=0.01)
+
+
+def test_the_same_delay_is_named_if_the_rig_file_states_the_hold():
+    found = diagnose(-2, replace(RIG, command_hold=True))
+    assert [each.key for each in found.effects] == ["delay.command"]
+    assert found.final_parameters["delay.command"]["delay"].value == pytest.approx(0.4 * CYCLE, abs=6e-4)
+
+
+def test_a_delay_of_a_whole_cycle_beyond_the_hold_is_named():
+    """A delay of the loop takes its place, and a note tells the delay of the command alone."""
+    found = diagnose(-5, RIG)
+    assert [each.key for each in found.effects] == ["delay.loop"]
+    (of_the_command,) = (note for note in found.notes if isinstance(note, LateCommand))
+    assert of_the_command.delay == pytest.approx(CYCLE, abs=4e-4)
+
+
+def diagnose(after: int, rig: Rig) -> JointResult:
+    runs = [run(shift, after) for shift in (0.0, 0.4, 0.7)]
+    return diagnose_joint(runs[:2], runs[2:], rig, JOINT, DiagnosisOptions(assess_residual=False))
