@@ -64,17 +64,24 @@ def _of_simplest_causes(
     after it; without it an encoder's eccentricity may do the same. So where a curve was chosen, the search is repeated
     without curves, and without all effects that depend on the position. A curve in the form of the known load is no
     cause of its own; in its place fewer parameters that leave next to nothing but noise are taken. A rotor inertia is
-    taken before a curve where it leaves next to nothing but the noise that it brings.
+    taken before a curve where it leaves next to nothing but the noise that it brings, and beside a torque sensor before
+    any function of the position (`rotor_inertia`).
     """
-    added = [t for t in found.chosen.terms if t.effect.key not in problem.known]
-    imitates = any(looks_like_known_load(found.chosen, t, problem.columns) for t in added)
-    if not (imitates or any(t.effect.free_form for t in added)):
+    added = [t.effect for t in found.chosen.terms if t.effect.key not in problem.known]
+    imitates = any(
+        looks_like_known_load(found.chosen, t, problem.columns)
+        for t in found.chosen.terms
+        if t.effect.key not in problem.known
+    )
+    of_position = problem.context.load == "torque" and any(effect.depends_on_position for effect in added)
+    curved = any(effect.free_form for effect in added)
+    if not (imitates or of_position or curved):
         return found
     tried = [] if imitates else [found]
-    for kind in ("free_form", "depends_on_position"):
+    for kind in ("free_form", "depends_on_position") if imitates or curved else ("depends_on_position",):
         rest = [effect for effect in problem.effects if not getattr(effect, kind)]
         tried.append(select(replace(problem, effects=rest), found.baseline, thresholds, progress))
-    most = (1.0 + thresholds.same) * found.chosen.cv_rms
+    most = (1.0 + thresholds.same) * found.chosen.cv_rms if imitates or curved else 0.0
     if imitates:
         most = max(most, thresholds.own_floors * problem.noise)
     as_good = [
