@@ -11,6 +11,7 @@ from drake_tc.report.words import joined, title_of
 MEANING = {
     "link_mass": "the difference between the mass of the link and that in the robot's model",
     "link_com": "the offset of its centre of mass from that of the model, in the link's axes",
+    "encoder_offset": "the constant error of the encoder's reading: the zero of the joint is wrong",
     "ft_bias": "the constant offset of the sensor, in its own axes",
     "ft_gain": "the relative error of the sensor's scale",
     "imu_bias": "the constant offset of the IMU, in its own axes",

@@ -2,13 +2,18 @@
 
 import numpy as np
 import pytest
+from fitted_arm import JOINTS, URDF
 from numpy.testing import assert_allclose
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDiff
+from pydrake.multibody.tree import MultibodyForces_
+from robot_files import write_robot as write_arm
 from scipy.spatial.transform import Rotation
 
 from drake_tc.diagnosis.problem.shared import cause_columns as cc
 from drake_tc.diagnosis.problem.shared.body_motion import body_motion, joint_is_prismatic, structure_of
 from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 
 from ..small_robot import LINKS, write_robot
@@ -146,3 +151,19 @@ def test_a_turned_imu_against_finite_rotations(arm, rows, parts):
         ahead, behind = (torque(arm, turned_by(turn)) for turn in turns)
         # forward differences over 1e-4 rad, and the third order of 0.01 rad: some 1e-4 of columns of up to 1e2 N m
         assert_allclose(columns[:, :, axis], (ahead - behind) / 0.02, rtol=0, atol=1e-4 * np.abs(columns).max())
+
+
+def test_encoder_columns_are_the_derivatives_of_the_loads(tmp_path, rows):
+    """Against automatic differentiation of Drake's inverse dynamics, of an arm with a fixed base."""
+    robot = load_robot(write_arm(tmp_path, URDF, JOINTS))
+    plant = make_plant(robot, 0.0).ToAutoDiffXd()
+    context = plant.CreateDefaultContext()
+    columns = cc.encoder_columns(TorqueModel(robot, base="fixed"), [(*row[:5], row[5][:0]) for row in rows])
+    for (q, v, vdot, *_), column in zip(rows, columns, strict=True):
+        plant.SetPositions(context, InitializeAutoDiff(q)[:, 0])
+        plant.SetVelocities(context, v)
+        forces = MultibodyForces_[AutoDiffXd](plant)
+        plant.CalcForceElementsContribution(context, forces)
+        torque = plant.CalcInverseDynamics(context, vdot, forces)
+        # central differences over 1e-4 rad of torques of some 10 N m
+        assert_allclose(column, ExtractGradient(torque), rtol=0, atol=1e-6)

@@ -6,6 +6,7 @@ With tau_meas what the robot's model makes of its sensors and tau the truth,
 
     link_mass     delta: model's mass less the true one; the link's shape and centre of mass stay [kg]
     link_com      the same of the centre of mass, at the same mass and inertia about it (first order) [m]
+    encoder_offset  q_meas = q + b of one joint [rad, m]: all loads are computed from the measured positions
     ft_bias       W_meas = W + b [N, N m]
     ft_gain       W_meas = (1 + s) W, one s for the forces and one for the torques; delta = s/(1 + s)
     ft_alignment  f_meas = f + r x f, t_meas = t + r x t (first order in r) [rad]
@@ -22,12 +23,14 @@ and joint j, with its axis z through P, bears  z . (N + (p_O - P) x F)  of each 
 less  z . (t + (p_S - P) x f)  of each sensor's reading.  Source: derived from Del Prete et al., 2016, Algorithm 1.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from drake_tc.diagnosis.problem.shared.body_motion import BodyMotion, Link, Structure
+from drake_tc.estimation.off_line import Row
 from drake_tc.estimation.plant import skew
+from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.types import BoolArray, FloatArray
 
 
@@ -134,3 +137,15 @@ def gyro_columns(at: Callable[[FloatArray], BodyMotion], structure: Structure, s
     here = motion_torque(at(np.zeros(3)), structure, slides)
     columns = [(motion_torque(at(step * axis), structure, slides) - here) / step for axis in np.eye(3)]
     return np.stack(columns, axis=2)
+
+
+def encoder_columns(model: TorqueModel, rows: Sequence[Row]) -> FloatArray:
+    """(T, n, n) d tau_i/d q_j by central differences of 1e-4: [N m/rad] of the offset of each joint's encoder."""
+    step = 1e-4
+    q, *others = (np.array(each) for each in zip(*rows, strict=True))
+    size = q.shape[1]
+    columns = np.empty((len(rows), size, size))
+    for joint, change in enumerate(step * np.eye(size)):
+        ahead, behind = (model.estimate_log(q + s * change, *others)[:, :size] for s in (1.0, -1.0))
+        columns[:, :, joint] = (ahead - behind) / (2.0 * step)
+    return columns

@@ -33,6 +33,7 @@ COLUMN_WINDOWS = 3
 TITLES: Mapping[str, str] = {
     "link_mass": "mass of a link",
     "link_com": "centre of mass of a link",
+    "encoder_offset": "encoder offset",
     "ft_bias": "bias of an F/T sensor",
     "ft_gain": "gain of an F/T sensor",
     "imu_bias": "bias of the IMU",
@@ -51,7 +52,7 @@ class Cause:
 
     Attributes:
         id: As in `TITLES`.
-        where: Link or sensor.
+        where: Link, sensor or joint.
         parameters: Names. units: of each.
         columns: Its places among all columns.
         tolerance: (p,) standard deviations that its sensor's data sheet or owner gives the parameters; empty where
@@ -76,7 +77,7 @@ class Cause:
 
         A bias adds to the readings. The columns of a link come from motion that is smoothed more than the torques.
         """
-        return self.id not in ("ft_bias", "imu_bias", "link_mass", "link_com")
+        return self.id not in ("ft_bias", "imu_bias", "link_mass", "link_com", "encoder_offset")
 
     @property
     def may_scale(self) -> bool:
@@ -153,6 +154,10 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
         add("link_mass", link.name, [("mass", "kg")])
     for link in structure.links:
         add("link_com", link.name, [(f"com_{a}", "m") for a in AXES])
+    if _encoders_alone(logs):
+        for joint, slides in zip(logs.robot.joints, joint_is_prismatic(logs.model), strict=True):
+            known = rig.joint_sensors(joint).encoder_offset
+            add("encoder_offset", joint, [("offset", "m" if slides else "rad")], [known] if known else ())
     turns = [(f"turn_{a}", "rad") for a in AXES]
     for mount in logs.robot.force_torque:
         known = rig.force_torque_tolerance(mount.name)
@@ -184,6 +189,11 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
         parts = usable_stretches(run, filters)
         pieces[run.name] = tuple(_piece(logs, structure, slides, run, part, filters) for part in parts)
     return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
+
+
+def _encoders_alone(logs: RobotLogs) -> bool:
+    """Whether the loads are made of the joints' positions alone: other sensors would show a wrong encoder too."""
+    return logs.robot.fixed_base and not logs.reads_imu and not logs.robot.force_torque
 
 
 def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, payload: Payload) -> tuple[Piece, ...]:
@@ -231,6 +241,8 @@ def _piece(
     motion = body_motion(logs.model, structure, rows)
     blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
+    if _encoders_alone(logs):
+        blocks.append(cause_columns.encoder_columns(logs.model, rows))
     wrench = smooth(sensors.wrench, filters.wrench.samples, filters.wrench.order, sensors.dt).value[::every]
     for k in range(len(logs.robot.force_torque)):
         reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]

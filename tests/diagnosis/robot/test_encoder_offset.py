@@ -1,0 +1,66 @@
+"""A wrong zero of one encoder of an arm whose links are known: all loads are computed from it."""
+
+import numpy as np
+import pytest
+from fitted_arm import JOINTS, ROTOR, URDF, record, rig_file
+from robot_files import write_robot
+
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.run import close_loop
+from drake_tc.robot.robot import load_robot
+
+OFFSET = 0.03
+"""[rad]"""
+ROTORS = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
+KNOWN = {"load": {"robot": "inverse_dynamics"}, "declared": ROTORS}
+
+
+def shifted(path, joint, offset):
+    """The log with another zero of this joint."""
+    columns = dict(np.load(path))
+    columns[f"{joint}/position"] = columns[f"{joint}/position"] + offset
+    np.savez(path, **columns)
+    return path
+
+
+def diagnosed(folder, seed, joint=None, true=URDF, **rig_keys):
+    """What is found in logs of the arm `true` with the robot file of `URDF`."""
+    (folder / "true").mkdir()
+    robot = load_robot(write_robot(folder / "true", true, JOINTS))
+    write_robot(folder, URDF, JOINTS)
+    logs = [record(folder, robot, f"run_{number}", 10 * seed + number) for number in range(3)]
+    if joint:
+        logs = [shifted(log, joint, OFFSET) for log in logs]
+    rig = rig_file(folder, **KNOWN | rig_keys)
+    return close_loop(rig, logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+
+
+@pytest.mark.parametrize(("joint", "seed"), [("lift", 0), ("fold", 1)])
+def test_the_encoder_is_named_with_its_offset(tmp_path, joint, seed):
+    result = diagnosed(tmp_path, seed, joint)
+    (cause,) = result.shared
+    assert (cause.id, cause.where) == ("encoder_offset", joint)
+    offset = cause.parameters["offset"]
+    assert offset.value == pytest.approx(OFFSET, rel=0.03)
+    assert all(joint.effects == () for joint in result.joints.values())
+    assert result.set_up is None or result.set_up.errors == ()
+
+
+def test_an_arm_that_is_as_its_file_says_has_no_cause(tmp_path):
+    assert diagnosed(tmp_path, 3).shared == ()
+
+
+def test_a_centre_of_mass_stays_one(tmp_path):
+    """Of the last link, along it: no turn of a joint moves it like that."""
+    moved = URDF.replace('xyz="0.15 0.01 0"', 'xyz="0.19 0.01 0"')
+    assert moved != URDF
+    (cause,) = diagnosed(tmp_path, 4, true=moved).shared
+    assert (cause.id, cause.where) == ("link_com", "fore")
+    assert cause.parameters["com_x"].value == pytest.approx(0.04, abs=0.005)
+
+
+def test_an_offset_within_its_tolerance_is_not_named(tmp_path):
+    sensors = {"encoder": {"offset": "1 deg"}}
+    result = diagnosed(tmp_path, 5, "lift", sensors=sensors)
+    assert result.shared == ()
+    assert all(joint.effects == () for joint in result.joints.values())
