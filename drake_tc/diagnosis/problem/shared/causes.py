@@ -156,8 +156,8 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
         add("link_com", link.name, [(f"com_{a}", "m") for a in AXES])
     if _encoders_alone(logs):
         for joint, slides in zip(logs.robot.joints, joint_is_prismatic(logs.model), strict=True):
-            known = rig.joint_sensors(joint).encoder_offset
-            add("encoder_offset", joint, [("offset", "m" if slides else "rad")], [known] if known else ())
+            offset = rig.joint_sensors(joint).encoder_offset
+            add("encoder_offset", joint, [("offset", "m" if slides else "rad")], [offset] if offset else ())
     turns = [(f"turn_{a}", "rad") for a in AXES]
     for mount in logs.robot.force_torque:
         known = rig.force_torque_tolerance(mount.name)
