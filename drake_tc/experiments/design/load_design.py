@@ -1,0 +1,286 @@
+"""`design` for one joint with known loads: motions under the loads that the user has, against the best without them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.basis import motion_basis, scaled
+from drake_tc.experiments.design.criteria import Criterion, Parameters
+from drake_tc.experiments.design.default_motion import default_motion
+from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.expected import Expected, expected_of
+from drake_tc.experiments.design.goal import Goal, criterion_of
+from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
+from drake_tc.experiments.design.known_loads import KnownLoad, carrying, require_usable
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.load_search import LoadPlan, LoadSearch
+from drake_tc.experiments.design.noise import measured_as, measured_together
+from drake_tc.experiments.design.run import (
+    FINE,
+    PERIOD,
+    STEP,
+    DesignOptions,
+    JointDesign,
+    Progress,
+    design_joint,
+    joint_within,
+)
+from drake_tc.experiments.design.solve import Optimum
+from drake_tc.experiments.design.stacked import StackedColumns
+
+WORTH = 1.1
+"""Gain from which on known loads are proposed."""
+NOUN = "designed experiment"
+
+
+@dataclass(frozen=True, eq=False)
+class LoadRun:
+    """One log of the experiment.
+
+    Attributes:
+        load: What hangs on the joint.
+        design: The motion under it.
+        seconds: That its periods last.
+        worth: What the load brings: the gain of the experiment over the same one without this log; 1 if nothing.
+    """
+
+    load: KnownLoad
+    design: JointDesign
+    seconds: float
+    worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class LoadDesign:
+    """The best experiment with known loads.
+
+    Attributes:
+        goal: What it is for.
+        loads: That the user has.
+        runs: The logs, one for each load that takes part.
+        unloaded: The best design without loads; None where no motion without loads reaches the goal.
+        refusal: Why none does.
+        gain: Factor by which the loads lengthen the distances or shorten the intervals; infinite beside a refusal.
+        expected: What the experiment is worth. without: the same of the best motion without loads, where it exists.
+        sentences: In words.
+    """
+
+    goal: Goal
+    loads: tuple[KnownLoad, ...]
+    runs: tuple[LoadRun, ...]
+    unloaded: JointDesign | None
+    refusal: str
+    gain: float
+    expected: tuple[Expected, ...]
+    without: tuple[Expected, ...]
+    sentences: tuple[str, ...]
+
+
+def design_with_loads(
+    joint: DesignJoint,
+    limits: JointLimits,
+    goal: Goal,
+    options: DesignOptions,
+    loads: Sequence[KnownLoad],
+    logs: Prepared | None = None,
+    progress: Progress = lambda text, share: None,
+) -> LoadDesign | JointDesign:
+    """The best experiment under known loads, and what it gains; the design without loads where they do not help.
+
+    Args:
+        joint: What is known of the joint.
+        limits: Of every motion.
+        goal: What it is for.
+        options: How it is looked for; the duration is that of all logs together.
+        loads: That the user has.
+        logs: The runs so far, for comparison; None where there are none.
+        progress: Told how far it is.
+
+    Raises:
+        ParamsError: Limits that no motion keeps, a load that the limits do not let the joint hold, or a goal that is
+            out of reach with these loads too.
+    """
+    require_usable(joint_within(joint, limits), loads, limits)
+    limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
+    logged, joint = joint, joint_within(joint, limits)
+    joints = tuple(carrying(joint, load) for load in loads)
+    fills = [default_motion(each, limits, options.duration, FINE) for each in joints]
+    if goal.kind == "tell":
+        joints = measured_together(joints, fills, FINE)
+    criterion = criterion_of(goal, joints[0], options.duration, smallest=options.smallest, under=joints)
+    unloaded, refusal = _unloaded(logged, limits, goal, options, logs, lambda text, part: progress(text, 0.5 * part))
+    search = _search(joints, limits, criterion, options)
+    known = [] if unloaded is None or unloaded.basis.period != search.basis.period else [unloaded.optimum.x]
+    plan = search.best(
+        np.random.default_rng(options.seed),
+        known,
+        options.iterations,
+        lambda text, part: progress(f"{text} with loads", 0.5 + 0.5 * part),
+    )
+    return _told(_Found(logged, joint, limits, goal, tuple(loads), search, plan, unloaded, refusal), logs)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What is known when the search has ended."""
+
+    logged: DesignJoint
+    joint: DesignJoint
+    limits: JointLimits
+    goal: Goal
+    loads: tuple[KnownLoad, ...]
+    search: LoadSearch
+    plan: LoadPlan
+    unloaded: JointDesign | None
+    refusal: str
+
+    def designed(self) -> list[BalanceColumns]:
+        """Rows of each log, with the noise that they have together."""
+        search, used = self.search, self.plan.used
+        motions = [search.basis.motion(self.plan.x[k]) for k in used]
+        joints = [search.joints[k] for k in used]
+        if self.goal.kind == "tell":
+            joints = list(measured_together(joints, motions, search.basis.step))
+        return [MotionColumns(j, m, search.basis.step, sharp=True) for j, m in zip(joints, motions, strict=True)]
+
+    def alone(self) -> BalanceColumns | None:
+        """Rows of the best motion without loads."""
+        if self.unloaded is None:
+            return None
+        motion, step = self.unloaded.basis.motion(self.unloaded.optimum.x), self.unloaded.basis.step
+        own = measured_as(self.joint, motion, step) if self.goal.kind == "tell" else self.joint
+        return MotionColumns(own, motion, step, sharp=True)
+
+    def default(self) -> BalanceColumns:
+        """Rows of a growing sinusoid without loads."""
+        fill = default_motion(self.joint, self.limits, self.search.criterion.duration, FINE)
+        own = measured_as(self.joint, fill, FINE) if self.goal.kind == "tell" else self.joint
+        return MotionColumns(own, fill, FINE, periodic=False, sharp=True)
+
+    def gain(self, better: float, worse: float) -> float:
+        """Factor between the standard errors, or the distances, of two values of the criterion."""
+        criterion = self.search.criterion
+        many = 1
+        if isinstance(criterion, Parameters) and not criterion.smallest:
+            many = len(criterion.names)
+        return float(np.exp(min(0.5 * (better - worse) / many, 300.0)))
+
+
+def _unloaded(
+    joint: DesignJoint,
+    limits: JointLimits,
+    goal: Goal,
+    options: DesignOptions,
+    logs: Prepared | None,
+    progress: Progress,
+) -> tuple[JointDesign | None, str]:
+    """The best design without loads, or why there is none."""
+    try:
+        return design_joint(joint, limits, goal, options, logs, progress), ""
+    except ParamsError as error:
+        return None, str(error)
+
+
+def _search(
+    joints: tuple[DesignJoint, ...], limits: JointLimits, criterion: Criterion, options: DesignOptions
+) -> LoadSearch:
+    slots = max(round(options.duration / PERIOD), len(joints))
+    basis = scaled(motion_basis(options.basis, options.duration / slots, STEP, limits.bandwidth_hz), limits)
+    return LoadSearch(joints, basis, limits, criterion, slots)
+
+
+def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
+    search, plan, used = found.search, found.plan, found.plan.used
+    parts, alone, default = found.designed(), found.alone(), found.default()
+    shares = [plan.slots[k] / search.slots for k in used]
+    designed = StackedColumns(parts, shares)
+    value = search.criterion.value(designed)
+    gain = np.inf if alone is None else found.gain(value, search.criterion.value(alone))
+    if gain < WORTH or not any(found.loads[k].mass for k in used):
+        return _without_loads(found, gain)
+    before = None if logs is None else LogColumns(found.logged, logs.train)
+    expected, sentences = expected_of(search.criterion, before, default, designed, NOUN)
+    without = () if alone is None else expected_of(search.criterion, before, default, alone)[0]
+    runs = []
+    for number, k in enumerate(used):
+        rest = [j for j in range(len(used)) if j != number]
+        worth = found.gain(value, _value_of(search.criterion, [parts[j] for j in rest], [shares[j] for j in rest]))
+        runs.append(_run_of(found, k, worth))
+    sentences = (*_gain_sentences(found, gain, runs, expected, without), *sentences)
+    return LoadDesign(
+        found.goal, found.loads, tuple(runs), found.unloaded, found.refusal, gain, expected, without, sentences
+    )
+
+
+def _value_of(criterion: Criterion, parts: Sequence[BalanceColumns], shares: Sequence[float]) -> float:
+    """Of some of the logs alone, which then last as long as all of them; minus infinity of none."""
+    if not parts:
+        return -np.inf
+    return criterion.value(StackedColumns(parts, [share / sum(shares) for share in shares]))
+
+
+def _run_of(found: _Found, load: int, worth: float) -> LoadRun:
+    search, plan = found.search, found.plan
+    optimum = Optimum(plan.x[load], plan.value, plan.start_value, plan.solver, len(plan.used), plan.solved)
+    slots = plan.slots[load]
+    made = JointDesign(search.joints[load], found.goal, found.limits, search.basis, optimum, slots, (), ())
+    return LoadRun(found.loads[load], made, slots * search.basis.period, worth)
+
+
+def _without_loads(found: _Found, gain: float) -> JointDesign:
+    """The design without loads, with a line that says why.
+
+    Raises:
+        ParamsError: There is none: no motion reaches the goal, with these loads or without them.
+    """
+    if found.unloaded is None:
+        raise ParamsError(found.refusal)
+    names = ", ".join(load.words for load in found.loads if load.mass)
+    text = (
+        f"Known loads ({names}) do not help: they gain {100.0 * max(gain - 1.0, 0.0):.0f} % over the best motion "
+        "without loads, which is the design."
+    )
+    return replace(found.unloaded, sentences=(text, *found.unloaded.sentences))
+
+
+def _gain_sentences(
+    found: _Found, gain: float, runs: Sequence[LoadRun], expected: Sequence[Expected], without: Sequence[Expected]
+) -> tuple[str, ...]:
+    """What the loads bring over the best motion without them, and which of them brings most."""
+    tell = isinstance(found.search.criterion, Discrimination)
+    what = "distance" if tell else "interval"
+    if found.refusal:
+        texts = [f"Without known loads the goal is out of reach: {found.refusal}."]
+    elif gain > 1e4:
+        texts = ["Without known loads no motion keeps the two apart in each order; with them the experiment does."]
+    else:
+        change = f"{gain:.3g} times as large" if tell else f"{1.0 / gain:.2g} times as large"
+        named = "smallest distance is" if tell else "standard errors are on average"
+        texts = [f"With the known loads the {named} {change} as with the best motion without loads."]
+    hung = [run for run in runs if run.load.mass]
+    best = max(hung, key=lambda run: run.worth)
+    if len(runs) == 1:
+        texts.append(f"The whole experiment is under one load, {best.load.words}.")
+    elif best.worth > 1e4:
+        texts.append(f"The load that brings most is {best.load.words}: without its log the goal is out of reach.")
+    else:
+        texts.append(
+            f"The load that brings most is {best.load.words}: without its log, and the others as long as all, the gain "
+            f"would be {best.worth:.3g} times smaller."
+        )
+    ratios = {e.name: _better(what, e.after, w.after) for e, w in zip(expected, without, strict=True) if e.unit or tell}
+    ratios = {name: r for name, r in ratios.items() if np.isfinite(r) and "probability" not in name}
+    if ratios:
+        name = max(ratios, key=lambda each: ratios[each])
+        kind = "longer" if tell else "narrower" if isinstance(found.search.criterion, Parameters) else "smaller"
+        texts.append(f"What the loads are good for most of all: {name}, {ratios[name]:.3g} times {kind}.")
+    return tuple(texts)
+
+
+def _better(what: str, after: float, without: float) -> float:
+    """By which factor a quantity is better: distances are better if larger, intervals and sizes if smaller."""
+    above, below = (after, without) if what == "distance" else (without, after)
+    return above / below if below > 0.0 else np.nan
