@@ -12,10 +12,6 @@ from drake_tc.types import FloatArray
 
 TOLD = 0.8
 """Probability of separating a pair of effects, below which the page says which limit prevents it."""
-REFIT = (
-    "Give the new run as --log and the earlier ones as --holdout. If they were fitted together, the earlier runs alone "
-    "would also have to predict the new run, and their bias could make the diagnosis withdraw the true effect."
-)
 
 
 @dataclass(frozen=True)
@@ -87,8 +83,7 @@ def _of_discrimination(
     )
     text = f"The {noun} distinguishes {names} with a probability of {100.0 * rows[0].after:.0f} %"
     text += f"; a growing sinusoid of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
-    more = [] if before is None or rows[0].after < TOLD else [REFIT]
-    more += [
+    more = [
         f"Where {truth} alone is the cause, no motion rules {other} out, which is the same function while the joint "
         f"slides: {proof}."
         for truth, other, proof in criterion.contained

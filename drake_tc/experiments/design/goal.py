@@ -92,7 +92,7 @@ def criterion_of(
                 f"{_by_loads(joint, first, second, under)}"
             )
         ties = tuple(each for pair in ((first, second), (second, first)) for each in _ties(joint, *pair, under))
-        return Discrimination(joint, orders, duration, ties)
+        return Discrimination(joint, orders, duration, ties, seen=bool(under))
     if goal.kind == "parameters":
         return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
     taken = {t.effect.id for t in joint.declared} | set(joint.context.declared)
@@ -181,11 +181,17 @@ def _orders(
 
 def _by_loads(joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint]) -> str:
     """That known loads tell two effects apart which no motion does; empty where they do not either."""
-    load = None if under else trial_load(joint)
-    if load is None or not _orders(joint, first, second, (joint, carrying(joint, load))):
+    loaded = _trial(joint, under)
+    if not loaded or not _orders(joint, first, second, loaded):
         return ""
     shape = "MASS" if joint.context.joint_type == "prismatic" else "MASS@ARM"
     return f"; motions under known loads do distinguish them: name the loads that you have, --load 0 --load {shape}"
+
+
+def _trial(joint: DesignJoint, under: Sequence[DesignJoint]) -> tuple[DesignJoint, ...]:
+    """The joint without and with a load, to try whether loads help; empty where several are given, or none can be."""
+    load = None if len(under) > 1 else trial_load(joint)
+    return () if load is None else (joint, carrying(joint, load))
 
 
 def _ties(
@@ -203,5 +209,7 @@ def _ties(
         form = form_of(joint, member.key, size_of(member, joint.numbers, joint.context))
         proof = identity(joint, truth, form, under)
         if proof is not None:
-            out.append((truth.effect.key, member.key, proof))
+            loaded = _trial(joint, under)
+            helps = bool(loaded) and identity(joint, truth, form, loaded) is None
+            out.append((truth.effect.key, member.key, proof + ("; motions under known loads (--load) do" * helps)))
     return out

@@ -23,6 +23,8 @@ from drake_tc.logs.rig import Rig
 
 MOST_LOADS = 6
 """Loads among which a design chooses."""
+MARGIN = 0.01
+"""Share of the torque limit that a design leaves free, as in `solve`."""
 SHOWN = 0.05
 """Share of the joint's largest torque from which on its gravity shows where its link hangs."""
 KINDS = ("torque", "pendulum")
@@ -93,24 +95,24 @@ def require_usable(joint: DesignJoint, loads: Sequence[KnownLoad], limits: Joint
     Raises:
         ParamsError: One line.
     """
-    units, kind = limits.units, joint.context.load
+    units, kind, slides = limits.units, joint.context.load, joint.context.joint_type == "prismatic"
     if kind not in KINDS:
         raise ParamsError(
             f"--load: joint {joint.name}: a diagnosis knows the added mass of a log only where the rig file has load: "
             f"torque or load: {{pendulum: ...}}, and this joint has load: {kind}; declare one of them"
         )
     for load in loads:
-        if load.mass and units.slides and load.arm:
+        if load.mass and slides and load.arm:
             raise ParamsError(
                 f"--load {load.text}: joint {joint.name} is prismatic; expected MASS in kg without an arm"
             )
-        if load.mass and not units.slides and not load.arm:
+        if load.mass and not slides and not load.arm:
             raise ParamsError(
                 f"--load {load.text}: joint {joint.name}: the arm is missing; expected MASS@ARM in kg and m, such as "
                 f"{load.mass:g}@0.3"
             )
         needed = carrying(joint, load).largest_load(*limits.position) + joint.numbers.coulomb
-        if needed > limits.torque:
+        if needed > limits.with_margin(MARGIN).torque:
             unit, at = units.text("N m"), units.position
             raise ParamsError(
                 f"--load {load.text}: joint {joint.name}: holding this load within {limits.position[0]:.3g} to "

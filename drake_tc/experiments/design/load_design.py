@@ -7,16 +7,17 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.basis import motion_basis, scaled
+from drake_tc.experiments.design.basis import motion_basis, scaled, whole_step
 from drake_tc.experiments.design.criteria import Criterion, Parameters
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
-from drake_tc.experiments.design.expected import Expected, expected_of
+from drake_tc.experiments.design.expected import TOLD, Expected, expected_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.known_loads import KnownLoad, carrying, require_usable
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.load_search import LoadPlan, LoadSearch
+from drake_tc.experiments.design.load_sentences import gain_sentences
 from drake_tc.experiments.design.noise import measured_as, measured_together
 from drake_tc.experiments.design.run import (
     FINE,
@@ -34,6 +35,10 @@ from drake_tc.experiments.design.stacked import StackedColumns
 WORTH = 1.1
 """Gain from which on known loads are proposed."""
 NOUN = "designed experiment"
+ROUGH = 0.01
+"""Time between the samples that the solver sees [s]."""
+ITERATIONS = 10
+"""Most iterations of the solver for each load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +122,7 @@ def design_with_loads(
     plan = search.best(
         np.random.default_rng(options.seed),
         known,
-        options.iterations,
+        min(options.iterations, ITERATIONS),
         lambda text, part: progress(f"{text} with loads", 0.5 + 0.5 * part),
     )
     return _told(_Found(logged, joint, limits, goal, tuple(loads), search, plan, unloaded, refusal), logs)
@@ -137,7 +142,7 @@ class _Found:
     unloaded: JointDesign | None
     refusal: str
 
-    def designed(self) -> list[BalanceColumns]:
+    def designed(self) -> list[MotionColumns]:
         """Rows of each log, with the noise that they have together."""
         search, used = self.search, self.plan.used
         motions = [search.basis.motion(self.plan.x[k]) for k in used]
@@ -188,8 +193,11 @@ def _search(
     joints: tuple[DesignJoint, ...], limits: JointLimits, criterion: Criterion, options: DesignOptions
 ) -> LoadSearch:
     slots = max(round(options.duration / PERIOD), len(joints))
-    basis = scaled(motion_basis(options.basis, options.duration / slots, STEP, limits.bandwidth_hz), limits)
-    return LoadSearch(joints, basis, limits, criterion, slots)
+    period, limit = options.duration / slots, limits.bandwidth_hz
+    fine, rough = (
+        scaled(motion_basis(options.basis, period, whole_step(period, step), limit), limits) for step in (STEP, ROUGH)
+    )
+    return LoadSearch(joints, fine, rough, limits, criterion, slots)
 
 
 def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
@@ -204,12 +212,15 @@ def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
     before = None if logs is None else LogColumns(found.logged, logs.train)
     expected, sentences = expected_of(search.criterion, before, default, designed, NOUN)
     without = () if alone is None else expected_of(search.criterion, before, default, alone)[0]
-    runs = []
+    runs, worths = [], []
     for number, k in enumerate(used):
         rest = [j for j in range(len(used)) if j != number]
         worth = found.gain(value, _value_of(search.criterion, [parts[j] for j in rest], [shares[j] for j in rest]))
         runs.append(_run_of(found, k, worth))
-    sentences = (*_gain_sentences(found, gain, runs, expected, without), *sentences)
+        worths.append((found.loads[k], worth))
+    sentences = (*gain_sentences(search.criterion, found.refusal, gain, worths, expected, without), *sentences)
+    if isinstance(search.criterion, Discrimination) and expected[0].after < TOLD:
+        sentences = (*sentences, _heavier(found, parts, value))
     return LoadDesign(
         found.goal, found.loads, tuple(runs), found.unloaded, found.refusal, gain, expected, without, sentences
     )
@@ -246,41 +257,15 @@ def _without_loads(found: _Found, gain: float) -> JointDesign:
     return replace(found.unloaded, sentences=(text, *found.unloaded.sentences))
 
 
-def _gain_sentences(
-    found: _Found, gain: float, runs: Sequence[LoadRun], expected: Sequence[Expected], without: Sequence[Expected]
-) -> tuple[str, ...]:
-    """What the loads bring over the best motion without them, and which of them brings most."""
-    tell = isinstance(found.search.criterion, Discrimination)
-    what = "distance" if tell else "interval"
-    if found.refusal:
-        texts = [f"Without known loads the goal is out of reach: {found.refusal}."]
-    elif gain > 1e4:
-        texts = ["Without known loads no motion keeps the two apart in each order; with them the experiment does."]
-    else:
-        change = f"{gain:.3g} times as large" if tell else f"{1.0 / gain:.2g} times as large"
-        named = "smallest distance is" if tell else "standard errors are on average"
-        texts = [f"With the known loads the {named} {change} as with the best motion without loads."]
-    hung = [run for run in runs if run.load.mass]
-    best = max(hung, key=lambda run: run.worth)
-    if len(runs) == 1:
-        texts.append(f"The whole experiment is under one load, {best.load.words}.")
-    elif best.worth > 1e4:
-        texts.append(f"The load that brings most is {best.load.words}: without its log the goal is out of reach.")
-    else:
-        texts.append(
-            f"The load that brings most is {best.load.words}: without its log, and the others as long as all, the gain "
-            f"would be {best.worth:.3g} times smaller."
-        )
-    ratios = {e.name: _better(what, e.after, w.after) for e, w in zip(expected, without, strict=True) if e.unit or tell}
-    ratios = {name: r for name, r in ratios.items() if np.isfinite(r) and "probability" not in name}
-    if ratios:
-        name = max(ratios, key=lambda each: ratios[each])
-        kind = "longer" if tell else "narrower" if isinstance(found.search.criterion, Parameters) else "smaller"
-        texts.append(f"What the loads are good for most of all: {name}, {ratios[name]:.3g} times {kind}.")
-    return tuple(texts)
-
-
-def _better(what: str, after: float, without: float) -> float:
-    """By which factor a quantity is better: distances are better if larger, intervals and sizes if smaller."""
-    above, below = (after, without) if what == "distance" else (without, after)
-    return above / below if below > 0.0 else np.nan
+def _heavier(found: _Found, parts: Sequence[MotionColumns], value: float) -> str:
+    """What twice the masses would bring at the same motions, whatever torque they need."""
+    search, used = found.search, found.plan.used
+    doubled = [
+        MotionColumns(carrying(part.joint, found.loads[k]), search.basis.motion(found.plan.x[k]), part.step, sharp=True)
+        for part, k in zip(parts, used, strict=True)
+    ]
+    heavier = search.criterion.value(StackedColumns(doubled, [found.plan.slots[k] / search.slots for k in used]))
+    factor = found.gain(heavier, value)
+    if factor < WORTH:
+        return "Twice the masses would not bring the two much further apart."
+    return f"Twice the masses would make the smallest distance {factor:.2g} times as large."

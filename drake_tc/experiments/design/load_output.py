@@ -11,6 +11,7 @@ from drake_tc.config.json_values import json_value
 from drake_tc.experiments.design.drake_output import drake_trajectory
 from drake_tc.experiments.design.known_loads import MOST_LOADS, declaring, hang_angle
 from drake_tc.experiments.design.load_design import LoadDesign, LoadRun
+from drake_tc.experiments.design.load_sentences import BEYOND
 from drake_tc.experiments.design.output import (
     FILES,
     joint_trajectory,
@@ -147,7 +148,7 @@ class LoadExperiment:
         """The same as lines of text for a console."""
         out = [f"{self.joint}: goal {self.design.goal.text}"]
         out += [f"  {sentence}" for sentence in (*self.design.sentences, *self.how())]
-        out += [f"  {': '.join((row[0], ', '.join(row[1:])))}" for row in self._run_rows()]
+        out += [f"  {name}: {', '.join(words[:3])}" for name, *words in self._run_rows()]
         return out + [f"  {line}" for line in self.rig_lines().splitlines()]
 
     def _run_rows(self) -> list[tuple[str, str, str, str, str]]:
@@ -158,7 +159,7 @@ class LoadExperiment:
                 run.load.words,
                 f"{run.seconds:.3g} s",
                 f"{self._largest(run):.3g} {torque} at rest",
-                "–" if run.worth > 1e4 else f"{run.worth:.3g}",
+                "–" if run.worth > BEYOND else f"{run.worth:.3g}",
             )
             for name, run in self._named()
         ]

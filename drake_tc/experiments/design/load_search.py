@@ -59,7 +59,7 @@ class LoadSearch:
 
     Attributes:
         joints: The joint under each load.
-        basis: Of every motion; its period is one slot.
+        basis: Of every motion; its period is one slot. rough: the same functions at a wider step, for the solver.
         limits: That every motion keeps.
         criterion: Of all rows together.
         slots: N.
@@ -67,13 +67,15 @@ class LoadSearch:
 
     joints: tuple[DesignJoint, ...]
     basis: MotionBasis
+    rough: MotionBasis
     limits: JointLimits
     criterion: Criterion
     slots: int
 
     def rows(self, load: int, x: FloatArray, *, sharp: bool = True) -> BalanceColumns:
-        """Rows of one load's motion."""
-        return RememberedColumns(MotionColumns(self.joints[load], self.basis.motion(x), self.basis.step, sharp=sharp))
+        """Rows of one load's motion; rough ones for the solver unless `sharp`."""
+        basis = self.basis if sharp else self.rough
+        return RememberedColumns(MotionColumns(self.joints[load], basis.motion(x), basis.step, sharp=sharp))
 
     def value(self, rows: Sequence[BalanceColumns], slots: Sequence[int]) -> float:
         """Of the rows of each load together; minus infinity where a load that takes part has none."""
@@ -147,7 +149,7 @@ class LoadSearch:
         for number, k in enumerate(plan.used):
             joint = self.joints[k]
             smooth = self._with_one_free(plan, k)
-            x, ended, name = solved_from(joint, self.basis, tight, smooth, plan.x[k], iterations)
+            x, ended, name = solved_from(joint, self.rough, tight, smooth, plan.x[k], iterations)
             x = within(joint, self.basis, tight, x)
             rows = [*sharp[:k], self.rows(k, x), *sharp[k + 1 :]]
             value = self.value(rows, plan.slots)
@@ -164,7 +166,7 @@ class LoadSearch:
         fixed = {j: self.rows(j, plan.x[j], sharp=False) for j in plan.used if j != load}
 
         def value(x: FloatArray) -> float:
-            own = MotionColumns(self.joints[load], self.basis.motion(x), self.basis.step)
+            own = MotionColumns(self.joints[load], self.rough.motion(x), self.rough.step)
             return self.value([fixed.get(j, own) for j in range(len(self.joints))], plan.slots)
 
         return value

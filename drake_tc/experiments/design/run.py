@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
+from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.expected import TOLD, Expected, expected_of
@@ -28,6 +28,11 @@ STEP = 0.005
 """Time between the samples of a design [s]."""
 FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
+
+REFIT = (
+    "Give the new run as --log and the earlier ones as --holdout. If they were fitted together, the earlier runs alone "
+    "would also have to predict the new run, and their bias could make the diagnosis withdraw the true effect."
+)
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class JointDesign:
         rest, first = lead_in(state, self.limits, self.joint.name, self._torque)
         left, last = lead_in(backwards, self.limits, self.joint.name, lambda motion: self._torque(turned * motion))
         whole = self.repeats * self.basis.period
-        time = np.arange(round((first + whole + last) * rate_hz) + 1) / rate_hz
+        time = np.arange(int(np.ceil((first + whole + last) * rate_hz - 1e-6)) + 1) / rate_hz
         grid = np.arange(one.shape[1] + 1) * self.basis.step
         closed = np.concatenate([one, one[:, :1]], axis=1)
         place = np.mod(time - first, self.basis.period)
@@ -135,7 +140,8 @@ def design_joint(
         joint = measured_as(joint, fill, FINE)
     criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
     repeats = max(1, round(options.duration / PERIOD))
-    basis = scaled(motion_basis(options.basis, options.duration / repeats, STEP, limits.bandwidth_hz), limits)
+    period = options.duration / repeats
+    basis = scaled(motion_basis(options.basis, period, whole_step(period, STEP), limits.bandwidth_hz), limits)
     found = optimise(
         joint,
         basis,
@@ -154,6 +160,8 @@ def design_joint(
     expected, sentences = expected_of(criterion, before, default, designed)
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
         sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
+    elif isinstance(criterion, Discrimination) and before is not None:
+        sentences = (*sentences, REFIT)
     sentences = (*sentences, *tracking_warning(joint, limits, motion, basis.step))
     contained = criterion.contained if isinstance(criterion, Discrimination) else ()
     return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
