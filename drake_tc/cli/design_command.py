@@ -46,8 +46,9 @@ def design_command(
         list[str] | None,
         typer.Option(
             help="A known mass that you can hang on the joint in addition to what it carries: MASS@ARM in kg and m,"
-            " MASS of a prismatic joint, or 0 for the joint as it is; repeat, as in --load 0 --load 1.5@0.3. The design"
-            " chooses among these loads and computes a motion under each that takes part."
+            " MASS of a prismatic joint, or 0 for the joint as it is; repeat, as in --load 0 --load 1.5@0.3. A third"
+            " number, as in 1.5@0.3@0.1, is the position at which it hangs straight down [rad]. The design chooses"
+            " among these loads and computes a motion under each that takes part."
         ),
     ] = None,
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,

@@ -38,15 +38,18 @@ class KnownLoad:
     Attributes:
         mass: [kg]; 0 for the joint as it is.
         arm: Distance of its centre from the axis [m]; 0 for a joint that slides.
+        hangs: Position at which it hangs straight down [rad]; None for that of the link.
     """
 
     mass: float
     arm: float = 0.0
+    hangs: float | None = None
 
     @property
     def text(self) -> str:
         """As on the command line."""
-        return f"{self.mass:g}@{self.arm:g}" if self.arm else f"{self.mass:g}"
+        parts = [self.mass, *([self.arm] if self.arm else []), *([] if self.hangs is None else [self.hangs])]
+        return "@".join(f"{part:g}" for part in parts)
 
     @property
     def words(self) -> str:
@@ -57,7 +60,7 @@ class KnownLoad:
 
 
 def parse_loads(texts: Sequence[str]) -> tuple[KnownLoad, ...]:
-    """The loads of the command line: MASS@ARM [kg, m], MASS [kg] of a joint that slides, or 0.
+    """The loads of the command line: MASS@ARM or MASS@ARM@ANGLE [kg, m, rad], MASS of a joint that slides, or 0.
 
     Raises:
         ParamsError: Another text, a mass or an arm that is not positive, a load twice, none beside 0, or too many.
@@ -75,18 +78,17 @@ def parse_loads(texts: Sequence[str]) -> tuple[KnownLoad, ...]:
 
 def _parsed(text: str) -> KnownLoad:
     expected = "expected MASS@ARM in kg and m, such as 1.5@0.3, MASS of a prismatic joint, or 0"
-    mass, at, arm = text.partition("@")
     try:
-        values = [float(mass), float(arm) if at else 0.0]
+        values = [float(part) for part in text.split("@")]
     except ValueError:
         raise ParamsError(f"--load {text}: {expected}") from None
-    if not all(map(math.isfinite, values)):
+    if not all(map(math.isfinite, values)) or len(values) > 3:
         raise ParamsError(f"--load {text}: {expected}")
     if values[0] < 0.0:
         raise ParamsError(f"--load {text}: expected a mass of at least 0 kg, got {values[0]:g}")
-    if at and not values[1] > 0.0:
+    if len(values) > 1 and not values[1] > 0.0:
         raise ParamsError(f"--load {text}: expected an arm above 0 m, got {values[1]:g}")
-    return KnownLoad(values[0], values[1] if values[0] else 0.0)
+    return KnownLoad(*values) if values[0] else KnownLoad(0.0)
 
 
 def require_usable(joint: DesignJoint, loads: Sequence[KnownLoad], limits: JointLimits) -> None:
@@ -111,6 +113,11 @@ def require_usable(joint: DesignJoint, loads: Sequence[KnownLoad], limits: Joint
                 f"--load {load.text}: joint {joint.name}: the arm is missing; expected MASS@ARM in kg and m, such as "
                 f"{load.mass:g}@0.3"
             )
+        if load.hangs is not None and kind == "pendulum" and abs(load.hangs - joint.zero) > 1e-6:
+            raise ParamsError(
+                f"--load {load.text}: joint {joint.name}: the rig file has one zero for all logs, where its pendulum "
+                f"hangs: {joint.zero:.3g} rad; expected a mass that hangs there too"
+            )
         needed = carrying(joint, load).largest_load(*limits.position) + joint.numbers.coulomb
         if needed > limits.with_margin(MARGIN).torque:
             unit, at = units.text("N m"), units.position
@@ -122,8 +129,10 @@ def require_usable(joint: DesignJoint, loads: Sequence[KnownLoad], limits: Joint
             )
 
 
-def hang_angle(joint: DesignJoint) -> float:
+def hang_angle(joint: DesignJoint, load: KnownLoad) -> float:
     """Position at which an added mass hangs straight down [rad]: where the link hangs, 0 where that is not known."""
+    if load.hangs is not None:
+        return load.hangs
     known = joint.context.load == "pendulum" or joint.gravity > SHOWN * joint.numbers.torque
     return joint.zero if known else 0.0
 
@@ -137,7 +146,7 @@ def carrying(joint: DesignJoint, load: KnownLoad) -> DesignJoint:
         more = joint.constant + load.mass * float(along)
         return replace(joint, link_inertia=joint.link_inertia + load.mass, constant=more)
     weight = load.mass * GRAVITY * load.arm
-    both = joint.gravity * np.exp(1j * joint.zero) + weight * np.exp(1j * hang_angle(joint))
+    both = joint.gravity * np.exp(1j * joint.zero) + weight * np.exp(1j * hang_angle(joint, load))
     return replace(
         joint,
         link_inertia=joint.link_inertia + load.mass * load.arm**2,

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.basis import motion_basis, scaled, whole_step
+from drake_tc.experiments.design.basis import MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.criteria import Criterion, Parameters
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
@@ -31,6 +31,7 @@ from drake_tc.experiments.design.run import (
 )
 from drake_tc.experiments.design.solve import Optimum
 from drake_tc.experiments.design.stacked import StackedColumns
+from drake_tc.types import FloatArray
 
 WORTH = 1.1
 """Gain from which on known loads are proposed."""
@@ -63,7 +64,7 @@ class LoadDesign:
     """The best experiment with known loads.
 
     Attributes:
-        goal: What it is for.
+        joint: The joint without loads. goal: What it is for.
         loads: That the user has.
         runs: The logs, one for each load that takes part.
         unloaded: The best design without loads; None where no motion without loads reaches the goal.
@@ -73,6 +74,7 @@ class LoadDesign:
         sentences: In words.
     """
 
+    joint: DesignJoint
     goal: Goal
     loads: tuple[KnownLoad, ...]
     runs: tuple[LoadRun, ...]
@@ -117,20 +119,32 @@ def design_with_loads(
         joints = measured_together(joints, fills, FINE)
     criterion = criterion_of(goal, joints[0], options.duration, smallest=options.smallest, under=joints)
     unloaded, refusal = _unloaded(logged, limits, goal, options, logs, lambda text, part: progress(text, 0.5 * part))
-    search = _search(joints, limits, criterion, options)
-    known = [] if unloaded is None or unloaded.basis.period != search.basis.period else [unloaded.optimum.x]
-    plan = search.best(
-        np.random.default_rng(options.seed),
-        known,
-        min(options.iterations, ITERATIONS),
-        lambda text, part: progress(f"{text} with loads", 0.5 + 0.5 * part),
-    )
-    return _told(_Found(logged, joint, limits, goal, tuple(loads), search, plan, unloaded, refusal), logs)
+    search, alone = _search(joints, limits, criterion, options), None
+    known: list[FloatArray] = []
+    if unloaded is not None:
+        fill = default_motion(joint, limits, options.duration, FINE)
+        base = measured_as(joint, fill, FINE) if goal.kind == "tell" else joint
+        single = _search((base,), limits, criterion, options)
+        plan = _best(single, [unloaded.optimum.x], options, lambda text, part: progress(text, 0.5 + 0.2 * part))
+        alone = single.basis, plan.x[0]
+        known = [plan.x[0]] if single.basis.period == search.basis.period else []
+    plan = _best(search, known, options, lambda text, part: progress(f"{text}, with loads", 0.7 + 0.3 * part))
+    return _told(_Found(logged, joint, limits, goal, tuple(loads), search, plan, unloaded, refusal, alone), logs)
+
+
+def _best(search: LoadSearch, known: Sequence[FloatArray], options: DesignOptions, progress: Progress) -> LoadPlan:
+    iterations = min(options.iterations, ITERATIONS)
+    return search.best(np.random.default_rng(options.seed), known, iterations, progress)
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """What is known when the search has ended."""
+    """What is known when the search has ended.
+
+    Attributes:
+        alone: Functions and parameters of the best motion without loads by the criterion of the search, which
+            begins with that of `unloaded`; None where there is none.
+    """
 
     logged: DesignJoint
     joint: DesignJoint
@@ -141,6 +155,7 @@ class _Found:
     plan: LoadPlan
     unloaded: JointDesign | None
     refusal: str
+    alone: tuple[MotionBasis, FloatArray] | None
 
     def designed(self) -> list[MotionColumns]:
         """Rows of each log, with the noise that they have together."""
@@ -151,13 +166,14 @@ class _Found:
             joints = list(measured_together(joints, motions, search.basis.step))
         return [MotionColumns(j, m, search.basis.step, sharp=True) for j, m in zip(joints, motions, strict=True)]
 
-    def alone(self) -> BalanceColumns | None:
+    def without(self) -> BalanceColumns | None:
         """Rows of the best motion without loads."""
-        if self.unloaded is None:
+        if self.alone is None:
             return None
-        motion, step = self.unloaded.basis.motion(self.unloaded.optimum.x), self.unloaded.basis.step
-        own = measured_as(self.joint, motion, step) if self.goal.kind == "tell" else self.joint
-        return MotionColumns(own, motion, step, sharp=True)
+        basis, x = self.alone
+        motion = basis.motion(x)
+        own = measured_as(self.joint, motion, basis.step) if self.goal.kind == "tell" else self.joint
+        return MotionColumns(own, motion, basis.step, sharp=True)
 
     def default(self) -> BalanceColumns:
         """Rows of a growing sinusoid without loads."""
@@ -202,7 +218,7 @@ def _search(
 
 def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
     search, plan, used = found.search, found.plan, found.plan.used
-    parts, alone, default = found.designed(), found.alone(), found.default()
+    parts, alone, default = found.designed(), found.without(), found.default()
     shares = [plan.slots[k] / search.slots for k in used]
     designed = StackedColumns(parts, shares)
     value = search.criterion.value(designed)
@@ -222,7 +238,16 @@ def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
     if isinstance(search.criterion, Discrimination) and expected[0].after < TOLD:
         sentences = (*sentences, _heavier(found, parts, value))
     return LoadDesign(
-        found.goal, found.loads, tuple(runs), found.unloaded, found.refusal, gain, expected, without, sentences
+        found.joint,
+        found.goal,
+        found.loads,
+        tuple(runs),
+        found.unloaded,
+        found.refusal,
+        gain,
+        expected,
+        without,
+        sentences,
     )
 
 
@@ -250,10 +275,10 @@ def _without_loads(found: _Found, gain: float) -> JointDesign:
     if found.unloaded is None:
         raise ParamsError(found.refusal)
     names = ", ".join(load.words for load in found.loads if load.mass)
-    text = (
-        f"Known loads ({names}) do not help: they gain {100.0 * max(gain - 1.0, 0.0):.0f} % over the best motion "
-        "without loads, which is the design."
-    )
+    why = f"they gain {100.0 * max(gain - 1.0, 0.0):.0f} % over the best motion without loads"
+    if not any(found.loads[k].mass for k in found.plan.used):
+        why = "the best experiment uses none of them"
+    text = f"Known loads ({names}) do not help: {why}. The design is the one without loads."
     return replace(found.unloaded, sentences=(text, *found.unloaded.sentences))
 
 

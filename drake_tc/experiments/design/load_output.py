@@ -124,13 +124,15 @@ class LoadExperiment:
 
     def how(self) -> tuple[str, ...]:
         """How the logs are recorded and what the rig file says of them."""
-        design = self.design
-        limits = design.runs[0].design.limits
         logs = "; ".join(f"{name}.csv with {run.load.words}" for name, run in self._named())
         parts = [f"Record one log for each load: {logs}."]
-        if not limits.units.slides:
-            joint = design.runs[0].design.joint
-            parts[0] += f" The mass hangs straight down at the position {hang_angle(joint):.3g} rad."
+        angles = {hang_angle(self.design.joint, run.load) for run in self.design.runs if run.load.arm}
+        if angles:
+            where = " or ".join(f"{angle:.3g} rad" for angle in sorted(angles))
+            parts.append(
+                f"The design assumes that an added mass hangs straight down at the position {where}. If it does not, "
+                "give the position [rad] as MASS@ARM@ANGLE."
+            )
         if self.rig_entry() is None:
             parts.append("The rig file stays as it is: the torque column of each log contains its load.")
         else:
