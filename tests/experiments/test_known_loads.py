@@ -19,7 +19,8 @@ from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.known_loads import KnownLoad, carrying, declaring, parse_loads
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.load_design import design_with_loads
+from drake_tc.experiments.design.load_result import LoadDesign
 from drake_tc.experiments.design.load_search import LoadSearch, slow_passes, splits
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.design.stacked import RememberedColumns, StackedColumns

@@ -11,11 +11,12 @@ from drake_tc.experiments.design.basis import MotionBasis, motion_basis, scaled,
 from drake_tc.experiments.design.criteria import Criterion, Parameters
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
-from drake_tc.experiments.design.expected import TOLD, Expected, expected_of
+from drake_tc.experiments.design.expected import TOLD, expected_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.known_loads import KnownLoad, carrying, require_usable
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.load_result import LoadDesign, LoadRun
 from drake_tc.experiments.design.load_search import LoadPlan, LoadSearch
 from drake_tc.experiments.design.load_sentences import gain_sentences
 from drake_tc.experiments.design.noise import measured_as, measured_together
@@ -31,6 +32,7 @@ from drake_tc.experiments.design.run import (
 )
 from drake_tc.experiments.design.solve import Optimum
 from drake_tc.experiments.design.stacked import StackedColumns
+from drake_tc.experiments.design.tracking import tracking_warning
 from drake_tc.types import FloatArray
 
 WORTH = 1.1
@@ -40,50 +42,6 @@ ROUGH = 0.01
 """Time between the samples that the solver sees [s]."""
 ITERATIONS = 10
 """Most iterations of the solver for each load."""
-
-
-@dataclass(frozen=True, eq=False)
-class LoadRun:
-    """One log of the experiment.
-
-    Attributes:
-        load: What hangs on the joint.
-        design: The motion under it.
-        seconds: That its periods last.
-        worth: What the load brings: the gain of the experiment over the same one without this log; 1 if nothing.
-    """
-
-    load: KnownLoad
-    design: JointDesign
-    seconds: float
-    worth: float
-
-
-@dataclass(frozen=True, eq=False)
-class LoadDesign:
-    """The best experiment with known loads.
-
-    Attributes:
-        joint: The joint without loads. goal: What it is for.
-        loads: That the user has.
-        runs: The logs, one for each load that takes part.
-        unloaded: The best design without loads; None where no motion without loads reaches the goal.
-        refusal: Why none does.
-        gain: Factor by which the loads lengthen the distances or shorten the intervals; infinite beside a refusal.
-        expected: What the experiment is worth. without: the same of the best motion without loads, where it exists.
-        sentences: In words.
-    """
-
-    joint: DesignJoint
-    goal: Goal
-    loads: tuple[KnownLoad, ...]
-    runs: tuple[LoadRun, ...]
-    unloaded: JointDesign | None
-    refusal: str
-    gain: float
-    expected: tuple[Expected, ...]
-    without: tuple[Expected, ...]
-    sentences: tuple[str, ...]
 
 
 def design_with_loads(
@@ -235,6 +193,8 @@ def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
         runs.append(_run_of(found, k, worth))
         worths.append((found.loads[k], worth))
     sentences = (*gain_sentences(search.criterion, found.refusal, gain, worths, expected, without), *sentences)
+    warned = [sentence for k in used for sentence in _resonance(found, k)]
+    sentences = (*sentences, *dict.fromkeys(warned))
     if isinstance(search.criterion, Discrimination) and expected[0].after < TOLD:
         sentences = (*sentences, _heavier(found, parts, value))
     return LoadDesign(
@@ -249,6 +209,15 @@ def _told(found: _Found, logs: Prepared | None) -> LoadDesign | JointDesign:
         without,
         sentences,
     )
+
+
+def _resonance(found: _Found, load: int) -> tuple[str, ...]:
+    """A warning where the position servo does not follow the motion with the inertia of the load."""
+    search, joint = found.search, found.search.joints[load]
+    inertia = joint.numbers.inertia + joint.link_inertia - found.joint.link_inertia
+    heavier = replace(joint, numbers=replace(joint.numbers, inertia=inertia))
+    motion = search.basis.motion(found.plan.x[load])
+    return tracking_warning(heavier, found.limits, motion, search.basis.step)
 
 
 def _value_of(criterion: Criterion, parts: Sequence[BalanceColumns], shares: Sequence[float]) -> float:

@@ -10,7 +10,7 @@ import yaml
 from drake_tc.config.json_values import json_value
 from drake_tc.experiments.design.drake_output import drake_trajectory
 from drake_tc.experiments.design.known_loads import MOST_LOADS, declaring, hang_angle
-from drake_tc.experiments.design.load_design import LoadDesign, LoadRun
+from drake_tc.experiments.design.load_result import LoadDesign, LoadRun
 from drake_tc.experiments.design.load_sentences import BEYOND
 from drake_tc.experiments.design.output import (
     FILES,

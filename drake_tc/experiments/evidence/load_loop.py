@@ -17,8 +17,9 @@ from drake_tc.experiments.design.expected import TOLD
 from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.known_loads import KnownLoad
-from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.load_design import design_with_loads
 from drake_tc.experiments.design.load_output import LoadExperiment
+from drake_tc.experiments.design.load_result import LoadDesign
 from drake_tc.experiments.design.run import DesignOptions, JointDesign
 from drake_tc.experiments.evidence.loop import (
     LAST_SECONDS,
