@@ -77,8 +77,8 @@ class LoadExperiment:
         entry = self.rig_entry()
         if entry is None:
             return ""
-        text = str(yaml.safe_dump({"load": entry}, sort_keys=False, allow_unicode=True, default_flow_style=None))
-        return f"# Replaces the key `load` of the rig file; the first pattern that fits a log counts.\n{text}"
+        text = str(yaml.safe_dump(entry, sort_keys=False, allow_unicode=True, default_flow_style=True, width=10**9))
+        return f"# Replaces the key `load` of the rig file; the first pattern that fits a log counts.\nload: {text}"
 
     def _named(self) -> list[tuple[str, LoadRun]]:
         return [(f"trajectory_{number + 1}", run) for number, run in enumerate(self.design.runs)]
@@ -140,10 +140,13 @@ class LoadExperiment:
                 f"Name each log as its trajectory, and put the lines of {RIG_LINES} into the rig file in place of the "
                 "key load."
             )
-        parts.append(
-            "Give all the new logs as --log and an earlier one as --holdout: each of them alone does not tell what all "
-            "of them together do."
-        )
+        if len(self.design.runs) == 1:
+            parts.append("Give the new log as --log and an earlier one as --holdout.")
+        else:
+            parts.append(
+                "Give all the new logs as --log and an earlier one as --holdout: each of them alone does not tell what "
+                "all of them together do."
+            )
         return tuple(parts)
 
     def lines(self) -> list[str]:
