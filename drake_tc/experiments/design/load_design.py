@@ -145,7 +145,8 @@ class _Found:
         many = 1
         if isinstance(criterion, Parameters) and not criterion.smallest:
             many = len(criterion.names)
-        return float(np.exp(min(0.5 * (better - worse) / many, 300.0)))
+        power = 0.5 * (better - worse) / many
+        return float(np.exp(power)) if power < 100.0 else float("inf")
 
 
 def _unloaded(
