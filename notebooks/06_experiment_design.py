@@ -132,5 +132,6 @@ print(f"a joint without a spring is said to have one: {rehearsed.points[0].found
 # drake-tc check --rig rig.yaml --log run1.parquet --log run2.parquet --out check
 # drake-tc design --rig rig.yaml --log run1.parquet --goal tell:stribeck,load_dependent_friction --duration 30
 # drake-tc design --rig rig.yaml --after out/report.json
+# drake-tc design --rig rig.yaml --log run1.parquet --goal tell:stribeck,load_dependent_friction --load 0 --load 1.5@0.3
 # drake-tc rehearse --rig rig.yaml --log run1.parquet --log run2.parquet --with backlash=0.001
 # ```

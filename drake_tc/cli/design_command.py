@@ -1,6 +1,7 @@
 """`drake-tc design`: the next experiment, within limits."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,9 @@ from drake_tc.cli.progress import progress_bar
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.experiments.design.run import JointDesign
+    from drake_tc.experiments.design.expected import Expected
+    from drake_tc.experiments.design.request import DesignRequest, Progress
+    from drake_tc.experiments.design.run import DesignOptions, JointDesign
 
 
 def design_command(
@@ -39,6 +42,15 @@ def design_command(
     acceleration: Annotated[float | None, typer.Option(help="Acceleration limit [rad/s^2 or m/s^2].")] = None,
     jerk: Annotated[float | None, typer.Option(help="Jerk limit [rad/s^3 or m/s^3].")] = None,
     torque: Annotated[float | None, typer.Option(help="Motor torque or force limit [N m or N].")] = None,
+    load: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A known mass that you can hang on the joint in addition to what it carries: MASS@ARM in kg and m,"
+            " MASS of a prismatic joint, or 0 for the joint as it is; repeat, as in --load 0 --load 1.5@0.3. A third"
+            " number, as in 1.5@0.3@0.1, is the position at which it hangs straight down [rad]. The design chooses"
+            " among these loads and computes a motion under each that takes part."
+        ),
+    ] = None,
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency that the drive follows [Hz].")] = None,
     basis: Annotated[str, typer.Option(help="Functions of the motion: fourier or bspline.")] = "fourier",
     criterion: Annotated[
@@ -66,10 +78,12 @@ def design_command(
     """Compute a motion that measures a joint's parameters well, or that separates two missing effects.
 
     If the model of a robot gives the loads, the goal `parameters` without --joint computes one motion of all joints.
-    The motion keeps the limits, and begins and ends at rest. If no motion can separate two effects, the command ends
+    The motion keeps the limits, and begins and ends at rest. With --load, the design also chooses which known masses
+    are hung on the joint, and how long each. If no motion can separate two effects, the command ends
     with an error that states the identity between them.
     """
-    from drake_tc.experiments.design.output import FILES, design_json, robot_json, write_design, write_robot_design
+    from drake_tc.experiments.design.load_output import LOAD_FILES
+    from drake_tc.experiments.design.output import FILES, robot_json, write_robot_design
 
     _require(basis, criterion, duration, rate, distance)
     given: dict[str, Any] = {
@@ -82,10 +96,11 @@ def design_command(
     }
     read = [rig, *(log or []), *(path for path in (model, after, scene) if path is not None)]
     with (
-        result_folder(out, "--out", names=FILES, inputs=read, force=force, error=ParamsError) as folder,
+        result_folder(out, "--out", names=(*FILES, *LOAD_FILES), inputs=read, force=force, error=ParamsError) as folder,
         progress_bar("design", quiet=as_json) as progress,
     ):
-        from drake_tc.experiments.design.request import DesignRequest, designed, designed_robot, whole_robot
+        from drake_tc.experiments.design.known_loads import parse_loads
+        from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
         from drake_tc.experiments.design.robot import RobotOptions
         from drake_tc.experiments.design.run import DesignOptions
 
@@ -95,23 +110,21 @@ def design_command(
             smallest=criterion == "E",
             seed=seed,
         )
-        request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given)
+        loads = parse_loads(load or ())
+        request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given, loads)
         if whole_robot(request):
+            if loads:
+                raise ParamsError("--load: the loads hang on one joint; name it with --joint")
             whole = RobotOptions(duration, options.basis, seed=seed, distance=distance, scene=scene)
             whole = replace(whole, **_given(starts=starts, criterion=criterion))
             robot = designed_robot(request, whole, progress)
             write_robot_design(robot, folder, rate)
             document, lines = robot_json(robot), list(robot.sentences)
         else:
-            if scene is not None:
-                raise ParamsError("--scene: expected the motion of a whole robot (goal parameters, no --joint)")
-            if criterion == "intervals":
-                raise ParamsError(
-                    "--criterion intervals: expected the motion of a whole robot (goal parameters, no --joint)"
-                )
-            designs = designed(request, replace(options, **_given(starts=starts)), progress)
-            write_design(designs, folder, rate)
-            document, lines = design_json(designs), design_lines(designs)
+            _require_of_one_joint(scene, criterion)
+            document, lines = _designed_joints(
+                request, replace(options, **_given(starts=starts)), folder, rate, progress
+            )
     if as_json:
         print(json.dumps(document, indent=1))
     else:
@@ -122,6 +135,39 @@ def design_command(
 def _given(**options: Any) -> dict[str, Any]:
     """The options that are given."""
     return {name: value for name, value in options.items() if value is not None}
+
+
+def _designed_joints(
+    request: "DesignRequest",
+    options: "DesignOptions",
+    folder: Path,
+    rate: float,
+    progress: "Progress",
+) -> tuple[dict[str, Any], list[str]]:
+    """Write the design of each joint; (design.json, lines for the console)."""
+    from drake_tc.experiments.design.load_output import LoadExperiment
+    from drake_tc.experiments.design.load_result import LoadDesign
+    from drake_tc.experiments.design.output import design_json, write_design
+    from drake_tc.experiments.design.request import designed, designed_with_loads
+
+    if request.loads:
+        name, rig, design = designed_with_loads(request, options, progress)
+        if isinstance(design, LoadDesign):
+            experiment = LoadExperiment(name, rig, design)
+            experiment.write(folder, rate)
+            return experiment.json(), [*experiment.lines(), *expected_lines(design.expected)]
+        designs = {name: design}
+    else:
+        designs = designed(request, options, progress)
+    write_design(designs, folder, rate)
+    return design_json(designs), design_lines(designs)
+
+
+def _require_of_one_joint(scene: Path | None, criterion: str | None) -> None:
+    if scene is not None:
+        raise ParamsError("--scene: expected the motion of a whole robot (goal parameters, no --joint)")
+    if criterion == "intervals":
+        raise ParamsError("--criterion intervals: expected the motion of a whole robot (goal parameters, no --joint)")
 
 
 def _require(basis: str, criterion: str | None, duration: float, rate: float, distance: float) -> None:
@@ -139,18 +185,25 @@ def _require(basis: str, criterion: str | None, duration: float, rate: float, di
 
 def design_lines(designs: "dict[str, JointDesign]") -> list[str]:
     """What each joint's motion is expected to bring, as lines of text."""
-    from drake_tc.report.numbers import significant
-
     out = []
     for name, design in designs.items():
         out.append(f"{name}: goal {design.goal.text}")
         out += [f"  {sentence}" for sentence in design.sentences]
-        for each in design.expected:
-            values = ", ".join(
-                f"{label} {significant(value)}"
-                for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
-                if value == value
-            )
-            unit = f" [{each.unit}]" if each.unit not in ("", "-") else ""
-            out.append(f"  {each.name}{unit}: {values}")
+        out += expected_lines(design.expected)
+    return out
+
+
+def expected_lines(expected: "Sequence[Expected]") -> list[str]:
+    """What each quantity is expected to be, as lines of text."""
+    from drake_tc.report.numbers import significant
+
+    out = []
+    for each in expected:
+        values = ", ".join(
+            f"{label} {significant(value)}"
+            for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
+            if value == value
+        )
+        unit = f" [{each.unit}]" if each.unit not in ("", "-") else ""
+        out.append(f"  {each.name}{unit}: {values}")
     return out

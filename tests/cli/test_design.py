@@ -1,11 +1,16 @@
 """`drake-tc design`."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.logs.rig import parse_rig
 
 
 @pytest.fixture
@@ -80,3 +85,77 @@ def test_what_cannot_be_designed_is_one_line(invoke, bench, quick, arguments, wo
 
 def test_without_runs_and_model_it_says_what_to_give(invoke, bench, quick):
     assert "--log RUN" in invoke("design", "--rig", bench.rig, *quick).refusal()
+
+
+LOADS = ["--load", "0", "--load", "5@0.4@0", "--torque", "150"]
+GOAL = ["--goal", "parameters:load_dependent_friction,stribeck"]
+
+
+def test_with_loads_it_writes_one_motion_for_each_and_says_what_they_gain(invoke, bench, quick, tmp_path):
+    done = invoke("design", *bench.arguments(), *quick, *GOAL, *LOADS, "--json")
+    assert done.code == 0, done.err
+    ((joint, entry),) = json.loads(done.out)["joints"].items()
+    assert entry["loads"]["gain"] > 1.1 and entry["loads"]["without_loads"] == "" and entry["rig"] == {}
+    runs, out = entry["runs"], tmp_path / "next"
+    assert [run["file"] for run in runs] == [f"trajectory_{k + 1}.csv" for k in range(len(runs))]
+    assert sum(run["seconds"] for run in runs) == pytest.approx(8.0)
+    first = pd.read_csv(out / "trajectory.csv")
+    for run in runs:
+        table = pd.read_csv(out / run["file"])
+        assert set(table[f"{joint}/load_mass"]) == {run["mass"]} and set(table[f"{joint}/load_arm"]) == {run["arm"]}
+        assert yaml.safe_load((out / run["file"].replace(".csv", ".yaml")).read_text("utf-8"))["joint_names"] == [joint]
+    assert first.equals(pd.read_csv(out / runs[0]["file"])[list(first)])
+    page = (out / "design.html").read_text(encoding="utf-8")
+    assert "best motion without loads" in page and "5 kg at 0.4 m" in page and "The rig file stays as it is" in page
+    # without loads the files of an earlier call go
+    assert invoke("design", *bench.arguments(), *quick).code == 0
+    assert not list(out.glob("trajectory_*"))
+
+
+def test_the_rig_file_of_a_pendulum_gets_the_masses_of_the_new_logs(invoke, tmp_path):
+    rig, model = tmp_path / "rig.yaml", tmp_path / "model.yaml"
+    rig.write_text(
+        "{joint: j, drive: current, declared: {rotor_inertia: 0.1}, load: {pendulum: {mass: 2.0, length: 0.3}}}",
+        encoding="utf-8",
+    )
+    values = (EffectValue("viscous", {"viscous": 0.5}), EffectValue("coulomb", {"coulomb": 0.4}))
+    save_models(
+        {
+            "j": ActuatorModel(
+                "j", Drive("current", 0.1), (*values, EffectValue("rotor_inertia", {"rotor_inertia": 0.1}))
+            )
+        },
+        model,
+    )
+    limits = ["--position", "-0.8", "0.8", "--velocity", "2", "--acceleration", "10", "--torque", "30"]
+    known = ["--rig", rig, "--model", model, *limits, "--duration", "8", "--bandwidth", "2", "--out", tmp_path / "next"]
+    goal = ["--goal", "parameters:payload", "--load", "0", "--load", "2@0.4"]
+    done = invoke("design", *known, *goal)
+    assert done.code == 0, done.err
+    assert "put the lines of rig_load.yaml into the rig file" in done.out
+    lines = (tmp_path / "next" / "rig_load.yaml").read_text(encoding="utf-8")
+    document = yaml.safe_load(rig.read_text(encoding="utf-8")) | yaml.safe_load(lines)
+    load = parse_rig(document).load["j"]
+    assert set(document["load"]["pendulum"]["mass"].values()) == {2.0, 4.0}
+    assert [pattern for pattern, _ in load.by_run][-1] == "*"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--load", "-1@0.3"], "a mass of at least 0 kg"),
+        (["--load", "1.5"], "the arm is missing"),
+        (["--load", "100@0.5"], "N m, and the torque limit is"),
+        (["--load", "0"], "at least one load beside 0"),
+    ],
+)
+def test_loads_that_cannot_be_hung_are_one_line(invoke, bench, quick, arguments, words):
+    assert words in invoke("design", *bench.arguments(), *quick, *arguments).refusal()
+
+
+def test_loads_of_several_joints_or_of_a_whole_robot_are_refused(invoke, tmp_path):
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("{joints: [a, b], drive: current}", encoding="utf-8")
+    assert "name one with --joint" in invoke("design", "--rig", rig, "--load", "1@0.3").refusal()
+    leg = Path("drake_tc/logs/examples/leg_rig.yaml")
+    assert "name it with --joint" in invoke("design", "--rig", leg, "--load", "1@0.3").refusal()

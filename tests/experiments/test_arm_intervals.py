@@ -9,8 +9,8 @@ from drake_tc.benchmarks.blind_arm.arms import ARMS, REFERENCE, arm_named
 from drake_tc.benchmarks.blind_arm.cases import simulated_arm, sound_case, write_files
 from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_motion
 from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.experiments.design.expected import Expected
 from drake_tc.experiments.design.robot import RobotDesign
-from drake_tc.experiments.design.run import Expected
 from drake_tc.experiments.evidence import arm_intervals
 from drake_tc.experiments.evidence.arm_intervals import (
     arm_comparison,

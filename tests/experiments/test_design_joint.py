@@ -16,7 +16,8 @@ from drake_tc.experiments.design.criteria import Parameters
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination, detection_probability, distinction_probability
 from drake_tc.experiments.design.forms import Projection, form_of, remainder
-from drake_tc.experiments.design.goal import criterion_of, identity, parse_goal
+from drake_tc.experiments.design.goal import criterion_of, parse_goal
+from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits

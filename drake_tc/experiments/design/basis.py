@@ -52,6 +52,11 @@ class MotionBasis:
         return np.asarray(self.matrices @ x)
 
 
+def whole_step(period: float, step: float) -> float:
+    """The step nearest to `step` [s] of which a period is a multiple, so that the motion closes at its end."""
+    return period / max(1, round(period / step))
+
+
 def scaled(basis: MotionBasis, limits: JointLimits) -> MotionBasis:
     """The same functions, each with the largest amplitude that it may have alone: parameters of the order of 1."""
     omega = 2.0 * np.pi * np.maximum(basis.frequency_hz, 1e-9)

@@ -19,7 +19,13 @@ from drake_tc.types import FloatArray
 
 
 class Criterion(ABC):
-    """A goal of a design: larger is better, differentiable nearly everywhere."""
+    """A goal of a design: larger is better, differentiable nearly everywhere.
+
+    Attributes:
+        duration: Of the experiment [s].
+    """
+
+    duration: float
 
     @abstractmethod
     def value(self, columns: BalanceColumns) -> float:

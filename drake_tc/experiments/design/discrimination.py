@@ -13,7 +13,7 @@ one with fewer parameters, and lists the other one only if it fits better. A dia
 The probability therefore also depends on the distances of A and of B from the declared model without either of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,16 +44,20 @@ class Discrimination(Criterion):
             parameters.
         duration: Of the experiment [s].
         contained: (truth, other, proof) of an order in which the other model contains the truth.
+        seen: Whether the value also counts how far an effect that is the truth in no order is from the declared model.
     """
 
     joint: DesignJoint
     orders: tuple[tuple[EffectForm, EffectForm], ...]
     duration: float
     contained: tuple[tuple[str, str, str], ...] = ()
+    seen: bool = False
 
     def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
         """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
-        declared = Projection(declared_columns(columns), columns.weight)
+        return self._apart(Projection(declared_columns(columns), columns.weight), columns, duration)
+
+    def _apart(self, declared: Projection, columns: BalanceColumns, duration: float | None = None) -> Distances:
         out = {}
         for truth, other in self.orders:
             targets, widths = [], []
@@ -71,8 +75,21 @@ class Discrimination(Criterion):
     def visibilities(self, columns: BalanceColumns, duration: float | None = None) -> dict[str, FloatArray]:
         """By effect, the distance T of each shape from the declared model alone, over `duration` [s] of rows."""
         declared = Projection(declared_columns(columns), columns.weight)
+        return self._seen(declared, columns, self._forms, duration)
+
+    @property
+    def _forms(self) -> tuple[EffectForm, ...]:
+        return tuple(dict.fromkeys(form for order in self.orders for form in order))
+
+    def _seen(
+        self,
+        declared: Projection,
+        columns: BalanceColumns,
+        forms: Sequence[EffectForm],
+        duration: float | None = None,
+    ) -> dict[str, FloatArray]:
         scale, out = self._scale(columns, duration), {}
-        for form in dict.fromkeys(form for order in self.orders for form in order):
+        for form in forms:
             left = [declared.of(form.change(columns, shape)) for shape in form.shapes]
             out[form.effect.key] = np.array([scale * np.mean(np.sum(each**2, axis=0)) for each in left])
         return out
@@ -82,7 +99,12 @@ class Discrimination(Criterion):
 
     def value(self, columns: BalanceColumns) -> float:
         """Smooth minimum of log T over both orders and all shapes."""
-        logs = np.log(np.concatenate(list(self.distances(columns).values())) + 1e-9)
+        declared = Projection(declared_columns(columns), columns.weight)
+        found = list(self._apart(declared, columns).values())
+        if self.seen:
+            rest = [form for form in self._forms if all(form is not truth for truth, _ in self.orders)]
+            found += self._seen(declared, columns, rest).values()
+        logs = np.log(np.concatenate(found) + 1e-9)
         least = float(logs.min())
         return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
 

@@ -1,37 +1,21 @@
-"""What a design is for: parameters, two effects that shall be told apart, or everything; and whether it can be reached.
-
-Two effects are the same function when the columns of the one are combinations of the columns of the other and of the
-declared model at every state of the joint, whatever the motion:
-
-    phi_A(q, qdot, qddot) = X(q, qdot, qddot) beta + Phi_B(q, qdot, qddot) theta                          (identity)
-
-An identity at random states in general position, which outnumber the coefficients a hundredfold, is one everywhere,
-because the columns are analytic in each direction of motion.
-"""
+"""What a design is for: parameters, two effects that shall be told apart, or everything; whether it can be reached."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import numpy as np
-
-from drake_tc.effects.base import Signals
 from drake_tc.effects.library import effect, looked_for
-from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.forms import EffectForm, form_of
+from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.sizes import acts_through_shape, size_of
-from drake_tc.types import FloatArray
+from drake_tc.experiments.design.known_loads import carrying, trial_load
+from drake_tc.experiments.sizes import size_of
 
 GoalKind = Literal["parameters", "tell", "all"]
-STATES = 4000
-"""Random states at which an identity is tried."""
-SAME = 1e-8
-"""Largest share of a column that an identity may leave."""
 
 
 @dataclass(frozen=True)
@@ -81,27 +65,34 @@ def parse_goal(text: str) -> Goal:
     raise ParamsError(f"goal {text!r}: expected parameters, tell:A,B or all")
 
 
-def criterion_of(goal: Goal, joint: DesignJoint, duration: float, *, smallest: bool = False) -> Criterion:
+def criterion_of(
+    goal: Goal, joint: DesignJoint, duration: float, *, smallest: bool = False, under: Sequence[DesignJoint] = ()
+) -> Criterion:
     """The criterion of a goal.
+
+    Args:
+        goal: What the design is for.
+        joint: The joint.
+        duration: Of the experiment [s].
+        smallest: E- instead of D-optimality.
+        under: The joint with each of the known loads under which it is moved; empty for the joint as it is.
 
     Raises:
         ParamsError: An effect that these logs cannot show, or two effects that are the same function.
     """
     if goal.kind == "tell":
-        forms = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
-        require_different(joint, forms[0], forms[1])
-        # of two models that fit equally well a diagnosis takes the one with fewer parameters, so that only the other
-        # one has to be distinguished from it
-        pairs = ((forms[0], forms[1]), (forms[1], forms[0]))
-        larger = [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
-        orders = tuple(pair for pair in larger if identity(joint, *pair) is None)
+        first, second = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
+        orders = _orders(joint, first, second, under)
         if not orders:
-            truth, other = larger[0]
+            require_different(joint, first, second, under)
+            truth, other = _larger(first, second)[0]
             raise ParamsError(
                 f"while the joint slides, {other.effect.key} describes all that {truth.effect.key} does with fewer "
-                f"parameters, so no motion shows {truth.effect.key}: {identity(joint, truth, other)}"
+                f"parameters, so no motion shows {truth.effect.key}: {identity(joint, truth, other, under)}"
+                f"{_by_loads(joint, first, second, under)}"
             )
-        return Discrimination(joint, orders, duration, tuple(each for pair in pairs for each in _ties(joint, *pair)))
+        ties = tuple(each for pair in ((first, second), (second, first)) for each in _ties(joint, *pair, under))
+        return Discrimination(joint, orders, duration, ties, seen=bool(under))
     if goal.kind == "parameters":
         return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
     taken = {t.effect.id for t in joint.declared} | set(joint.context.declared)
@@ -152,7 +143,9 @@ def _isolated(effect_id: str) -> str:
     return f"to show it alone, {ISOLATES[effect_id]}" if effect_id in ISOLATES else "design an experiment by hand"
 
 
-def require_different(joint: DesignJoint, first: EffectForm, second: EffectForm) -> None:
+def require_different(
+    joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint] = ()
+) -> None:
     """Refuse two effects each of which can be written as the other, with the identity that proves it.
 
     Where only the first can be written as the second, the second has more to it, and a motion can show that.
@@ -160,15 +153,50 @@ def require_different(joint: DesignJoint, first: EffectForm, second: EffectForm)
     Raises:
         ParamsError: One line with the identity and its largest error.
     """
-    proof = identity(joint, first, second)
-    if proof is not None and identity(joint, second, first) is not None:
+    proof = identity(joint, first, second, under)
+    if proof is not None and identity(joint, second, first, under) is not None:
         raise ParamsError(
             f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
             f"distinguishes them: {proof}; {_isolated(first.effect.id)}, or {_isolated(second.effect.id)}"
+            f"{_by_loads(joint, first, second, under)}"
         )
 
 
-def _ties(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> list[tuple[str, str, str]]:
+def _larger(first: EffectForm, second: EffectForm) -> list[tuple[EffectForm, EffectForm]]:
+    """(truth, other) where the other has no more parameters.
+
+    Of two models that fit equally well a diagnosis takes the one with fewer parameters, so that only the other one has
+    to be distinguished from it.
+    """
+    pairs = ((first, second), (second, first))
+    return [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
+
+
+def _orders(
+    joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint]
+) -> tuple[tuple[EffectForm, EffectForm], ...]:
+    """(truth, other) in which some motion under the loads shows that the truth is not the other."""
+    return tuple(pair for pair in _larger(first, second) if identity(joint, *pair, under) is None)
+
+
+def _by_loads(joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint]) -> str:
+    """That known loads tell two effects apart which no motion does; empty where they do not either."""
+    loaded = _trial(joint, under)
+    if not loaded or not _orders(joint, first, second, loaded):
+        return ""
+    shape = "MASS" if joint.context.joint_type == "prismatic" else "MASS@ARM"
+    return f"; motions under known loads do distinguish them: name the loads that you have, --load 0 --load {shape}"
+
+
+def _trial(joint: DesignJoint, under: Sequence[DesignJoint]) -> tuple[DesignJoint, ...]:
+    """The joint without and with a load, to try whether loads help; empty where several are given, or none can be."""
+    load = None if len(under) > 1 else trial_load(joint)
+    return () if load is None else (joint, carrying(joint, load))
+
+
+def _ties(
+    joint: DesignJoint, truth: EffectForm, other: EffectForm, under: Sequence[DesignJoint]
+) -> list[tuple[str, str, str]]:
     """(truth, form, proof) for the forms of the other effect that contain the truth with no more parameters.
 
     A diagnosis takes the model with fewer parameters, so that a larger one that contains the truth is no alternative.
@@ -178,76 +206,10 @@ def _ties(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> list[tupl
         small = member.degrees_of_freedom <= truth.effect.degrees_of_freedom
         if member.id != other.effect.id or not small or member.unavailable(joint.context):
             continue
-        proof = identity(joint, truth, form_of(joint, member.key, size_of(member, joint.numbers, joint.context)))
+        form = form_of(joint, member.key, size_of(member, joint.numbers, joint.context))
+        proof = identity(joint, truth, form, under)
         if proof is not None:
-            out.append((truth.effect.key, member.key, proof))
+            loaded = _trial(joint, under)
+            helps = bool(loaded) and identity(joint, truth, form, loaded) is None
+            out.append((truth.effect.key, member.key, proof + ("; motions under known loads (--load) do" * helps)))
     return out
-
-
-def identity(joint: DesignJoint, truth: EffectForm, other: EffectForm) -> str | None:
-    """The coefficients of (identity) in words, with the error at random states; None where it does not hold.
-
-    Effects with memory or with a shape in which they are not linear are never the same function.
-    """
-    if any(acts_through_shape(form.effect) for form in (truth, other)) or truth.effect.shapes or other.effect.shapes:
-        return None
-    motion = _random_states(joint)
-    signals = replace(joint.signals(motion, 1.0), direction=np.sign(motion[1]))
-    rows = np.abs(motion[1]) > 0.1 * joint.numbers.speed
-    phi = _columns(truth, signals)[rows]
-    gain_declared = bool(joint.context.declared.get("drive_gain"))
-    names = [] if gain_declared else ["effort"]
-    blocks = [] if gain_declared else [signals.effort[rows, None]]
-    for term in joint.declared:
-        if term.effect.coefficients:
-            blocks.append(term.effect.columns(signals, term.shape)[rows])
-            names += [p.name for p in term.effect.coefficients]
-    blocks.append(_columns(other, signals)[rows])
-    names += _names(other)
-    basis = np.concatenate(blocks, axis=1)
-    if not (np.isfinite(phi).all() and np.isfinite(basis).all()):
-        return None
-    scale = np.linalg.norm(basis, axis=0)
-    solution = np.linalg.lstsq(basis / scale, phi, rcond=1e-12)[0] / scale[:, None]
-    error = float(np.max(np.abs(phi - basis @ solution)) / max(float(np.max(np.abs(phi))), 1e-300))
-    if error > SAME:
-        return None
-    return _written(truth, names, solution * 1.0, basis, phi, error)
-
-
-def _columns(form: EffectForm, signals: Signals) -> FloatArray:
-    """Columns (T, k) of an effect at its first shape; of an error of the drive gain, the effort."""
-    if isinstance(form.effect, ServoGain):
-        return signals.effort[:, None]
-    return form.effect.columns(signals, form.shapes[0])
-
-
-def _names(form: EffectForm) -> list[str]:
-    """Names of the columns of `_columns`."""
-    named = form.effect.parameters if isinstance(form.effect, ServoGain) else form.effect.coefficients
-    return [p.name for p in named]
-
-
-def _written(
-    truth: EffectForm, names: Sequence[str], solution: FloatArray, basis: FloatArray, phi: FloatArray, error: float
-) -> str:
-    parts = []
-    for j, name in enumerate(_names(truth)):
-        size = float(np.sqrt(np.mean(phi[:, j] ** 2)))
-        weights = solution[:, j] * np.sqrt(np.mean(basis**2, axis=0))
-        terms = [
-            f"{solution[i, j]:.6g} {names[i]}" for i in range(len(names)) if abs(weights[i]) > 1e-6 * max(size, 1e-300)
-        ]
-        parts.append(f"column of {name} = {' + '.join(terms) or '0'}")
-    return f"{'; '.join(parts)} at {basis.shape[0]} random states (largest difference {error:.1g})"
-
-
-def _random_states(joint: DesignJoint) -> FloatArray:
-    """(4, STATES) positions, velocities, accelerations and jerks in the ranges of the logs."""
-    rng = np.random.default_rng(0)
-    low, high = joint.context.position_span
-    speed = joint.numbers.speed
-    q = rng.uniform(low, high, STATES)
-    v = rng.choice([-1.0, 1.0], STATES) * rng.uniform(0.2, 1.0, STATES) * speed
-    a = rng.normal(size=STATES) * max(joint.numbers.torque / max(joint.numbers.inertia, 1e-9), 1.0)
-    return np.stack([q, v, a, rng.normal(size=STATES)])

@@ -1,6 +1,7 @@
 """From rest into a periodic motion and out of it: polynomials of degree five that keep the limits."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -29,10 +30,21 @@ def _powers(time: FloatArray, order: int) -> FloatArray:
     return out
 
 
-def lead_in(state: FloatArray, limits: JointLimits, joint: str) -> tuple[float, float]:
+def lead_in(
+    state: FloatArray,
+    limits: JointLimits,
+    joint: str,
+    torque: Callable[[FloatArray], FloatArray] | None = None,
+) -> tuple[float, float]:
     """(position of rest [rad], length [s]) of the shortest polynomial from rest to a state (3,) within the limits.
 
     Run backwards with the velocity turned it leads from that state to rest.
+
+    Args:
+        state: Position, velocity and acceleration at its end.
+        limits: That it keeps.
+        joint: For the message.
+        torque: (4, T) motion to the motor's torque (T,) [N m]; None where the torque has no limit.
 
     Raises:
         ParamsError: None of the lengths keeps the limits.
@@ -44,8 +56,11 @@ def lead_in(state: FloatArray, limits: JointLimits, joint: str) -> tuple[float, 
         for rest in sorted(np.linspace(low, high, PLACES), key=lambda q: abs(q - state[0])):
             made = quintic(np.array([rest, 0.0, 0.0]), state, length, time)
             inside = low - 1e-9 <= made[0].min() and made[0].max() <= high + 1e-9
-            if inside and (np.abs(made[1:]) <= bounds * (1.0 + 1e-9)).all():
+            if not inside or (np.abs(made[1:]) > bounds * (1.0 + 1e-9)).any():
+                continue
+            if torque is None or float(np.abs(torque(made)).max()) <= limits.torque * (1.0 + 1e-9):
                 return float(rest), length
     raise ParamsError(
-        f"joint {joint}: no lead-in of up to {LENGTHS[-1]:g} s from rest keeps the limits; raise the limit of the jerk"
+        f"joint {joint}: no lead-in of up to {LENGTHS[-1]:g} s from rest keeps the limits; raise the limit of the jerk "
+        "or of the torque"
     )

@@ -116,7 +116,9 @@ def robot_json(design: RobotDesign) -> dict[str, Any]:
 def robot_page(design: RobotDesign) -> str:
     """The page of a whole robot."""
     headings = ("quantity", "growing sinusoids", "designed motion")
-    table = PageTable(headings, [(e.name, _number(e.default), _number(e.after)) for e in design.expected], headings[1:])
+    table = PageTable(
+        headings, [(e.name, number_text(e.default), number_text(e.after)) for e in design.expected], headings[1:]
+    )
     distance = (
         (f"{design.pairs} pairs of collision shapes keep a distance of {design.distance:g} m.",) if design.pairs else ()
     )
@@ -153,23 +155,16 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
         table = PageTable(
             ("quantity", "unit", "logs so far", "growing sinusoid", "designed motion"),
             [
-                (e.name, e.unit.removesuffix("-"), _number(e.before), _number(e.default), _number(e.after))
+                (e.name, e.unit.removesuffix("-"), number_text(e.before), number_text(e.default), number_text(e.after))
                 for e in design.expected
             ],
             ("logs so far", "growing sinusoid", "designed motion"),
         )
-        time, motion = design.motion(100.0)
-        unit = design.limits.units.position
-        how = (
-            f"Move the joint to {motion[0, 0]:.4g} {unit} and let it rest. The motion begins and ends at rest and "
-            f"lasts {time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, with "
-            "a lead-in and a lead-out."
-        )
         sections.append(
             PageSection(
                 name,
-                (*design.sentences, how),
-                plots=(_plot(design, f"m{number}"),),
+                (*design.sentences, start_text(design)),
+                plots=(motion_plot(design, f"m{number}"),),
                 tables=(table,),
                 aside=f"goal {design.goal.text}",
             )
@@ -177,11 +172,22 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
     return plain_page("The next experiment", "design", (), sections)
 
 
-def _number(value: float) -> str:
+def start_text(design: JointDesign) -> str:
+    """Where the motion begins and how long it lasts."""
+    time, motion = design.motion(100.0)
+    return (
+        f"Move the joint to {motion[0, 0]:.4g} {design.limits.units.position} and let it rest. The motion begins and "
+        f"ends at rest and lasts {time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, "
+        "with a lead-in and a lead-out."
+    )
+
+
+def number_text(value: float) -> str:
+    """A number for a table; a dash where there is none."""
     return "–" if np.isnan(value) else significant(value)
 
 
-def _plot(design: JointDesign, name: str) -> str:
+def motion_plot(design: JointDesign, name: str) -> str:
     """Position, velocity and acceleration over one period, with their limits."""
     motion = design.basis.motion(design.optimum.x)
     return _plot_of(motion, design.basis.step, design.limits, design.joint.name, name)

@@ -13,9 +13,15 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.is_file import is_file
 from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
+from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
+from drake_tc.experiments.design.known_loads import KnownLoad
+from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.load_design import design_with_loads
+from drake_tc.experiments.design.load_result import LoadDesign
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.robot_noise import robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
@@ -40,6 +46,7 @@ class DesignRequest:
         after: report.json, or None.
         joints: Which; empty for all.
         limits: Given limits by name; None for those of the runs.
+        loads: Known loads that the user can hang on the joint; empty for a design without any.
     """
 
     rig: Path
@@ -49,6 +56,7 @@ class DesignRequest:
     after: Path | None
     joints: tuple[str, ...]
     limits: Mapping[str, Any]
+    loads: tuple[KnownLoad, ...] = ()
 
 
 def designed(
@@ -77,6 +85,29 @@ def designed(
                 lambda text, part, joint=joint, share=share: progress(f"{joint}, {text}", share + part / len(goals)),  # type: ignore[misc]
             )
         return out
+
+
+def designed_with_loads(
+    request: DesignRequest, options: DesignOptions, progress: Progress = lambda text, share: None
+) -> tuple[str, Rig, LoadDesign | JointDesign]:
+    """The joint, its rig, and the experiment under the known loads of the request.
+
+    Raises:
+        DrakeTcError: As `designed`; more than one joint.
+    """
+    rig = load_rig(request.rig)
+    models, goals = _models(request, rig), _goals(request, rig)
+    if len(goals) > 1:
+        raise ParamsError(
+            f"--load: the loads hang on one joint, and the design is for {', '.join(goals)}; name one with --joint"
+        )
+    (name, goal), *_ = goals.items()
+    logs = _given_logs(request)
+    with threadpool_limits(1):
+        progress("reading", 0.0)
+        known = _known(request, rig, load_runs(logs, rig) if logs else [], name, models.get(name))
+        design = design_with_loads(known[0], known[1], goal, options, request.loads, known[2], progress)
+        return name, rig, design
 
 
 def whole_robot(request: DesignRequest) -> bool:
@@ -123,6 +154,14 @@ def _designed_joint(
     progress: Progress,
 ) -> JointDesign:
     name, goal, model = what
+    joint, limits, prepared = _known(request, rig, runs, name, model)
+    return design_joint(joint, limits, goal, options, prepared, progress)
+
+
+def _known(
+    request: DesignRequest, rig: Rig, runs: Sequence[Run], name: str, model: ActuatorModel | None
+) -> tuple[DesignJoint, JointLimits, Prepared | None]:
+    """A joint as its logs show it, or its model alone, the limits of its motion, and its rows where there are logs."""
     if request.limits.get("torque") is not None and load_scale(rig, name).as_effort:
         raise ParamsError(
             f"--torque: joint {name}: nothing fixes the scale of its torques (load: unknown), so a limit in N m"
@@ -130,11 +169,11 @@ def _designed_joint(
         )
     if runs:
         joint, found, prepared = joint_from_logs(rig, runs, name, model)
-        return design_joint(joint, limits_with(found, request.limits, name), goal, options, prepared, progress)
+        return joint, limits_with(found, request.limits, name), prepared
     if model is None:
         raise ParamsError(f"joint {name}: nothing is known of it; give --log RUN, --after report.json, or --model FILE")
     limits = limits_with(None, request.limits, name)
-    return design_joint(joint_from_model(rig, name, model, limits), limits, goal, options, None, progress)
+    return joint_from_model(rig, name, model, limits), limits, None
 
 
 def _models(request: DesignRequest, rig: Rig) -> dict[str, ActuatorModel]:

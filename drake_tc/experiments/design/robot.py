@@ -20,6 +20,7 @@ from drake_tc.config.joint_units import JointType, JointUnits
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.collisions import Collisions
+from drake_tc.experiments.design.expected import Expected
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import (
@@ -32,7 +33,6 @@ from drake_tc.experiments.design.robot_criteria import (
 )
 from drake_tc.experiments.design.robot_goal import NOISE_SHARE, PER_SECOND, RobotGoal, RobotNoise, robot_goal
 from drake_tc.experiments.design.robot_search import STEP, RobotSearch
-from drake_tc.experiments.design.run import Expected
 from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot

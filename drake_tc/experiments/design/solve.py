@@ -96,7 +96,7 @@ def optimise(
     tried.sort(key=lambda pair: -pair[0])
     best, solved, name = tried[0], 0, ""
     for number, (_, start) in enumerate(tried[:starts]):
-        x, ended, name = _solve(joint, basis, tight, smooth, start, iterations)
+        x, ended, name = solved_from(joint, basis, tight, smooth, start, iterations)
         solved += ended
         x = within(joint, basis, tight, x)
         found = value(x)
@@ -186,7 +186,7 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
     )
 
 
-def _solve(
+def solved_from(
     joint: DesignJoint,
     basis: MotionBasis,
     limits: JointLimits,

@@ -20,10 +20,11 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.design.default_motion import DEFAULT_HZ
+from drake_tc.experiments.design.expected import TOLD
 from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.run import TOLD, DesignOptions, design_joint
+from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.evidence.pairs import JOINT, Pair, drawn_joint
 from drake_tc.experiments.rehearsal.twin import SimulatedJoint
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock
@@ -68,7 +69,7 @@ class LoopCase:
 
 
 @dataclass(frozen=True, eq=False)
-class _Open:
+class OpenCase:
     """A case on its way: the joint, its first runs and what they told."""
 
     truth: str
@@ -104,16 +105,11 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
     Raises:
         SimulationError: A joint ran away.
     """
-    cases = [_drawn(pair, swapped, seed) for pair in pairs for swapped in (False, True)]
-    runs = [_first_runs(np.random.default_rng(case.key(3)), case.weight) for case in cases]
-    records = integrated([c.spec for c in cases for _ in range(3)], [run for each in runs for run in each])
-    for i, case in enumerate(cases):
-        made = [
-            case.simulated.measured(records[3 * i + k], runs[i][k], np.random.default_rng(case.key(5, k)))
-            for k in range(3)
-        ]
-        cases[i] = _designed(replace(case, first=tuple(made)))
-        progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(cases))
+    cases = []
+    recorded = recorded_cases(pairs, seed)
+    for i, case in enumerate(recorded):
+        cases.append(_designed(case))
+        progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(recorded))
     ready = [case for case in cases if not case.refusal]
     later = [run for c in ready for run in c.later]
     records = integrated([c.spec for c in ready for _ in c.later], later) if later else []
@@ -122,24 +118,40 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
         answers = []
         for k, run in enumerate(case.later):
             more = case.simulated.measured(records[2 * i + k], run, np.random.default_rng(case.key(6, k)))
-            answers.append(_told(case.rig, [more], case.first[-1:], case.truth, case.other)[0])
+            answers.append(told_by(case.rig, [more], case.first[-1:], case.truth, case.other)[0])
         out.append(case.outcome(*answers))
         progress(f"answered {case.truth} against {case.other}", 0.6 + 0.4 * (i + 1) / len(ready))
     return out
 
 
-def _drawn(pair: Pair, swapped: bool, seed: int) -> _Open:
+def recorded_cases(pairs: Sequence[Pair], seed: int) -> list[OpenCase]:
+    """Every pair with each of its effects as the truth, and its first runs."""
+    cases = [drawn_case(pair, swapped, seed) for pair in pairs for swapped in (False, True)]
+    runs = [first_runs(np.random.default_rng(case.key(3)), case.weight) for case in cases]
+    records = integrated([c.spec for c in cases for _ in range(3)], [run for each in runs for run in each])
+    out = []
+    for i, case in enumerate(cases):
+        made = [
+            case.simulated.measured(records[3 * i + k], runs[i][k], np.random.default_rng(case.key(5, k)))
+            for k in range(3)
+        ]
+        out.append(replace(case, first=tuple(made)))
+    return out
+
+
+def drawn_case(pair: Pair, swapped: bool, seed: int) -> OpenCase:
+    """A case of a pair: with its second effect as the cause if swapped, else with its first."""
     truth, (other, _) = (pair.second, pair.first) if swapped else (pair.first, pair.second)
     joint = drawn_joint(pair, truth, seed)
     simulated = SimulatedJoint(JOINT, joint.spec, recorded=frozenset({"temperature"}))
     spec = simulated.with_causes(joint.causes, seed)
-    return _Open(truth[0], other, seed, simulated, spec, joint.rig, pair.weight)
+    return OpenCase(truth[0], other, seed, simulated, spec, joint.rig, pair.weight)
 
 
-def _designed(case: _Open) -> _Open:
+def _designed(case: OpenCase) -> OpenCase:
     """What the first runs tell, and the two further runs: the designed motion and the growing sinusoid."""
     train = case.first[:-1]
-    told, sizes = _told(case.rig, train, case.first[-1:], case.truth, case.other)
+    told, sizes = told_by(case.rig, train, case.first[-1:], case.truth, case.other)
     try:
         joint, _, prepared = joint_from_logs(case.rig, train, JOINT)
         goal = Goal("tell", (case.truth, case.other), sizes)
@@ -151,11 +163,11 @@ def _designed(case: _Open) -> _Open:
     if proof:
         return replace(case, told=told, refusal=f"{case.other} contains {case.truth}: {proof}")
     time, motion = design.motion(1.0 / LOG_PERIOD)
-    later = (_run("designed", time, motion[0], case.weight), _run("default", time, _default(time), case.weight))
+    later = (twin_run("designed", time, motion[0], case.weight), twin_run("default", time, _default(time), case.weight))
     return replace(case, told=told, later=later, predicted=design.expected[0].after)
 
 
-def _first_runs(rng: np.random.Generator, weight: float) -> list[TwinRun]:
+def first_runs(rng: np.random.Generator, weight: float) -> list[TwinRun]:
     """Two slow runs over half of the range, and one that is held out."""
     time = _clock(FIRST_SECONDS)
     limits = MotionLimits((-0.45, 0.45), 0.8, 2.5)
@@ -163,7 +175,7 @@ def _first_runs(rng: np.random.Generator, weight: float) -> list[TwinRun]:
     for name in ("first", "second", "held_out"):
         frequency = float(rng.uniform(0.2, 0.3))
         motion = growing_sinusoid(time, frequency, 0.1, 0.3 / FIRST_SECONDS, limits)
-        out.append(_run(name, time, motion.position, weight))
+        out.append(twin_run(name, time, motion.position, weight))
     return out
 
 
@@ -175,7 +187,8 @@ def _default(time: FloatArray) -> FloatArray:
     return growing_sinusoid(grid, DEFAULT_HZ, 0.05 * half, 0.95 * half / float(grid[-1]), limits).position
 
 
-def _run(name: str, time: FloatArray, reference: FloatArray, weight: float) -> TwinRun:
+def twin_run(name: str, time: FloatArray, reference: FloatArray, weight: float) -> TwinRun:
+    """A run of a reference (T,) [rad] under a constant load [N m]."""
     return TwinRun(name, on_clock(time, reference, np.full_like(reference, weight)), time)
 
 
@@ -183,7 +196,7 @@ def _clock(seconds: float) -> FloatArray:
     return np.asarray(np.arange(round(seconds / LOG_PERIOD) + 1) * LOG_PERIOD, dtype=np.float64)
 
 
-def _told(
+def told_by(
     rig: Rig, train: Sequence[Run], held: Sequence[Run], truth: str, other: str
 ) -> tuple[Answer, dict[str, float]]:
     """Answer of a diagnosis, and the sizes of those of the two effects that it names, from which a design starts."""

@@ -25,6 +25,7 @@ class Pair:
         drive: Of the joint.
         gravity: Factor on the m g l of the drawn joint.
         weight: Constant load, such as that of a weight on a pulley [N m].
+        pendulum: (mass [kg], length [m]) of a known pendulum in place of the drawn link and of the torque sensor.
     """
 
     first: tuple[str, float]
@@ -32,6 +33,7 @@ class Pair:
     drive: Drive = "position_servo"
     gravity: float = 1.0
     weight: float = 0.0
+    pendulum: tuple[float, float] | None = None
 
     def scaled(self, factor: float) -> "Pair":
         """The pair with both sizes multiplied by a factor."""
@@ -51,6 +53,14 @@ PAIRS: tuple[Pair, ...] = (
     Pair((DRIVE_GAIN, 0.15), ("payload", 3.0)),
 )
 """Pairs that the first logs often do not separate. `bench experiments --pair N` counts them from 0."""
+LOAD_PAIRS: tuple[Pair, ...] = (
+    Pair(("torque_sensor_gain", 0.2), (DRIVE_GAIN, 0.2), gravity=0.0),
+    Pair(("load_dependent_friction", 0.12), ("stribeck", 1.5), gravity=0.0),
+    Pair(("cable_spring", 3.0), ("payload", 1.5)),
+    Pair((DRIVE_GAIN, 0.15), ("payload", 3.0)),
+    Pair(("payload", 3.0), ("elasticity", 6e-5), pendulum=(4.0, 0.5)),
+)
+"""Pairs that motions alone do not separate, or hardly, and that known loads may. The same with `--loads`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +91,14 @@ def drawn_joint(pair: Pair, truth: tuple[str, float], seed: int) -> PairJoint:
     """
     name, size = truth
     rng = np.random.default_rng([seed, *name.encode()])
-    joint = draw_joint(rng, pair.drive, soft=True)
+    joint = draw_joint(rng, pair.drive, soft=True, pendulum=pair.pendulum)
     joint = replace(joint, gravity=pair.gravity * joint.gravity)
-    spec = RigSpec("loop", "single", "loop", "", joint, 0, sensors=Sensors(torque_noise=0.25))
+    spec = RigSpec("loop", "single", "loop", "", joint, 0, sensors=Sensors(torque_noise=0.25), pendulum=pair.pendulum)
     declared: dict[str, Any] = {"joint": JOINT, "drive": pair.drive, "declared": {"rotor_inertia": joint.rotor_inertia}}
     if DRIVE_GAIN in (pair.first[0], pair.second[0]):
         declared["drive_gain"] = joint.gain * (1.0 + size if name == DRIVE_GAIN else 1.0)
-    causes = {} if name == DRIVE_GAIN else {cause_of(name).name: cause_values(name, size, joint, None, rng)}
+    if pair.pendulum is not None:
+        declared["load"] = {"pendulum": {"mass": pair.pendulum[0], "length": pair.pendulum[1]}}
+    values = {} if name == DRIVE_GAIN else cause_values(name, size, joint, pair.pendulum, rng)
+    causes = {} if name == DRIVE_GAIN else {cause_of(name).name: values}
     return PairJoint(spec, causes, parse_rig(declared))
