@@ -279,7 +279,8 @@ def differentiable(value: Callable[[FloatArray], float], visited: list[FloatArra
             slopes.append((np.array(moved) - here) / DIFFERENCE)
             visited.append(plain)
             return slopes[-1]
-        return slopes[near[-1]]
+        nearest: FloatArray = slopes[near[-1]]
+        return nearest
 
     def cost(at: Any) -> Any:
         if at.dtype != object:
