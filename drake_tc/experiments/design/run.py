@@ -13,6 +13,7 @@ from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.found_sizes import found_from
 from drake_tc.experiments.design.goal import Goal, criterion_of
+from drake_tc.experiments.design.intervals import standard_deviations
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, LogColumns, MotionColumns
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
@@ -154,7 +155,7 @@ def design_joint(
     limits.require_resolved(joint.slowest, joint.name)
     logged, joint = joint, joint_within(joint, limits)
     fill = default_motion(joint, limits, options.duration, FINE)
-    if goal.kind == "tell":
+    if goal.kind != "all":
         joint = measured_as(joint, fill, FINE)
     criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
     repeats = max(1, round(options.duration / PERIOD))
@@ -170,7 +171,7 @@ def design_joint(
         progress=progress,
     )
     motion = basis.motion(found.x)
-    own = measured_as(joint, motion, basis.step) if goal.kind == "tell" else joint
+    own = measured_as(joint, motion, basis.step) if goal.kind != "all" else joint
     designed = MotionColumns(own, motion, basis.step, sharp=True)
     default = MotionColumns(joint, fill, FINE, periodic=False, sharp=True)
     before = None if logs is None else LogColumns(logged, logs.train)
@@ -241,7 +242,7 @@ def _of_parameters(
     own = none
     if before is not None:  # of the logs' own length instead of the experiment's
         own = _spread(criterion.information(before) * before.seconds / criterion.duration) * criterion.units
-    spreads = [own, *(_spread(criterion.information(c)) * criterion.units for c in (default, designed))]
+    spreads = [own, *(_expected_spread(criterion, c) * criterion.units for c in (default, designed))]
     rows = tuple(
         Expected(f"{name}, half 95 % interval", unit, *(1.96 * float(s[i]) for s in spreads))
         for i, (name, unit) in enumerate(zip(criterion.names, criterion.unit_names, strict=True))
@@ -252,6 +253,12 @@ def _of_parameters(
         "of the same length and limits (median over the parameters)."
     )
     return rows, (text,)
+
+
+def _expected_spread(criterion: Parameters, columns: BalanceColumns) -> FloatArray:
+    """(p,) after the experiment; by the number of independent samples where the noise of its sensors is not known."""
+    found = standard_deviations(criterion, columns)
+    return _spread(criterion.information(columns)) if found is None else found
 
 
 def _spread(information: FloatArray) -> FloatArray:
