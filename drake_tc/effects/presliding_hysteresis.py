@@ -117,13 +117,16 @@ class SlidingPresliding(PreslidingHysteresis):
 
 
 def _left_by_reversals(direction: FloatArray, decay: FloatArray) -> FloatArray:
-    """z_0 (T,) for each sample: what the bristle was at the last change of direction; 0 before the first."""
-    turns = np.flatnonzero(np.diff(direction) != 0.0) + 1
-    starts = np.concatenate([[0], turns])
-    ends = np.concatenate([turns, [direction.size]]) - 1
-    left = np.empty_like(direction)
-    z = 0.0
-    for start, end in zip(starts, ends, strict=True):
-        left[start : end + 1] = z
-        z = direction[end] + (z - direction[end]) * decay[end]
-    return left
+    """z_0 (T,) for each sample: what the bristle was at the last reversal; 0 before the first.
+
+    A design smooths the direction of motion. The bristle remembers strokes, which end where the sign changes.
+    """
+    sign = np.sign(direction)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(sign) != 0.0) + 1])
+    lengths = np.diff(np.append(starts, direction.size))
+    ends = starts + lengths - 1
+    left, z = [], 0.0
+    for way, kept in zip(sign[ends].tolist(), decay[ends].tolist(), strict=True):
+        left.append(z)
+        z = way + (z - way) * kept
+    return np.repeat(left, lengths)

@@ -37,6 +37,7 @@ class Finding:
         value: The figure that was computed; NaN where there is none.
         unit: Of the value.
         text: One sentence.
+        interval: 95 % interval of the value; None where there is none.
     """
 
     name: str
@@ -44,15 +45,19 @@ class Finding:
     value: float
     unit: str
     text: str
+    interval: tuple[float, float] | None = None
 
 
-def findings(prepared: Prepared, declared: Fit, numbers: JointNumbers) -> tuple[Finding, ...]:
+def findings(
+    prepared: Prepared, declared: Fit, numbers: JointNumbers, late: Sequence[Finding] = ()
+) -> tuple[Finding, ...]:
     """All findings about one prepared joint.
 
     Args:
         prepared: One joint; its training rows are looked at.
         declared: Its declared model, fitted to them.
         numbers: Of the declared model.
+        late: Delays of columns that are known; a shift of the effort is not looked for beside them.
     """
     made = [
         _position_step(prepared),
@@ -61,7 +66,7 @@ def findings(prepared: Prepared, declared: Fit, numbers: JointNumbers) -> tuple[
         _limit(prepared),
         _temperature(prepared),
         _lead(prepared),
-        _clock(prepared, declared),
+        *(late or [_clock(prepared, declared)]),
         _signs(declared, prepared),
         _energy(prepared, numbers),
         _gravity(prepared),

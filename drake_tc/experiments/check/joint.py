@@ -1,7 +1,7 @@
 """One joint's effects at its recorded motions: which would be seen, from which size on, and which would be confused."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,12 +34,14 @@ class JointEffects:
         facts: Of the motion.
         noise: Of the balance.
         effects: One entry for each effect of the library, in its order.
+        contributions: Of the effects that a diagnosis looks for, by key.
     """
 
     numbers: JointNumbers
     facts: MotionFacts
     noise: Noise
     effects: tuple[Visibility, ...]
+    contributions: Mapping[str, Sequence[Contribution]] = field(default_factory=dict, repr=False)
 
 
 def joint_numbers(prepared: Prepared) -> JointNumbers:
@@ -109,7 +111,7 @@ def joint_effects(
                 effect.key, effect.id, effect.title, "not_seen", size, never, never, reason=text
             )
     order = [e.key for e in looked_for(context, effects) if e.key in found]
-    return JointEffects(numbers, facts, noise, tuple(found[key] for key in order))
+    return JointEffects(numbers, facts, noise, tuple(found[key] for key in order), made)
 
 
 def _size(effect: Effect, numbers: JointNumbers, prepared: Prepared) -> Size:

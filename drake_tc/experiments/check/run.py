@@ -16,6 +16,7 @@ from drake_tc.estimation.coupled_gears import at_motors, motor_turns
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.check.consistency import Finding, findings
 from drake_tc.experiments.check.joint import JointEffects, joint_effects
+from drake_tc.experiments.check.late_columns import late_columns
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
@@ -161,7 +162,7 @@ def _check_joint(runs: Sequence[Run], rig: Rig, joint: str, *, links_fitted: boo
     declared = fit(prepared.train, prepared.terms)
     samples = prepared.train.samples
     seconds = float(np.count_nonzero(samples.moving)) * samples.signals.period
-    found = findings(prepared, declared, effects.numbers)
+    found = findings(prepared, declared, effects.numbers, late_columns(prepared, effects, runs, joint))
     return JointCheck(joint, rig.drive[joint], effects, found, "", int(samples.rows.size), seconds)
 
 

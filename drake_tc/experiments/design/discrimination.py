@@ -10,7 +10,8 @@ over the orders of A and B, over both signs of A and over its shapes, largest.
 
 An order in which B has more parameters than A is left out: of two models that fit equally well, a diagnosis takes the
 one with fewer parameters, and lists the other one only if it fits better. A diagnosis must also find the effect at all.
-The probability therefore also depends on the distances of A and of B from the declared model without either of them.
+The probability therefore also depends on the distances V of A and of B from the declared model without either of them,
+and so does the criterion: the smallest of T/n and V/n, each over what a diagnosis asks for, is made largest.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,8 @@ from drake_tc.experiments.design.forms import EffectForm, Projection, declared_c
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.types import FloatArray
 
+FOUND = max(JOINT.least_removed**2, 1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
+"""V/n that a diagnosis asks of an effect: half a noise floor, and an error that is 5 % lower."""
 CERTAIN = float(norm.ppf(JOINT.least_share))
 """Standard deviations of the share of block resamples that a diagnosis asks for."""
 SOFT = 8.0
@@ -44,14 +47,12 @@ class Discrimination(Criterion):
             parameters.
         duration: Of the experiment [s].
         contained: (truth, other, proof) of an order in which the other model contains the truth.
-        seen: Whether the value also counts how far an effect that is the truth in no order is from the declared model.
     """
 
     joint: DesignJoint
     orders: tuple[tuple[EffectForm, EffectForm], ...]
     duration: float
     contained: tuple[tuple[str, str, str], ...] = ()
-    seen: bool = False
 
     def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
         """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
@@ -97,14 +98,16 @@ class Discrimination(Criterion):
     def _scale(self, columns: BalanceColumns, duration: float | None) -> float:
         return information_scale(columns.joint, self.duration if duration is None else duration, columns.weight.size)
 
+    @property
+    def _late(self) -> bool:
+        """Whether the two are a delay and a lag."""
+        return all(is_late(form.effect) for form in self.orders[0])
+
     def value(self, columns: BalanceColumns) -> float:
-        """Smooth minimum of log T over both orders and all shapes."""
-        declared = Projection(declared_columns(columns), columns.weight)
-        found = list(self._apart(declared, columns).values())
-        if self.seen:
-            rest = [form for form in self._forms if all(form is not truth for truth, _ in self.orders)]
-            found += self._seen(declared, columns, rest).values()
-        logs = np.log(np.concatenate(found) + 1e-9)
+        """Smooth minimum of log(T/needed) over both orders, log(V/needed) over both effects, and all shapes of each."""
+        apart = np.concatenate(list(self.distances(columns).values())) / told_apart(late=self._late)
+        seen = np.concatenate(list(self.visibilities(columns).values())) / FOUND
+        logs = np.log(np.concatenate([apart, seen]) + 1e-9)
         least = float(logs.min())
         return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
 
@@ -119,9 +122,13 @@ class Discrimination(Criterion):
         independent = columns.joint.independent_per_second * sliding
         worst = min(float(np.min(each)) for each in self.distances(columns, duration).values())
         weakest = min(float(np.min(each)) for each in self.visibilities(columns, duration).values())
-        late = all(is_late(form.effect) for form in self.orders[0])
         found = detection_probability(weakest, independent)
-        return min(distinction_probability(worst, independent, late=late), found)
+        return min(distinction_probability(worst, independent, late=self._late), found)
+
+
+def told_apart(*, late: bool) -> float:
+    """T/n that a diagnosis asks: an error that rises by 2 %, of a delay and a lag half a noise floor."""
+    return float(JOINT.least_removed**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
 
 
 def detection_probability(distance: float, independent: float) -> float:
@@ -135,8 +142,7 @@ def detection_probability(distance: float, independent: float) -> float:
     """
     if distance <= 0.0:
         return 0.0
-    needed = independent * max(JOINT.least_removed**2, 1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
-    return float(norm.cdf((distance - needed) / (2.0 * np.sqrt(distance))))
+    return float(norm.cdf((distance - independent * FOUND) / (2.0 * np.sqrt(distance))))
 
 
 def distinction_probability(distance: float, independent: float, *, late: bool = False) -> float:
@@ -153,6 +159,6 @@ def distinction_probability(distance: float, independent: float, *, late: bool =
     """
     if distance <= 0.0:
         return 0.0
-    needed = independent * (JOINT.least_removed**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
+    needed = independent * told_apart(late=late)
     spread = 2.0 * np.sqrt(distance)
     return float(min(norm.cdf(distance / spread - CERTAIN), norm.cdf((distance - needed) / spread)))

@@ -7,6 +7,7 @@ import numpy as np
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.found_sizes import found_from
+from drake_tc.experiments.design.intervals import standard_deviations
 from drake_tc.experiments.design.joint import BalanceColumns
 from drake_tc.types import FloatArray
 
@@ -98,7 +99,7 @@ def _of_parameters(
     own = none
     if before is not None:  # of the logs' own length instead of the experiment's
         own = _spread(criterion.information(before) * before.seconds / criterion.duration) * criterion.units
-    spreads = [own, *(_spread(criterion.information(c)) * criterion.units for c in (default, designed))]
+    spreads = [own, *(each * criterion.units for each in _after(criterion, default, designed))]
     rows = tuple(
         Expected(f"{name}, half 95 % interval", unit, *(1.96 * float(s[i]) for s in spreads))
         for i, (name, unit) in enumerate(zip(criterion.names, criterion.unit_names, strict=True))
@@ -109,6 +110,15 @@ def _of_parameters(
         "of the same length and limits (median over the parameters)."
     )
     return rows, (text,)
+
+
+def _after(criterion: Parameters, *experiments: BalanceColumns) -> list[FloatArray]:
+    """(p,) after each experiment; by the number of independent samples where the noise of one of them is not known."""
+    found = [standard_deviations(criterion, columns) for columns in experiments]
+    known = [each for each in found if each is not None]
+    if len(known) == len(found):
+        return known
+    return [_spread(criterion.information(columns)) for columns in experiments]
 
 
 def _spread(information: FloatArray) -> FloatArray:

@@ -92,7 +92,7 @@ def criterion_of(
                 f"{_by_loads(joint, first, second, under)}"
             )
         ties = tuple(each for pair in ((first, second), (second, first)) for each in _ties(joint, *pair, under))
-        return Discrimination(joint, orders, duration, ties, seen=bool(under))
+        return Discrimination(joint, orders, duration, ties)
     if goal.kind == "parameters":
         return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
     taken = {t.effect.id for t in joint.declared} | set(joint.context.declared)

@@ -20,10 +20,13 @@ from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray, IntArray
 
 DECLARED = ("viscous", "coulomb", "rotor_inertia")
 NOISE_OF_TORQUE = 0.002
 """Noise of the balance over the largest torque, where no log tells it."""
+REWEIGHTED = 30
+"""Iterations of the weights of runs in the fit of a load."""
 PER_SECOND = 20.0
 """Independent samples a second, where no log tells them."""
 LIMIT_NAMES = ("position", "velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
@@ -103,10 +106,26 @@ def _load(prepared: Prepared, rig: Rig, joint: str) -> tuple[float, float, float
     slides = prepared.context.units.slides  # gravity does not follow its position
     if slides or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > 300.0:  # a small travel tells no gravity
         basis = basis[:, [0, 3]]
-        beta = np.linalg.lstsq(basis, tau, rcond=None)[0]
+        beta = _by_run(basis, tau, prepared.train.samples.run)
         return max(float(beta[0]), 0.0), 0.0, 0.0, float(beta[1])
-    inertia, sine, cosine, constant = (float(b) for b in np.linalg.lstsq(basis, tau, rcond=None)[0])
+    inertia, sine, cosine, constant = (float(b) for b in _by_run(basis, tau, prepared.train.samples.run))
     return max(inertia, 0.0), float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, sine)), constant
+
+
+def _by_run(basis: FloatArray, tau: FloatArray, run: IntArray) -> FloatArray:
+    """Least squares (k,) of a load tau (N,) in which each run has the weight of its own residual.
+
+    Pushes by hand are a load too, and no part of the joint's next load: a run that is free of them counts more.
+    """
+    weight: FloatArray = np.ones(tau.size)
+    beta: FloatArray = np.zeros(basis.shape[1])
+    for _ in range(REWEIGHTED):
+        root = np.sqrt(weight)
+        beta = np.asarray(np.linalg.lstsq(root[:, None] * basis, root * tau, rcond=None)[0])
+        square = (tau - basis @ beta) ** 2
+        mean = np.bincount(run, square) / np.maximum(np.bincount(run), 1)
+        weight = 1.0 / np.maximum(mean, 1e-12 * float(np.mean(tau**2)) + 1e-300)[run]
+    return beta
 
 
 def with_model(joint: DesignJoint, model: ActuatorModel) -> DesignJoint:

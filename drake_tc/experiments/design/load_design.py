@@ -73,7 +73,7 @@ def design_with_loads(
     logged, joint = joint, joint_within(joint, limits)
     joints = tuple(carrying(joint, load) for load in loads)
     fills = [default_motion(each, limits, options.duration, FINE) for each in joints]
-    if goal.kind == "tell":
+    if goal.kind != "all":
         joints = measured_together(joints, fills, FINE)
     criterion = criterion_of(goal, joints[0], options.duration, smallest=options.smallest, under=joints)
     unloaded, refusal = _unloaded(logged, limits, goal, options, logs, lambda text, part: progress(text, 0.5 * part))
@@ -81,7 +81,7 @@ def design_with_loads(
     known: list[FloatArray] = []
     if unloaded is not None:
         fill = default_motion(joint, limits, options.duration, FINE)
-        base = measured_as(joint, fill, FINE) if goal.kind == "tell" else joint
+        base = measured_as(joint, fill, FINE) if goal.kind != "all" else joint
         single = _search((base,), limits, criterion, options)
         plan = _best(single, [unloaded.optimum.x], options, lambda text, part: progress(text, 0.5 + 0.2 * part))
         alone = single.basis, plan.x[0]
@@ -120,7 +120,7 @@ class _Found:
         search, used = self.search, self.plan.used
         motions = [search.basis.motion(self.plan.x[k]) for k in used]
         joints = [search.joints[k] for k in used]
-        if self.goal.kind == "tell":
+        if self.goal.kind != "all":
             joints = list(measured_together(joints, motions, search.basis.step))
         return [MotionColumns(j, m, search.basis.step, sharp=True) for j, m in zip(joints, motions, strict=True)]
 
@@ -130,13 +130,13 @@ class _Found:
             return None
         basis, x = self.alone
         motion = basis.motion(x)
-        own = measured_as(self.joint, motion, basis.step) if self.goal.kind == "tell" else self.joint
+        own = measured_as(self.joint, motion, basis.step) if self.goal.kind != "all" else self.joint
         return MotionColumns(own, motion, basis.step, sharp=True)
 
     def default(self) -> BalanceColumns:
         """Rows of a growing sinusoid without loads."""
         fill = default_motion(self.joint, self.limits, self.search.criterion.duration, FINE)
-        own = measured_as(self.joint, fill, FINE) if self.goal.kind == "tell" else self.joint
+        own = measured_as(self.joint, fill, FINE) if self.goal.kind != "all" else self.joint
         return MotionColumns(own, fill, FINE, periodic=False, sharp=True)
 
     def gain(self, better: float, worse: float) -> float:

@@ -149,14 +149,14 @@ class LoadSearch:
         for number, k in enumerate(plan.used):
             joint = self.joints[k]
             smooth = self._with_one_free(plan, k)
-            x, ended, name = solved_from(joint, self.rough, tight, smooth, plan.x[k], iterations)
-            x = within(joint, self.basis, tight, x)
-            rows = [*sharp[:k], self.rows(k, x), *sharp[k + 1 :]]
-            value = self.value(rows, plan.slots)
+            visited, ended, name = solved_from(joint, self.rough, tight, smooth, plan.x[k], iterations)
             plan = replace(plan, solver=name, solved=plan.solved + int(ended))
-            if value > plan.value:
-                sharp = rows
-                plan = replace(plan, x=(*plan.x[:k], x, *plan.x[k + 1 :]), value=value)
+            for x in (within(joint, self.basis, tight, each) for each in visited):
+                rows = [*sharp[:k], self.rows(k, x), *sharp[k + 1 :]]
+                value = self.value(rows, plan.slots)
+                if value > plan.value:
+                    sharp = rows
+                    plan = replace(plan, x=(*plan.x[:k], x, *plan.x[k + 1 :]), value=value)
             progress(f"load {number + 1} of {len(plan.used)}", 0.3 + 0.7 * (number + 1) / len(plan.used))
         slots, value = self.split(sharp)
         return replace(plan, slots=slots, value=value) if value > plan.value else plan

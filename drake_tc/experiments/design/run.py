@@ -136,7 +136,7 @@ def design_joint(
     limits.require_resolved(joint.slowest, joint.name)
     logged, joint = joint, joint_within(joint, limits)
     fill = default_motion(joint, limits, options.duration, FINE)
-    if goal.kind == "tell":
+    if goal.kind != "all":
         joint = measured_as(joint, fill, FINE)
     criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
     repeats = max(1, round(options.duration / PERIOD))
@@ -153,7 +153,7 @@ def design_joint(
         progress=progress,
     )
     motion = basis.motion(found.x)
-    own = measured_as(joint, motion, basis.step) if goal.kind == "tell" else joint
+    own = measured_as(joint, motion, basis.step) if goal.kind != "all" else joint
     designed = MotionColumns(own, motion, basis.step, sharp=True)
     default = MotionColumns(joint, fill, FINE, periodic=False, sharp=True)
     before = None if logs is None else LogColumns(logged, logs.train)

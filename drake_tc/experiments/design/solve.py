@@ -3,6 +3,8 @@
     max_x f(x)   s.t.   q_low <= P x <= q_high, |V x| <= v, |A x| <= a, |J x| <= j, |y(x)/K - D V x| <= tau  at samples
 
 Linear constraints but the last. The gradient of f is a forward difference: f is a function of a few tens of numbers.
+The solver sees friction that turns over smoothly. All motions that it visits are judged with sharp friction, and the
+best of them is refined (`refine`).
 """
 
 from collections.abc import Callable
@@ -19,6 +21,7 @@ from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.criteria import Criterion
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.refine import refined
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -84,6 +87,10 @@ def optimise(
     def value(x: FloatArray) -> float:
         return sharp_value(joint, criterion, basis, x)
 
+    def judged(x: FloatArray) -> tuple[float, FloatArray]:
+        kept = within(joint, basis, tight, x)
+        return value(kept), kept
+
     def smooth(x: FloatArray) -> float:
         return criterion.value(MotionColumns(joint, basis.motion(x), basis.step))
 
@@ -96,13 +103,12 @@ def optimise(
     tried.sort(key=lambda pair: -pair[0])
     best, solved, name = tried[0], 0, ""
     for number, (_, start) in enumerate(tried[:starts]):
-        x, ended, name = solved_from(joint, basis, tight, smooth, start, iterations)
+        visited, ended, name = solved_from(joint, basis, tight, smooth, start, iterations)
         solved += ended
-        x = within(joint, basis, tight, x)
-        found = value(x)
-        if found > best[0]:
-            best = (found, x)
-        progress(f"start {number + 1} of {starts}", 0.2 + 0.8 * (number + 1) / starts)
+        best = max([best, *map(judged, visited)], key=lambda pair: pair[0])
+        progress(f"start {number + 1} of {starts}", 0.2 + 0.7 * (number + 1) / starts)
+    if starts:
+        best = refined(judged, best, rng)
     return Optimum(best[1], best[0], tried[0][0], name, starts, solved)
 
 
@@ -193,14 +199,15 @@ def solved_from(
     value: Callable[[FloatArray], float],
     start: FloatArray,
     iterations: int,
-) -> tuple[FloatArray, bool, str]:
-    """(x, whether the solver ended by itself, its name) from one start."""
+) -> tuple[list[FloatArray], bool, str]:
+    """(all x at which the solver asked for a gradient and its result, whether it ended by itself, its name)."""
+    visited: list[FloatArray] = []
     program: Any = MathematicalProgram()
     x = program.NewContinuousVariables(basis.size, "x")
     _add_limits(program, basis, limits, x)
     if np.isfinite(limits.torque):
         _add_torque(program, joint, basis, limits.torque, x)
-    program.AddCost(differentiable(lambda at: -value(at)), vars=x)
+    program.AddCost(differentiable(lambda at: -value(at), visited), vars=x)
     solver: Any = SnoptSolver() if SnoptSolver().available() else IpoptSolver()
     options = SolverOptions()
     options.SetOption(SnoptSolver.id(), "Major iterations limit", iterations)
@@ -209,9 +216,10 @@ def solved_from(
     options.SetOption(IpoptSolver.id(), "max_iter", iterations)
     result = solver.Solve(program, start, options)
     found = np.asarray(result.GetSolution(x))
+    name = str(result.get_solver_id().name())
     if not np.isfinite(found).all():
-        return start, False, str(result.get_solver_id().name())
-    return found, bool(result.is_success()), str(result.get_solver_id().name())
+        return visited, False, name
+    return [*visited, found], bool(result.is_success()), name
 
 
 def _add_limits(program: Any, basis: MotionBasis, limits: JointLimits, x: Any) -> None:
@@ -256,15 +264,29 @@ def _add_torque(program: Any, joint: DesignJoint, basis: MotionBasis, torque: fl
     program.AddConstraint(values, lb=-np.ones(at.size), ub=np.ones(at.size), vars=x)
 
 
-def differentiable(value: Callable[[FloatArray], float]) -> Callable[[Any], Any]:
-    """A cost for Drake with forward differences for its gradient."""
+def differentiable(value: Callable[[FloatArray], float], visited: list[FloatArray]) -> Callable[[Any], Any]:
+    """A cost for Drake with forward differences for its gradient; `visited` gets the points at which these were taken.
+
+    A solver asks for many points that lie closer together than the step of the differences, as at the end of a line
+    search. They share one gradient, which is known no better there.
+    """
+    slopes: list[FloatArray] = []
+
+    def slope_at(plain: FloatArray, here: float) -> FloatArray:
+        near = np.flatnonzero([np.max(np.abs(plain - each)) < DIFFERENCE for each in visited])
+        if not near.size:
+            moved = [value(plain + DIFFERENCE * unit) for unit in np.eye(plain.size)]
+            slopes.append((np.array(moved) - here) / DIFFERENCE)
+            visited.append(plain)
+            return slopes[-1]
+        nearest: FloatArray = slopes[near[-1]]
+        return nearest
 
     def cost(at: Any) -> Any:
         if at.dtype != object:
             return value(at)
         plain = ExtractValue(at).ravel()
         here = value(plain)
-        slope = np.array([(value(plain + DIFFERENCE * unit) - here) / DIFFERENCE for unit in np.eye(plain.size)])
-        return AutoDiffXd(here, slope @ ExtractGradient(at))
+        return AutoDiffXd(here, slope_at(plain, here) @ ExtractGradient(at))
 
     return cost

@@ -54,7 +54,7 @@ class StackedColumns:
 
     def __init__(self, parts: Sequence[BalanceColumns], shares: Sequence[float]) -> None:
         """Parts with the same noise and filters; shares of the time, which add up to 1."""
-        self.parts = tuple(parts)
+        self.parts, self.shares = tuple(parts), tuple(shares)
         self.joint = parts[0].joint
         rows = sum(part.weight.size for part in parts)
         self.weight = np.concatenate(

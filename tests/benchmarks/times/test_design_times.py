@@ -1,0 +1,30 @@
+"""How long the design of one joint's motion takes; printed as rows (run with -s)."""
+
+import time
+
+import pytest
+
+from drake_tc.cli.demo import DemoLength, record_demo
+from drake_tc.experiments.design.request import DesignRequest, designed
+from drake_tc.experiments.design.run import DesignOptions
+
+from .machine import slowness
+
+pytestmark = pytest.mark.benchmark
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    return record_demo(tmp_path_factory.mktemp("demo"), 0, DemoLength(duration=12.0, period=2e-3, step=2.5e-4), jobs=1)
+
+
+@pytest.mark.parametrize("goal", ["tell:stribeck,presliding_hysteresis", "all"])
+def test_the_motion_of_one_joint_is_designed_quickly(demo, goal):
+    """At most 20 s, reading included, in this process's own time."""
+    rig, train, _ = demo
+    begin = time.process_time()
+    found = designed(DesignRequest(rig, tuple(train), None, goal, None, (), {}), DesignOptions())
+    seconds = time.process_time() - begin
+    print(f"\ndesign, {goal}: {seconds:.1f} s")
+    assert len(found) == 1
+    assert seconds <= 20.0 * slowness()

@@ -1,0 +1,95 @@
+"""Delays between the columns of a simulated joint are stated where they are, and on a sound joint nothing is stated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_tc.benchmarks.blind.balance import clean_log
+from drake_tc.benchmarks.blind.files import rig_yaml
+from drake_tc.benchmarks.blind.joints import draw_joint
+from drake_tc.benchmarks.blind.measurement import measured, sample_clean
+from drake_tc.benchmarks.blind.physics import simulate
+from drake_tc.benchmarks.blind.spec import RigSpec, Sensors
+from drake_tc.experiments.check.run import check_rig
+
+TRAIN = ("static", "sine")
+RATE_HZ = 50
+HALF_A_STEP = 2e-4
+"""The simulator's velocity belongs to the middle of its step of 0.2 ms; as much again for noise [s]."""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A current drive at 50 Hz; `late` says by how much each channel is recorded late [s]."""
+    joint = draw_joint(np.random.default_rng(41), "current")
+    spec = RigSpec("rig", "null", "plain", "", joint, 43, sensors=Sensors(rate_hz=RATE_HZ))
+    records = simulate([spec] * len(TRAIN), list(TRAIN), step=2e-4)
+
+    def findings(**late):
+        folder = tmp_path_factory.mktemp("rig")
+        for record in records:
+            log, rng = clean_log(record), np.random.default_rng([7, TRAIN.index(record.run)])
+            velocity = np.interp(log.time - late.get("velocity", 0.0), log.time, log.velocity)
+            moved = {
+                name: np.interp(log.time - d, log.time, getattr(log, name))
+                for name, d in late.items()
+                if name != "velocity"
+            }
+            clean = sample_clean(replace(log, **moved), velocity, spec.sensors, rng)
+            table = measured(clean, spec, rng)
+            table["joint/velocity"] = clean["unmodelled"] + rng.normal(0.0, 2e-3, len(clean))
+            table.to_csv(folder / f"{record.run}.csv", index=False)
+        (folder / "rig.yaml").write_text(rig_yaml(spec))
+        checked = check_rig(folder / "rig.yaml", [folder / f"{run}.csv" for run in TRAIN])
+        return {f.name: f for f in checked.joints["joint"].findings}
+
+    return findings
+
+
+def delays(found):
+    return {name: each for name, each in found.items() if name.startswith("delay of")}
+
+
+def holds(finding, seconds):
+    """Whether the interval, widened to three standard deviations, holds the delay."""
+    low, high = finding.interval
+    return abs(finding.value - seconds) <= 3.0 / 1.96 * 0.5 * (high - low)
+
+
+def test_a_sound_joint_has_no_delay(recorded):
+    assert not delays(recorded())
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.02])
+def test_a_late_torque_is_stated_with_its_interval(recorded, seconds):
+    found = recorded(torque=seconds)
+    assert set(delays(found)) == {"delay of the torque"}
+    own = found["delay of the torque"]
+    assert own.level == "warning" and holds(own, seconds) and "The torque comes" in own.text
+    assert "clocks" not in found
+
+
+@pytest.mark.parametrize("seconds", [0.005, 0.02])
+def test_an_effort_that_is_recorded_late_is_stated(recorded, seconds):
+    found = recorded(command=seconds)
+    assert set(delays(found)) == {"delay of the effort"}
+    assert holds(found["delay of the effort"], seconds)
+
+
+def test_an_effort_that_acts_late_is_an_effect_and_no_delay_of_a_column(recorded):
+    assert not delays(recorded(command=-0.01))
+
+
+def test_a_late_position_is_late_against_torque_and_velocity(recorded):
+    found = delays(recorded(position=0.02))
+    assert set(found) == {"delay of the torque", "delay of the velocity"}
+    assert all("The position comes" in each.text for each in found.values())
+    assert holds(found["delay of the torque"], -0.02)
+    assert abs(found["delay of the velocity"].value + 0.02) < HALF_A_STEP
+
+
+def test_a_late_velocity_is_stated(recorded):
+    found = delays(recorded(velocity=0.005))
+    assert set(found) == {"delay of the velocity"}
+    assert abs(found["delay of the velocity"].value - 0.005) < HALF_A_STEP
