@@ -25,12 +25,13 @@ def link_notes(shared: Sequence[SharedEffect], logs: RobotLogs | None) -> tuple[
         return ()
     plant = make_plant(logs.robot, 0.0)
     tree = link_tree(plant)
+    whole = float(plant.CalcTotalMass(plant.CreateDefaultContext()))  # no arm carries more than itself
     notes: list[LinkNote] = []
     for cause in asked:
         body = plant.GetBodyByName(cause.where)
         if cause.id == "link_mass":
             own, found = float(body.default_mass()), float(cause.parameters["mass"].value)
-            notes += [LoadInAllRuns(cause.where, found, own)] if found > own else []
+            notes += [LoadInAllRuns(cause.where, found, own)] if own < found < whole else []
             continue
         welded = {each.name() for each in plant.GetBodiesWeldedTo(body)}
         mover = next((joint for link, joint in zip(tree.links, tree.joints, strict=True) if link in welded), None)

@@ -34,6 +34,7 @@ def logs(tmp_path_factory):
 def test_a_mass_larger_than_the_link_may_be_a_load(logs):
     notes = link_notes([cause("link_mass", "finger", mass=0.87), cause("link_mass", "fore", mass=0.36)], logs)
     assert notes == (LoadInAllRuns("finger", 0.87, 0.015),)
+    assert link_notes([cause("link_mass", "finger", mass=2350.0)], logs) == ()
     assert "at finger, 0.87 kg, is larger than the link's own (0.015 kg)" in note_sentence(notes[0])
 
 
