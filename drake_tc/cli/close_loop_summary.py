@@ -80,8 +80,8 @@ def _print_robot(console: Console, result: CloseLoopResult) -> None:
         for other, where in cause.indistinguishable:
             _say(console, f"  ? these logs cannot distinguish it from {other} of {where}")
     if result.links is not None:
-        _say(console, escape(links_sentence(result.links)))
-        for sentence in payload_sentences(result.links):
+        _say(console, escape(links_sentence(result.links, wrong_set_up=result.has_wrong_set_up)))
+        for sentence in () if result.has_wrong_set_up else payload_sentences(result.links):
             _say(console, escape(sentence))
 
 

@@ -46,9 +46,12 @@ def estimate_torque_command(
         runs = load_runs(log, what)
         logs = robot_logs(what, runs)
         if logs is None or logs.links is not None:  # fitted links are known after close-loop alone
+            fitted = logs is not None
+            got = "{robot: fitted}" if fitted else "a load that is not computed from a robot's model alone"
+            remedy = "; {robot: inverse_dynamics} takes the links as the URDF has them" if fitted else ""
             raise RigError(
                 f"{rig}: load: expected {{robot: estimate}} or {{robot: inverse_dynamics}} with `robot: FILE`, "
-                "got a load that is not computed from a robot's model alone"
+                f"got {got}{remedy}"
             )
         entries = []
         for number, run in enumerate(runs):

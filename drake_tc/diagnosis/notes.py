@@ -6,6 +6,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from drake_tc.diagnosis.link_notes import LinkNote
 from drake_tc.diagnosis.noise_notes import NoiseNote
 from drake_tc.diagnosis.timing_notes import (
     AllRecordedLate,
@@ -287,6 +288,7 @@ Note = (
     | GearBetweenEncoders
     | Sticking
     | NoiseNote
+    | LinkNote
     | RunsWithoutMotion
     | GapCrossings
     | ChargedIntegrator

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
 from drake_tc.diagnosis.result.common_notes import common_notes
 from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.link_causes import link_notes
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
@@ -127,7 +128,7 @@ def _close_loop(
         shared=shared,
         links=links,
         set_up=set_up,
-        notes=notes,
+        notes=(*notes, *link_notes(shared, logs_of_robot)),
         hints=distinct_notes((run.name, hint) for run in runs for hint in run.hints),
     )
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TransmissionEffect
+from drake_tc.effects.context import BETWEEN_ENCODERS
 from drake_tc.effects.kernel import Transmission
 from drake_tc.types import FloatArray
 
@@ -39,11 +40,7 @@ class Backlash(TransmissionEffect):
         """Visible in a servo's effort; between two encoders it shows too, but not in the balance."""
         if context.drive != "position_servo":
             two = "motor_position" in context.recorded
-            return (
-                "see the note on the two encoders"
-                if two
-                else "needs a position servo whose loop is closed on the motor's encoder"
-            )
+            return BETWEEN_ENCODERS if two else "needs a position servo whose loop is closed on the motor's encoder"
         return super().obstacle(context)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

@@ -8,10 +8,11 @@ from typing import Literal
 from drake_tc.config.joint_units import EFFORT_UNIT, JointType, JointUnits
 from drake_tc.effects.parameter import Scale
 
-__all__ = ["EFFORT_UNIT", "NO_INERTIA", "Context", "DriveKind", "LoadKind"]
+__all__ = ["BETWEEN_ENCODERS", "EFFORT_UNIT", "NO_INERTIA", "Context", "DriveKind", "LoadKind"]
 
 DriveKind = Literal["position_servo", "current", "voltage", "torque"]
 LoadKind = Literal["torque", "pendulum", "robot", "links", "unknown"]
+BETWEEN_ENCODERS = "the balance does not hold it; a note says what the two encoders show of it, where they resolve it"
 NO_INERTIA = "the rig file states no value of rotor_inertia, so this effect cannot be distinguished from others"
 """Why an effect that needs a known inertia cannot be looked for; `declared: [rotor_inertia]` states no value."""
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TransmissionEffect
-from drake_tc.effects.context import NO_INERTIA
+from drake_tc.effects.context import BETWEEN_ENCODERS, NO_INERTIA
 from drake_tc.effects.held_gain import HELD_GAIN, held_gain, scale_column
 from drake_tc.effects.kernel import Transmission
 from drake_tc.types import FloatArray
@@ -51,7 +51,8 @@ class Elasticity(TransmissionEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a servo, whose effort shows the wind-up, and a declared inertia to hold it against."""
         if context.drive != "position_servo":
-            return "needs a position servo whose loop is closed on the motor's encoder"
+            two = "motor_position" in context.recorded
+            return BETWEEN_ENCODERS if two else "needs a position servo whose loop is closed on the motor's encoder"
         if context.taken_up:
             return context.taken_up
         if "rotor_inertia" not in context.declared:

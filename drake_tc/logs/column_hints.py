@@ -51,7 +51,10 @@ def column_hints(
         if name not in used:
             notes.append(_typo(name, found, rig) or _spelling(name, found, rig, switches))
     told = tuple(note for note in notes if note)
-    return (*told, *_strangers([name for name in names if not any(repr(name) in note for note in told)], rig))
+    known = (*rig.joints, *rig.robot_sensors)
+    mapped = {name for canonical, name in found.items() if canonical.rpartition("/")[0] in known}
+    rest = [name for name in names if name not in mapped and not any(repr(name) in note for note in told)]
+    return (*told, *_strangers(rest, rig))
 
 
 def _strangers(names: Iterable[str], rig: Rig) -> tuple[str, ...]:

@@ -105,7 +105,7 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
         has_models=bool(result.model_before_yaml or result.model_after_yaml),
         legend=LEGEND,
         shared=shared_section(result),
-        links=links_section(result.links),
+        links=links_section(result.links, wrong_set_up=result.has_wrong_set_up),
         notes=note_sentences(result.notes),
         ranking=[(title_of(name), where, percent(gain)) for name, where, gain in ranked_effects(result)],
         set_up=[Markup(CODE.sub(r"<code>\1</code>", str(escape(line)))) for line in set_up_sentences(result.set_up)],

@@ -40,7 +40,7 @@ class LinksSection:
     payloads: Sequence[tuple[str, Sequence[LinkRow]]]
 
 
-def links_section(links: FittedLinks | None) -> LinksSection | None:
+def links_section(links: FittedLinks | None, *, wrong_set_up: bool = False) -> LinksSection | None:
     """The section; None where the links were not fitted."""
     if links is None:
         return None
@@ -50,11 +50,15 @@ def links_section(links: FittedLinks | None) -> LinksSection | None:
         by_link.setdefault(p.link, []).append(row)
     base = [_row(p.name, _declared(p.declared, p.estimate), p.estimate) for p in links.base]
     payloads = [(run, [_row(n, "", e) for n, e in parameters.items()]) for run, parameters in links.payloads.items()]
-    return LinksSection(links_sentence(links), list(by_link.items()), base, payloads)
+    return LinksSection(links_sentence(links, wrong_set_up=wrong_set_up), list(by_link.items()), base, payloads)
 
 
-def links_sentence(links: FittedLinks) -> str:
+def links_sentence(links: FittedLinks, *, wrong_set_up: bool = False) -> str:
     """What was fitted, in one sentence."""
+    if wrong_set_up:
+        return (
+            "The links' inertial parameters were fitted with the wrong set-up; their values do not describe the robot."
+        )
     apart = sum(not p.estimate.ci95[0] <= p.declared <= p.estimate.ci95[1] for p in links.base)
     return (
         f"The inertial parameters of {len({p.link for p in links.parameters})} links were fitted: "

@@ -31,7 +31,8 @@ def resolve(reference: str, folder: Path) -> Path:
     if not reference.startswith(_SCHEME):
         path = folder / reference
         if not is_file(path):
-            raise ParamsError(f"{located((reference,))}: no such file in {folder}")
+            where = "" if Path(reference).is_absolute() else f" in {folder}"
+            raise ParamsError(f"{located((reference,))}: no such file{where}")
         return path
     name, _, rest = reference.removeprefix(_SCHEME).partition("/")
     if name in ("", ".", ".."):

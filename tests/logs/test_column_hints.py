@@ -71,6 +71,13 @@ def test_columns_of_other_sensors_and_joints_are_named_in_one_sentence(leg):
     assert note.startswith("Columns of joint0, joint1, joint2, joint3, joint4, joint5 and 24 more are not used")
 
 
+def test_a_column_of_another_owner_that_the_rig_file_maps_is_used(leg):
+    mapped = {"hip/motor_position": "motor_hip/position", "knee/position": "knee/position"}
+    assert column_hints(list(mapped.values()), mapped, leg, []) == ()
+    (note,) = column_hints([*mapped.values(), "motor_knee/position"], mapped, leg, [])
+    assert note.startswith("Columns of motor_knee are not used")
+
+
 def test_a_misspelt_column_of_a_sensor_that_is_needed_is_refused_with_the_nearest(tmp_path, leg):
     columns = [f"{j}/{s}" for j in ("hip", "knee") for s in ("position", "current")]
     wrench = [f"ft_{side}/{axis}" for side in ("right", "left") for axis in ("fx", "fy", "fz", "tx", "ty", "tz")]

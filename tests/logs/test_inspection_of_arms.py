@@ -45,6 +45,25 @@ def test_the_efforts_of_an_arm_are_those_of_its_drives(tmp_path, effort, drive, 
     assert any(found.comment[1:] in note for note in found.notes)
 
 
+def test_efforts_without_position_commands_may_be_currents_and_inspect_says_so(tmp_path):
+    path = tmp_path / "run.csv"
+    table = arm("{}/effort")
+    table[[name for name in table if not name.endswith("_command")]].to_csv(path, index=False)
+    found = inspect_log(path)
+    assert found.rig["drive"] == "torque"
+    assert any("many drivers put currents there" in note and "drive: current" in note for note in found.notes)
+
+
+def test_a_motor_s_current_is_that_of_its_joint(tmp_path):
+    path = tmp_path / "run.csv"
+    table = arm("{}_motor_current_A", command="{}_goal")
+    table.columns = [name.replace("/position", "_angle_deg") for name in table]
+    table.to_csv(path, index=False)
+    found = inspect_log(path)
+    assert found.rig["columns"]["joint2/current"] == "joint2_motor_current_A"
+    assert found.rig["joints"] == [f"joint{j}" for j in range(1, 7)] and trial(found) == ""
+
+
 def test_the_rig_file_says_what_was_chosen_and_how_to_change_it(tmp_path):
     path, rig = tmp_path / "run.csv", tmp_path / "rig.yaml"
     arm("{}/effort", command="{} q_ref").to_csv(path, index=False)

@@ -69,6 +69,19 @@ def test_round_trip(tmp_path, more):
         assert getattr(again, name) == getattr(rig, name), name
 
 
+def test_a_last_part_names_the_columns_of_all_joints():
+    rig = parse_rig({**LEG, "columns": {"current": "<joint>/effort", "position": "q_<joint>", "hip/current": "amps"}})
+    assert dict(rig.columns) == {
+        "hip/current": "amps",
+        "knee/current": "knee/effort",
+        "hip/position": "q_hip",
+        "knee/position": "q_knee",
+    }
+    with pytest.raises(RigError, match=r"'current' is that of 2 joints: .*`hip/current: effort`.*<joint>/effort"):
+        parse_rig({**LEG, "columns": {"current": "effort"}})
+    assert dict(parse_rig({**BASE, "columns": {"position": "<joint>_deg"}}).columns) == {"knee/position": "knee_deg"}
+
+
 def test_a_joint_without_a_value_has_the_default():
     rig = parse_rig({**LEG, "load": {"hip": None, "knee": "unknown"}, "declared": {"hip": ["stribeck"], "knee": None}})
     assert rig.load == {"hip": "torque", "knee": "unknown"}

@@ -28,6 +28,13 @@ def test_no_section_where_no_links_were_fitted():
     assert links_section(None) is None
 
 
+def test_values_of_a_wrong_set_up_are_not_compared_with_the_robot_file():
+    told = links_sentence(LINKS, wrong_set_up=True)
+    assert "wrong set-up" in told and "interval" not in told
+    section = links_section(LINKS, wrong_set_up=True)
+    assert section is not None and section.summary == told
+
+
 def test_the_sentence_counts_what_differs_from_the_robot_file():
     assert "2 links" in links_sentence(LINKS) and "interval: 1." in links_sentence(LINKS)
 

@@ -17,3 +17,8 @@ class SensorPrior:
 
     variance: float
     share: float
+
+    @property
+    def weight(self) -> float:
+        """sigma^2/share [N^2 m^2]: the precision of a parameter of tolerance 1."""
+        return self.variance / self.share

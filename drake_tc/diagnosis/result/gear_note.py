@@ -18,6 +18,8 @@ RESAMPLES = 200
 class Gear:
     """What two encoders tell of the gear: q_motor - q = zero + (play/2) sign(tau) + compliance tau.
 
+    Under a load of one sign, play is part of the zero, and its interval is (0, 0).
+
     Attributes:
         play: Whole gap [rad], with its 95 % interval. compliance: [rad/(N m)], with its 95 % interval.
     """
@@ -49,9 +51,10 @@ def gear_between_encoders(columns: Columns, seed: int = 0) -> Gear | None:
         return None
     tau, twist = signals.load_torque[samples.rows], (signals.motor_position - signals.position)[samples.rows]
     clear = np.isfinite(twist) & (np.abs(tau) > CLEARLY_LOADED * np.sqrt(np.mean(tau**2)))
-    design = np.stack([np.ones(tau.size), 0.5 * np.sign(tau), tau], axis=-1)[clear]
-    if clear.sum() < LEAST_ROWS or np.ptp(np.sign(tau[clear])) == 0.0:
+    if clear.sum() < LEAST_ROWS:
         return None
+    both_sides = bool(np.ptp(np.sign(tau[clear])) > 0.0)
+    design = np.stack([np.ones(tau.size), 0.5 * both_sides * np.sign(tau), tau], axis=-1)[clear]
     _, block = np.unique(samples.block[clear], return_inverse=True)
     drawn = _resampled(design, twist[clear], block, seed)
     play, compliance = np.linalg.lstsq(design, twist[clear], rcond=None)[0][1:]

@@ -10,7 +10,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
 from drake_tc.diagnosis.problem.shared.open_directions import open_directions, with_open_directions
-from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
+from drake_tc.diagnosis.problem.shared.rows import JointRows, prior_weighed, stack
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.selection.shared import active
@@ -23,6 +23,8 @@ LITTLE_LEFT = 0.25
 """Share of an effort's RMS, left by the declared model, below which no wider filters are tried."""
 AS_WELL = 1.25
 """Share that may be left, over the smallest one, at filters that are taken."""
+PRIOR_ROUNDS = 2
+"""Of weighing the prior of the joints' sensor errors by what is left beside the links, and fitting anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,4 +135,9 @@ def fitted_beside(raw: Mapping[str, Prepared], own: Mapping[str, OwnModel], caus
     columns = {joint: prepared.train for joint, prepared in raw.items()}
     terms = {joint: model.terms for joint, model in own.items()}
     rows = stack(columns, terms, causes, {joint: model.design for joint, model in own.items()})
-    return Links(own, rows, fit_stacked(rows, *active(causes.causes, ()), pooled=True))
+    fitted = fit_stacked(rows, *active(causes.causes, ()), pooled=True)
+    for _ in range(PRIOR_ROUNDS if any(r.precision is not None for r in rows) else 0):
+        known = zip(rows, fitted.sigma.tolist(), fitted.share.tolist(), strict=True)
+        rows = tuple(prior_weighed(*each) for each in known)
+        fitted = fit_stacked(rows, *active(causes.causes, ()), pooled=True)
+    return Links(own, rows, fitted)

@@ -1,6 +1,6 @@
 """The streams of a bag on one clock: that of the joint states."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,7 +64,9 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
         timed, more = _on_clock(_timed(stream), delay, main.stream.topic)
         notes += [*timed.notes, *more]
         values = _resampled(timed, main.time)
-        for name, column in zip(stream.names, values.T, strict=True):
+        apart = _apart(stream, columns, main.stream.topic)
+        notes += apart.notes
+        for name, column in zip(apart.names, values.T, strict=True):
             if name in columns and np.isfinite(columns[name]).any():
                 if name.endswith("/position"):  # a controller's feedback repeats the joint state
                     continue
@@ -81,6 +83,33 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
     table = pd.DataFrame(columns)
     table.attrs["notes"] = [*notes, *assigned]
     return table
+
+
+class _Apart(NamedTuple):
+    """Names of a stream's columns, and a note where they are not the stream's own."""
+
+    names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+def _apart(stream: Stream, columns: Mapping[str, FloatArray], main: str) -> _Apart:
+    """The names of efforts without positions, with the topic before them where the joint states have such efforts too.
+
+    Such a topic has other torques than the drives' efforts, for example those of torque sensors.
+    """
+    measured = stream.kind is Kind.measured and all(name.endswith("/effort") for name in stream.names)
+    if not measured or not any(name in columns for name in stream.names):
+        return _Apart(stream.names)
+    topic = stream.topic.strip("/")
+    names = tuple(f"{topic}/{name}" for name in stream.names)
+    joint = stream.names[0].rpartition("/")[0]
+    return _Apart(
+        names,
+        (
+            f"{main} and {stream.topic} both have efforts: columns of the latter are called {names[0]} and so on. If"
+            f" they are of torque sensors, write `columns: {{{joint}/torque: {names[0]}}}`, for each joint.",
+        ),
+    )
 
 
 def _timed(stream: Stream) -> _Timed:

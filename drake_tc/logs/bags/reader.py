@@ -18,6 +18,20 @@ from drake_tc.logs.bags.streams import Kind, Stream, complete
 SUFFIXES = (".mcap", ".db3", ".bag")
 """Files that hold bags; a folder with `metadata.yaml` is one, too."""
 METADATA = "metadata.yaml"
+CUT_OFF = (
+    "; the file ends early, as after a recording that was not stopped: `mcap recover IN.mcap -o OUT.mcap` repairs it"
+)
+REMEDIES = {
+    "end magic": CUT_OFF,
+    "Truncated record": CUT_OFF,
+    "Invalid MCAP footer": CUT_OFF,
+    "seems to be empty": "; record it anew",
+    "malformed": "; the file is damaged or cut off: `sqlite3 IN.db3 .recover | sqlite3 OUT.db3`, then `ros2 bag"
+    " reindex` of its folder, may repair it",
+    "database files are missing": "; put the .db3 or .mcap file beside metadata.yaml, or run `ros2 bag reindex`",
+    "not indexed": "; `rosbag reindex` repairs it",
+}
+"""What a reason of the reader means and what to do, by words of the reason."""
 
 
 def is_bag(path: Path) -> bool:
@@ -125,5 +139,6 @@ def _opened(path: Path) -> Iterator[Any]:
     except LogError:
         raise
     except Exception as error:  # the reader's own errors, those of its decompressors and of the system
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise LogError(f"{path}: cannot be read as a ROS bag: {reason[:200]}") from error
+        reason = (" ".join(str(error).split()) or type(error).__name__)[:200].rstrip(".")
+        remedy = next((text for part, text in REMEDIES.items() if part in reason), "")
+        raise LogError(f"{path}: cannot be read as a ROS bag: {reason}{remedy}") from error

@@ -41,7 +41,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "current": (
             *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
-            *("i_q", "i_meas", "current_a", "actual_i"),
+            *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i"),
         ),
         "voltage": (
             *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor"),

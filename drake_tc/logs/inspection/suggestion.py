@@ -71,6 +71,12 @@ def suggested_rig(
     if doubtful:
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")
     notes += _other_drives(drives, by_joint)
+    efforts = [by_joint[j]["torque_command"].name for j, kind in drives.items() if kind == "torque"]
+    if chosen is None and any(name.endswith("/effort") for name in efforts):
+        notes.append(
+            "The efforts of the joint states are taken for torques in N m, but many drivers put currents there: if they"
+            " are in A, write `drive: current`, and /current for /torque_command under `columns:`."
+        )
     document: dict[str, Any] = {"joint": next(iter(drives))} if len(drives) == 1 else {"joints": list(drives)}
     document["drive"] = _same(drives)
     loads = {joint: "torque" if "torque" in by_joint[joint] else "unknown" for joint in drives}

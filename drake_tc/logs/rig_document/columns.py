@@ -12,6 +12,8 @@ from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units, 
 
 ColumnName: TypeAlias = Annotated[str | int, saying("a column's name in the file")]
 Unit: TypeAlias = Annotated[str | float, saying("a unit or a scale factor")]
+EACH_JOINT = "<joint>"
+"""In the name of a column in the log: the name of each joint."""
 LogColumn: TypeAlias = Annotated[str, Field(min_length=1), saying("the name of a column in the log")]
 
 
@@ -40,10 +42,26 @@ def canonical_name(name: str, joints: Sequence[str]) -> str:
 def canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) -> dict[str, str]:
     """Full canonical name to the name in the file.
 
+    A last part stands for the columns of all joints, where the name in the file has `<joint>` in place of a joint's
+    name; a column with an entry of its own keeps that.
+
     Raises:
         ValueError: A key is not a canonical column.
     """
-    return {canonical_name(name, joints): str(file_name) for name, file_name in columns.items()}
+    of_all: dict[str, str] = {}
+    own: dict[str, str] = {}
+    for name, entry in columns.items():
+        in_log = str(entry)
+        if name in JOINT_SUFFIXES and EACH_JOINT in in_log:
+            of_all |= {f"{joint}/{name}": in_log.replace(EACH_JOINT, joint) for joint in joints}
+        elif name in JOINT_SUFFIXES and len(joints) > 1:
+            raise ValueError(
+                f"{quoted(name)} is that of {len(joints)} joints: write `{joints[0]}/{name}: {in_log}` for one of them,"
+                f" or for all a name that differs only in the joint, such as `{name}: {EACH_JOINT}/{in_log}`"
+            )
+        else:
+            own[canonical_name(name, joints)] = in_log
+    return of_all | own
 
 
 def check_units(units: Mapping[str, str | float], joints: Sequence[str]) -> None:

@@ -94,6 +94,17 @@ def test_two_topics_of_one_robot_are_refused(tmp_path):
         read_table(path)
 
 
+def test_torques_on_a_topic_of_their_own_stand_beside_the_drives_efforts(tmp_path):
+    """Whichever of the two has more messages, the topic with the positions gives the rows."""
+    often = np.arange(1000) / 500.0
+    sensed = [state(t, ["knee"], [], [], [5.0 * t], topic="/joint_torques") for t in often]
+    path = bag(tmp_path / "bag", joint_states("/joint_states", TIME, {"knee": (POSITION, VELOCITY, EFFORT)}), sensed)
+    table = read_table(path)
+    assert_allclose(table["knee/effort"], EFFORT, rtol=0, atol=1e-12)
+    assert_allclose(table["joint_torques/knee/effort"], 5.0 * TIME, rtol=0, atol=1e-9)
+    assert "columns: {knee/torque: joint_torques/knee/effort}" in notes(table)
+
+
 @pytest.mark.parametrize("kind", ["Float64", "Float32"])
 def test_topics_of_one_number_and_temperatures_are_columns(tmp_path, kind):
     messages = [state(t, ["knee"], [q], [v], late=0.0) for t, q, v in zip(TIME, POSITION, VELOCITY, strict=True)]

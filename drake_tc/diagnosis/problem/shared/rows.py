@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.diagnosis.data.sliding import BLOCK_SECONDS
 from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
@@ -130,6 +131,28 @@ def with_terms(rows: JointRows, columns: Columns, terms: Sequence[Term]) -> Join
     precision = _precision(columns, terms, own.shape[1])
     grams = fold_grams(own, rows.shared, target, rows.block, precision)
     return replace(rows, own=own, target=target, grams=grams, held=held, precision=precision)
+
+
+def prior_weighed(rows: JointRows, sigma: float, share: float) -> JointRows:
+    """The rows with the prior of the joint's sensor errors weighed by what a fit of all joints leaves.
+
+    `stack` takes the weight from the joint's own fit to the loads that the runs hold. Where the links' parameters of
+    these loads are wrong, that fit leaves their error too, and its prior would press real sensor errors to 0.
+
+    Args:
+        rows: From `stack`.
+        sigma: RMS of the residual [N m].
+        share: n/N of the rows that say something of their own.
+    """
+    before = rows.samples.sensor_prior
+    if rows.precision is None or before is None:
+        return rows
+    prior = SensorPrior(variance=sigma**2, share=share)
+    precision = rows.precision * prior.weight / before.weight
+    grams = rows.grams.copy()
+    first = np.arange(precision.size)
+    grams[:, first, first] += (precision - rows.precision) / FOLDS
+    return replace(rows, samples=replace(rows.samples, sensor_prior=prior), grams=grams, precision=precision)
 
 
 def _precision(columns: Columns, terms: Sequence[Term], width: int) -> FloatArray | None:
