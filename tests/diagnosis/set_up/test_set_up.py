@@ -145,7 +145,17 @@ def test_the_torque_constant_of_one_joint(arm):
 
 
 @pytest.mark.parametrize(
-    ("joint", "factor"), [("turn", 1.7), ("lift", 0.6), ("lift", 1.7), ("bend", 0.6), ("bend", 1.7)]
+    ("joint", "factor"),
+    [
+        ("turn", 1.7),
+        ("lift", 0.6),
+        ("lift", 1.7),
+        ("lift", 0.75),
+        ("lift", 1.3),
+        ("bend", 0.6),
+        ("bend", 1.7),
+        ("bend", 1.3),
+    ],
 )
 def test_the_torque_constant_of_one_joint_that_fitted_links_mostly_take_up(elbow_arm, joint, factor):
     """Of each effort less than a tenth is left: no other error of the set-up is tried there."""
