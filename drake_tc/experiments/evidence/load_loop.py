@@ -165,7 +165,7 @@ def load_rows(cases: Sequence[LoadCase]) -> list[FigureRow]:
     left_open = [c for c in cases if c.first != "truth"]
     promised = [c for c in left_open if c.promised]
     doubtful = [c for c in left_open if c.loaded is not None and not c.promised]
-    return [
+    rows = [
         FigureRow("cases", len(cases), "-"),
         FigureRow("open after the first logs", len(left_open), "-"),
         FigureRow("open: refused without loads", sum(bool(c.refusal) for c in left_open), "-"),
@@ -184,3 +184,4 @@ def load_rows(cases: Sequence[LoadCase]) -> list[FigureRow]:
         FigureRow(f"open: predicted below {100.0 * TOLD:.0f} % with loads", len(doubtful), "-"),
         FigureRow.share("predicted below: separated with loads", [c.loaded == "truth" for c in doubtful], "max", 0.5),
     ]
+    return [row for row in rows if not np.isnan(row.value)]  # a share of no case is no figure

@@ -225,7 +225,7 @@ def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
     left_open = [c for c in cases if c.first != "truth"]
     promised = [c for c in left_open if c.promised]
     doubtful = [c for c in left_open if not c.promised and not c.refusal]
-    return [
+    rows = [
         FigureRow("cases", len(cases), "-"),
         FigureRow("open after the first logs", len(left_open), "-"),
         FigureRow("open: the first logs name the other effect", sum(c.first == "other" for c in left_open), "-"),
@@ -257,3 +257,4 @@ def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
             "predicted at or above: wrong answers of the sinusoid", [c.default == "other" for c in promised]
         ),
     ]
+    return [row for row in rows if not np.isnan(row.value)]  # a share of no case is no figure
