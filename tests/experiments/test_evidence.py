@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from drake_tc.experiments.evidence.loop import LoopCase, answer_of, decided_rows
