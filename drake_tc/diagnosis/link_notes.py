@@ -1,4 +1,4 @@
-"""What else may be behind an error of a link that was found: one small record a kind."""
+"""What else may be behind the mass of a link that was found."""
 
 from dataclasses import dataclass
 
@@ -14,18 +14,3 @@ class LoadInAllRuns:
     link: str
     mass: float
     own: float
-
-
-@dataclass(frozen=True)
-class ZeroOrCentre:
-    """A shifted centre of mass, which a wrong zero of the encoder before the link imitates.
-
-    Attributes:
-        link: Whose centre of mass. joint: that moves the link.
-    """
-
-    link: str
-    joint: str
-
-
-LinkNote = LoadInAllRuns | ZeroOrCentre

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from drake_tc.diagnosis.link_notes import LinkNote
+from drake_tc.diagnosis.link_notes import LoadInAllRuns
 from drake_tc.diagnosis.noise_notes import NoiseNote
 from drake_tc.diagnosis.timing_notes import (
     AllRecordedLate,
@@ -288,7 +288,7 @@ Note = (
     | GearBetweenEncoders
     | Sticking
     | NoiseNote
-    | LinkNote
+    | LoadInAllRuns
     | RunsWithoutMotion
     | GapCrossings
     | ChargedIntegrator

@@ -9,7 +9,7 @@ import pytest
 
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.link_notes import LoadInAllRuns, ZeroOrCentre
+from drake_tc.diagnosis.link_notes import LoadInAllRuns
 from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
@@ -204,7 +204,6 @@ NOTES = [
     (NoiseOfRecordedEffort("current", 4.96), ["noise of the recorded current", "5.0 times"]),
     (NoiseOfRecordedEffort("position_servo", 4.96), ["recorded goal scatters", "5.0 times"]),
     (LoadInAllRuns("finger", 0.87, 0.015), ["at finger, 0.87 kg", "own (0.015 kg)", "`load: {robot: fitted}`"]),
-    (ZeroOrCentre("thigh", "hip"), ["zero of the encoder of hip", "centre of mass of thigh"]),
     (CorrelatedTorqueNoise(2.5, 0.04), ["about 40 ms", "2.5 times"]),
     (ScatteringTimes(1e-4, 4.2, 1e-5), ["scatter by 100 us", "4.2 rad/s", "err by 0.00042 rad", "by 1e-05 rad"]),
     (

@@ -5,7 +5,7 @@ from itertools import groupby
 from typing import assert_never
 
 from drake_tc.config.joint_units import TURNING, JointUnits
-from drake_tc.diagnosis.link_notes import LoadInAllRuns, ZeroOrCentre
+from drake_tc.diagnosis.link_notes import LoadInAllRuns
 from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
@@ -87,11 +87,6 @@ def note_sentence(note: Note) -> str:
                 f"The mass that was found at {link}, {mass:.3g} kg, is larger than the link's own ({own:.3g} kg). A "
                 "tool or a load that the arm carries in all logs acts in this way, at another place and with another "
                 "mass: add it to the URDF, or fit it as a part of the links with `load: {robot: fitted}`."
-            )
-        case ZeroOrCentre(link, joint):
-            return (
-                f"A wrong zero of the encoder of {joint} acts nearly like a shifted centre of mass of {link}: check "
-                "the zero before you change the URDF."
             )
         case CorrelatedTorqueNoise(ratio, correlation_time):
             return (

@@ -1,4 +1,4 @@
-"""What else may be behind an error of a link: a tool in all logs, a wrong zero of an encoder."""
+"""What else may be behind the mass of a link: a tool in all logs."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import pytest
 from fitted_arm import JOINTS, URDF, rig_file
 from robot_files import joint_tag, link_tag, write_robot
 
-from drake_tc.diagnosis.link_notes import LoadInAllRuns, ZeroOrCentre
+from drake_tc.diagnosis.link_notes import LoadInAllRuns
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.link_causes import link_notes
 from drake_tc.diagnosis.result.rig_result import SharedEffect
@@ -38,13 +38,7 @@ def test_a_mass_larger_than_the_link_may_be_a_load(logs):
     assert "at finger, 0.87 kg, is larger than the link's own (0.015 kg)" in note_sentence(notes[0])
 
 
-@pytest.mark.parametrize(("link", "joint"), [("fore", "fold"), ("finger", "fold"), ("column", "turn")])
-def test_a_shifted_centre_may_be_a_wrong_zero_of_the_joint_that_moves_the_link(logs, link, joint):
-    notes = link_notes([cause("link_com", link, com_x=0.01)], logs)
-    assert notes == (ZeroOrCentre(link, joint),)
-    assert f"encoder of {joint}" in note_sentence(notes[0])
-
-
 def test_nothing_is_said_without_such_a_cause_or_with_an_imu(logs):
-    assert link_notes([cause("ft_bias", "foot")], logs) == () == link_notes([cause("link_com", "fore")], None)
-    assert link_notes([cause("link_com", "fore")], replace(logs, reads_imu=True)) == ()
+    heavy = [cause("link_mass", "finger", mass=0.87)]
+    assert link_notes([cause("ft_bias", "foot")], logs) == () == link_notes(heavy, None)
+    assert link_notes(heavy, replace(logs, reads_imu=True)) == ()
