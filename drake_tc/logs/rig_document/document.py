@@ -58,8 +58,8 @@ class RigDocument(Keys):
         "joint; else `revolute`",
     )
     columns: dict[str, ColumnName] | None = key(
-        "Canonical column: name of the column in the log. A canonical name without a joint stands for all joints if the "
-        "name in the log contains `<joint>`: `current: <joint>/effort`.",
+        "Canonical column: name of the column in the log. A canonical name without a joint stands for all joints if "
+        "the name in the log contains `<joint>`: `current: <joint>/effort`.",
         example={"time": "t", "position": "q_meas"},
         absent="the canonical names",
     )
