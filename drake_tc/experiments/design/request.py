@@ -210,7 +210,10 @@ def _goals(request: DesignRequest, rig: Rig) -> dict[str, Goal]:
         if goal is not None:
             out[joint] = goal
     if not out:
-        raise ParamsError(f"{request.after}: no joint has indistinguishable or named effects; give --goal")
+        raise ParamsError(
+            f"{request.after}: no joint has indistinguishable or named effects, so the report leaves no question open; "
+            "add --goal parameters for narrower intervals of the declared model, or --goal all to show every effect"
+        )
     return out
 
 
