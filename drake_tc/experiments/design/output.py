@@ -175,10 +175,11 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
 def start_text(design: JointDesign) -> str:
     """Where the motion begins and how long it lasts."""
     time, motion = design.motion(100.0)
+    periods = "one period" if design.repeats == 1 else f"{design.repeats} periods"
     return (
         f"Move the joint to {motion[0, 0]:.4g} {design.limits.units.position} and let it rest. The motion begins and "
-        f"ends at rest and lasts {time[-1]:.4g} s: {design.repeats} times a period of {design.basis.period:.4g} s, "
-        "with a lead-in and a lead-out."
+        f"ends at rest and lasts {time[-1]:.4g} s: {periods} of {design.basis.period:.4g} s, with a lead-in and a "
+        "lead-out."
     )
 
 
