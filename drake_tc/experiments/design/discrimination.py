@@ -10,8 +10,9 @@ over the orders of A and B, over both signs of A and over its shapes, largest.
 
 An order in which B has more parameters than A is left out: of two models that fit equally well, a diagnosis takes the
 one with fewer parameters, and lists the other one only if it fits better. A diagnosis must also find the effect at all.
-The probability therefore also depends on the distances V of A and of B from the declared model without either of them,
-and so does the criterion: the smallest of T/n and V/n, each over what a diagnosis asks for, is made largest.
+The probability therefore also depends on the distances V of A and of B from the declared model without either of them.
+Where the smallest V is less than `ENOUGH` times what a diagnosis asks for, the criterion falls by the logarithm of what
+is lacking; a larger one adds nothing, since only T separates the two.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,6 +30,8 @@ from drake_tc.types import FloatArray
 
 FOUND = max(JOINT.least_removed**2, 1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
 """V/n that a diagnosis asks of an effect: half a noise floor, and an error that is 5 % lower."""
+ENOUGH = 4.0
+"""V over what a diagnosis asks for, from which on an effect is found for certain: twice the size that is found."""
 CERTAIN = float(norm.ppf(JOINT.least_share))
 """Standard deviations of the share of block resamples that a diagnosis asks for."""
 SOFT = 8.0
@@ -104,12 +107,17 @@ class Discrimination(Criterion):
         return all(is_late(form.effect) for form in self.orders[0])
 
     def value(self, columns: BalanceColumns) -> float:
-        """Smooth minimum of log(T/needed) over both orders, log(V/needed) over both effects, and all shapes of each."""
-        apart = np.concatenate(list(self.distances(columns).values())) / told_apart(late=self._late)
-        seen = np.concatenate(list(self.visibilities(columns).values())) / FOUND
-        logs = np.log(np.concatenate([apart, seen]) + 1e-9)
-        least = float(logs.min())
-        return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
+        """Smooth minimum of log T over both orders and all shapes, less what the visibility of an effect lacks."""
+        apart = _soft_minimum(np.concatenate(list(self.distances(columns).values())))
+        seen = _soft_minimum(
+            np.concatenate(list(self.visibilities(columns).values())) / (ENOUGH * self._asked(columns))
+        )
+        return apart + min(seen, 0.0)
+
+    def _asked(self, columns: BalanceColumns) -> float:
+        """V that a diagnosis asks of an effect, in the units of `visibilities`."""
+        sliding = self.duration * max(float(np.mean(columns.weight)), 1e-9)
+        return FOUND * columns.joint.independent_per_second * sliding
 
     def probability(self, columns: BalanceColumns, duration: float | None = None) -> float:
         """Probability that a diagnosis of such rows separates the effects, for the worst order, sign and shape.
@@ -124,6 +132,12 @@ class Discrimination(Criterion):
         weakest = min(float(np.min(each)) for each in self.visibilities(columns, duration).values())
         found = detection_probability(weakest, independent)
         return min(distinction_probability(worst, independent, late=self._late), found)
+
+
+def _soft_minimum(squares: FloatArray) -> float:
+    logs = np.log(squares + 1e-9)
+    least = float(logs.min())
+    return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
 
 
 def told_apart(*, late: bool) -> float:
