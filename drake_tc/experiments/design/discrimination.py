@@ -15,7 +15,7 @@ Where the smallest V is less than `ENOUGH` times what a diagnosis asks for, the 
 is lacking; a larger one adds nothing, since only T separates the two.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,9 +59,13 @@ class Discrimination(Criterion):
 
     def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
         """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
-        return self._apart(Projection(declared_columns(columns), columns.weight), columns, duration)
+        return self._apart(_declared(columns), columns, duration)
 
-    def _apart(self, declared: Projection, columns: BalanceColumns, duration: float | None = None) -> Distances:
+    def visibilities(self, columns: BalanceColumns, duration: float | None = None) -> dict[str, FloatArray]:
+        """By effect, the distance T of each shape from the declared model alone, over `duration` [s] of rows."""
+        return self._seen(_declared(columns), columns, duration)
+
+    def _apart(self, declared: Projection, columns: BalanceColumns, duration: float | None) -> Distances:
         out = {}
         for truth, other in self.orders:
             targets, widths = [], []
@@ -76,24 +80,9 @@ class Discrimination(Criterion):
             out[truth.effect.key, other.effect.key] = np.array(means)
         return out
 
-    def visibilities(self, columns: BalanceColumns, duration: float | None = None) -> dict[str, FloatArray]:
-        """By effect, the distance T of each shape from the declared model alone, over `duration` [s] of rows."""
-        declared = Projection(declared_columns(columns), columns.weight)
-        return self._seen(declared, columns, self._forms, duration)
-
-    @property
-    def _forms(self) -> tuple[EffectForm, ...]:
-        return tuple(dict.fromkeys(form for order in self.orders for form in order))
-
-    def _seen(
-        self,
-        declared: Projection,
-        columns: BalanceColumns,
-        forms: Sequence[EffectForm],
-        duration: float | None = None,
-    ) -> dict[str, FloatArray]:
+    def _seen(self, declared: Projection, columns: BalanceColumns, duration: float | None) -> dict[str, FloatArray]:
         scale, out = self._scale(columns, duration), {}
-        for form in forms:
+        for form in dict.fromkeys(form for order in self.orders for form in order):
             left = [declared.of(form.change(columns, shape)) for shape in form.shapes]
             out[form.effect.key] = np.array([scale * np.mean(np.sum(each**2, axis=0)) for each in left])
         return out
@@ -108,10 +97,10 @@ class Discrimination(Criterion):
 
     def value(self, columns: BalanceColumns) -> float:
         """Smooth minimum of log T over both orders and all shapes, less what the visibility of an effect lacks."""
-        apart = _soft_minimum(np.concatenate(list(self.distances(columns).values())))
-        seen = _soft_minimum(
-            np.concatenate(list(self.visibilities(columns).values())) / (ENOUGH * self._asked(columns))
-        )
+        declared = _declared(columns)
+        apart = _soft_minimum(np.concatenate(list(self._apart(declared, columns, None).values())))
+        visible = np.concatenate(list(self._seen(declared, columns, None).values()))
+        seen = _soft_minimum(visible / (ENOUGH * self._asked(columns)))
         return apart + min(seen, 0.0)
 
     def _asked(self, columns: BalanceColumns) -> float:
@@ -132,6 +121,11 @@ class Discrimination(Criterion):
         weakest = min(float(np.min(each)) for each in self.visibilities(columns, duration).values())
         found = detection_probability(weakest, independent)
         return min(distinction_probability(worst, independent, late=self._late), found)
+
+
+def _declared(columns: BalanceColumns) -> Projection:
+    """What the declared model leaves of a column."""
+    return Projection(declared_columns(columns), columns.weight)
 
 
 def _soft_minimum(squares: FloatArray) -> float:

@@ -17,14 +17,13 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.solve import MARGIN
 from drake_tc.gravity import GRAVITY
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
 
 MOST_LOADS = 6
 """Loads among which a design chooses."""
-MARGIN = 0.01
-"""Share of the torque limit that a design leaves free, as in `solve`."""
 SHOWN = 0.05
 """Share of the joint's largest torque from which on its gravity shows where its link hangs."""
 KINDS = ("torque", "pendulum")

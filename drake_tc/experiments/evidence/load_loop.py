@@ -5,7 +5,7 @@ more inertia and m g r more gravity of the simulated joint. The logs of all load
 that the design gives for the rig file, and a first run is held out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,9 +26,11 @@ from drake_tc.experiments.evidence.loop import (
     LIMITS,
     Answer,
     OpenCase,
-    recorded_cases,
+    Progress,
+    designed_cases,
     told_by,
     twin_run,
+    with_cases,
 )
 from drake_tc.experiments.evidence.pairs import JOINT, Pair
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated
@@ -37,7 +39,6 @@ from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.logs.rig_writing import rig_document
 from drake_tc.report.figure_row import FigureRow
 
-Progress = Callable[[str, float], None]
 LOADS = (KnownLoad(0.0), KnownLoad(5.0, 0.4))
 """Loads that the user of the benchmark has: none, and 20 N m."""
 
@@ -93,11 +94,7 @@ def run_load_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda
     Raises:
         SimulationError: A joint ran away.
     """
-    recorded = recorded_cases(pairs, seed)
-    designed = []
-    for i, case in enumerate(recorded):
-        designed.append(_designed(case))
-        progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(recorded))
+    designed = designed_cases(pairs, seed, _designed, progress)
     runs = [run for each in designed for run in each.runs]
     records = iter(integrated([spec for each in designed for spec in each.specs], runs) if runs else [])
     out = []
@@ -184,4 +181,4 @@ def load_rows(cases: Sequence[LoadCase]) -> list[FigureRow]:
         FigureRow(f"open: predicted below {100.0 * TOLD:.0f} % with loads", len(doubtful), "-"),
         FigureRow.share("predicted below: separated with loads", [c.loaded == "truth" for c in doubtful], "max", 0.5),
     ]
-    return [row for row in rows if not np.isnan(row.value)]  # a share of no case is no figure
+    return with_cases(rows)

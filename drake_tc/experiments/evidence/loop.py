@@ -9,7 +9,7 @@ list the two as indistinguishable.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
+Designed = TypeVar("Designed")
 Answer = Literal["truth", "other", "open"]
 """Answer of a diagnosis to the question which of the two effects is the cause; "open" if it does not decide."""
 LIMITS = JointLimits((-0.8, 0.8), 3.0, 25.0, torque=150.0, bandwidth_hz=4.0)
@@ -105,11 +106,7 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
     Raises:
         SimulationError: A joint ran away.
     """
-    cases = []
-    recorded = recorded_cases(pairs, seed)
-    for i, case in enumerate(recorded):
-        cases.append(_designed(case))
-        progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(recorded))
+    cases = designed_cases(pairs, seed, _designed, progress)
     ready = [case for case in cases if not case.refusal]
     later = [run for c in ready for run in c.later]
     records = integrated([c.spec for c in ready for _ in c.later], later) if later else []
@@ -121,6 +118,18 @@ def run_cases(pairs: Sequence[Pair], seed: int, progress: Progress = lambda text
             answers.append(told_by(case.rig, [more], case.first[-1:], case.truth, case.other)[0])
         out.append(case.outcome(*answers))
         progress(f"answered {case.truth} against {case.other}", 0.6 + 0.4 * (i + 1) / len(ready))
+    return out
+
+
+def designed_cases(
+    pairs: Sequence[Pair], seed: int, design: Callable[[OpenCase], Designed], progress: Progress
+) -> list[Designed]:
+    """What a design makes of every case of the pairs, which takes the first 60 % of the progress."""
+    out = []
+    recorded = recorded_cases(pairs, seed)
+    for i, case in enumerate(recorded):
+        out.append(design(case))
+        progress(f"designed {case.truth} against {case.other}", 0.6 * (i + 1) / len(recorded))
     return out
 
 
@@ -257,4 +266,9 @@ def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
             "predicted at or above: wrong answers of the sinusoid", [c.default == "other" for c in promised]
         ),
     ]
-    return [row for row in rows if not np.isnan(row.value)]  # a share of no case is no figure
+    return with_cases(rows)
+
+
+def with_cases(rows: Sequence[FigureRow]) -> list[FigureRow]:
+    """The rows that have a value: a share of no case is no figure."""
+    return [row for row in rows if not np.isnan(row.value)]
