@@ -25,6 +25,8 @@ AT_LIMIT = 0.01
 """Share of the samples at the largest effort, above which the drive is told to saturate."""
 DRIFT = 5.0
 """Rise of the temperature [K] from which on friction may change with it."""
+LATE_VELOCITY = "delay of the velocity"
+"""Name of the finding on a velocity that is late against the position."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,9 @@ def findings(
         prepared: One joint; its training rows are looked at.
         declared: Its declared model, fitted to them.
         numbers: Of the declared model.
-        late: Delays of columns that are known; a shift of the effort is not looked for beside them.
+        late: Delays of columns that are known. A shift of the effort is not looked for beside one of torque or effort.
     """
+    shifted = any(each.name != LATE_VELOCITY for each in late)
     made = [
         _position_step(prepared),
         _sample_times(prepared),
@@ -66,7 +69,8 @@ def findings(
         _limit(prepared),
         _temperature(prepared),
         _lead(prepared),
-        *(late or [_clock(prepared, declared)]),
+        *late,
+        None if shifted else _clock(prepared, declared),
         _signs(declared, prepared),
         _energy(prepared, numbers),
         _gravity(prepared),
