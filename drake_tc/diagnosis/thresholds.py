@@ -80,6 +80,7 @@ class SearchThresholds:
             imperfect form of those than a cause of its own. That does not hold for an effect that lowers the error by
             `own_gain` and leaves no more than `own_floors` noise floors: what corrects the form of another effect
             leaves some of the wrong form.
+        least_of_special: The same of an effect over a special case of it, as a share of what the special case explains.
         promising_gain: Smallest relative drop from which on a second effect is tried beside one that is not real by
             itself: each of two effects can hide the evidence of the other.
         least_joints: Joints that must support it. second_gain, second_log_evidence: drop and evidence of a joint that
@@ -98,6 +99,7 @@ class SearchThresholds:
     least_share: float = 0.98
     least_removed: float = 0.5
     least_of_first: float = 0.10
+    least_of_special: float = 0.10
     own_gain: float = 0.5
     own_floors: float = 2.0
     promising_gain: float = 0.02
@@ -132,8 +134,10 @@ SHARED = SearchThresholds(
     least_joints=2,
     second_gain=0.05,
     second_log_evidence=5.0,
+    least_of_special=0.0,
 )
-"""Of causes that no single joint owns: one that a single joint supports is that joint's own."""
+"""Of causes that no single joint owns: one that a single joint supports is that joint's own. A mass at a wrong place
+explains nearly all of a payload, so what is left for the payload may be a small share of it."""
 
 BEYOND_TOLERANCE_BESIDE = replace(
     SHARED,

@@ -29,7 +29,7 @@ LOAD_ERROR_RANGE = Plausible(
 )
 CARRIED: Mapping[LoadKind, str] = {
     "links": "what a link carries is part of its fitted parameters",
-    "robot": "what a link carries is looked for on all joints together, as its link_mass",
+    "robot": "what a link carries is looked for on all joints together",
 }
 """Why a single joint has no payload, where a robot's model gives the load."""
 HANG_ANGLE_RANGE = Plausible(-np.inf, np.inf, "where the pendulum hangs is declared in the rig file")
@@ -58,7 +58,7 @@ class Payload(EquationEffect):
     def obstacle(self, context: Context) -> str:
         """On a pendulum both columns are in the load itself, and the drive gain is free: see `PendulumPayload`.
 
-        What a link of a robot carries loads other joints too, and is looked for on all of them as its `link_mass`.
+        What a link of a robot carries loads other joints too, and is looked for on all of them.
         """
         if told := context.taken_up or CARRIED.get(context.load, ""):
             return told

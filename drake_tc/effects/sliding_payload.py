@@ -43,7 +43,7 @@ class SlidingPayload(EquationEffect):
         if context.load == "links":
             return "what a link carries is part of its fitted parameters"
         if context.load == "robot":
-            return "what a link carries is looked for on all joints together, as its link_mass"
+            return "what a link carries is looked for on all joints together"
         return context.taken_up
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:

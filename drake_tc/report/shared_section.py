@@ -12,6 +12,7 @@ MEANING = {
     "link_mass": "the difference between the mass of the link and that in the robot's model",
     "link_com": "the offset of its centre of mass from that of the model, in the link's axes",
     "encoder_offset": "the constant error of the encoder's reading: the zero of the joint is wrong",
+    "payload": "what the link carries beyond the robot's file, such as a tool: mass, and centre in the link's frame",
     "ft_bias": "the constant offset of the sensor, in its own axes",
     "ft_gain": "the relative error of the sensor's scale",
     "imu_bias": "the constant offset of the IMU, in its own axes",

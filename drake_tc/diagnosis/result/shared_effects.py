@@ -4,14 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import t as student
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.drive_gain import with_drive_gain
 from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause, CauseColumns
-from drake_tc.diagnosis.problem.shared.covariance import intervals
+from drake_tc.diagnosis.problem.shared.causes import AXES, TITLES, Cause, CauseColumns
+from drake_tc.diagnosis.problem.shared.covariance import covariance
 from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.residual.unexplained import DataSplit
@@ -108,11 +109,16 @@ def both_sides(
 
 def _parameters(rows: Sequence[JointRows], causes: Sequence[Cause], fitted: StackedFit) -> Parameters:
     """The causes' parameters by key, with 95 % intervals; the fit's first columns are those of the causes."""
-    half, out, at = intervals(rows, fitted), {}, 0
+    spread, freedom = covariance(rows, fitted)
+    quantile, out, at = float(student.ppf(0.975, freedom)), {}, 0
     for cause in causes:
         part = slice(at, at + cause.size)
         at += cause.size
-        delta, width = fitted.delta[part], half[part]
+        delta, own = fitted.delta[part], spread[part, part]
+        if cause.id == "payload":
+            out[cause.key] = _body(-delta, own, quantile)
+            continue
+        width = quantile * np.sqrt(np.maximum(np.diag(own), 0.0))
         value = cause.physical(delta)
         ends = np.sort(np.stack([cause.physical(delta - width), cause.physical(delta + width)]), axis=0)
         out[cause.key] = {
@@ -120,6 +126,30 @@ def _parameters(rows: Sequence[JointRows], causes: Sequence[Cause], fitted: Stac
             for i, (name, unit) in enumerate(zip(cause.parameters, cause.units, strict=True))
         }
     return out
+
+
+def _body(inertial: FloatArray, spread: FloatArray, quantile: float) -> dict[str, Estimate]:
+    """Mass m and centre c = h/m of what a link carries, with 95 % intervals to first order.
+
+        var c_i = (var h_i - 2 c_i cov(h_i, m) + c_i^2 var m)/m^2
+
+    Its inertia is estimated along with them, and not reported: rotors and friction of the last joints hide it.
+
+    Args:
+        inertial: (10,) `LINK_PARAMETERS`.
+        spread: (10, 10) their covariance.
+        quantile: Half width of an interval over the standard deviation.
+    """
+    mass, centre = float(inertial[0]), inertial[1:4] / inertial[0]
+    gradient = np.zeros((4, inertial.size))
+    gradient[0, 0] = 1.0
+    gradient[1:, 0], gradient[1:, 1:4] = -centre / mass, np.eye(3) / mass
+    width = quantile * np.sqrt(np.maximum(np.diag(gradient @ spread @ gradient.T), 0.0))
+    names = (("mass", "kg"), *((f"com_{axis}", "m") for axis in AXES))
+    return {
+        name: Estimate(value, unit, (value - half, value + half), False)
+        for (name, unit), value, half in zip(names, [mass, *centre.tolist()], width.tolist(), strict=True)
+    }
 
 
 def on_held_out(

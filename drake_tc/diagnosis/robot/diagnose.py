@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.shared.causes import columns_over
+from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.problem.shared.momentum import momenta_over
 from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.fitted_links import diagnose_fitted

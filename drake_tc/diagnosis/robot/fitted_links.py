@@ -22,7 +22,7 @@ from dataclasses import replace
 
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.shared.causes import columns_over
+from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.problem.shared.late_encoder_columns import (
     OwnMotion,
     late_encoder_columns,

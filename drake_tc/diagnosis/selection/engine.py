@@ -5,7 +5,7 @@ how well they do; `selection.joint` and `selection.shared` are the two kinds.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Generic, Protocol, TypeVar
 
@@ -211,10 +211,11 @@ def _exceeds_special_cases(
     problem: Problem[F], large: F, real: Sequence[F], chosen: F, thresholds: SearchThresholds
 ) -> bool:
     """Whether a model is a real improvement over each real one that has a special case of its effect in its place."""
+    over_special = replace(thresholds, least_of_first=thresholds.least_of_special)
     for small in real:
         if problem.contains(large, small):
             explained = explained_by(problem.errors(chosen), problem.errors(small))
-            if not compare(problem, small, large).is_real(problem.floor, explained, thresholds):
+            if not compare(problem, small, large).is_real(problem.floor, explained, over_special):
                 return False
     return True
 

@@ -18,6 +18,9 @@ from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE, SHARED, SearchThresholds
 from drake_tc.types import FloatArray, IntArray
 
+FARTHEST = 1.0
+"""Centre of mass of a payload, from the origin of the link that carries it [m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class CauseFit:
@@ -45,10 +48,10 @@ class SharedSearch:
 def active(causes: Sequence[Cause], chosen: Sequence[Cause]) -> tuple[IntArray, FloatArray]:
     """Columns (p,) of the chosen causes and of all that have a tolerance, and the prior of each (p,): see `StackedFit`.
 
-    The chosen causes come first and have no prior. A tolerance of 0 leaves its parameter out.
+    The chosen causes come first, without the prior of their tolerance. A tolerance of 0 leaves its parameter out.
     """
     columns = [k for c in chosen for k in range(c.columns.start, c.columns.stop)]
-    tolerance = [np.inf] * len(columns)
+    tolerance = [size for c in chosen for size in c.prior or [np.inf] * c.size]
     for cause in causes:
         for place, size in enumerate(cause.tolerance if cause not in chosen else ()):
             if size > 0.0:
@@ -126,16 +129,19 @@ class SharedProblem:
 
         |delta_i| > 3 sqrt(t_i^2 + s_i^2) for one of its parameters; a cause without a tolerance always does. The rows
         weigh by what this model leaves. By what the parent leaves, the joints that show the cause would weigh least:
-        the cause itself is in their residuals, which are slow and so hold few independent samples.
+        the cause itself is in their residuals, which are slow and so hold few independent samples. Of a payload, mass
+        and centre must make sense (`_is_a_body`).
         """
         cause = fitted.causes[-1]
-        if not cause.tolerance:
+        if not cause.tolerance and cause.id != "payload":
             return True
         fitted = self.adopted(fitted)
         place = np.isin(fitted.fit.columns, np.arange(cause.columns.start, cause.columns.stop))
-        noise = np.diag(covariance(self.rows, fitted.fit)[0])[place]
+        delta, noise = fitted.fit.delta[place], np.diag(covariance(self.rows, fitted.fit)[0])[place]
+        if cause.id == "payload":
+            return _is_a_body(delta, np.sqrt(noise))
         expected = np.sqrt(np.array(cause.tolerance) ** 2 + noise)
-        return bool((np.abs(fitted.fit.delta[place]) > BEYOND_TOLERANCE * expected).any())
+        return bool((np.abs(delta) > BEYOND_TOLERANCE * expected).any())
 
     def objections(self, fitted: CauseFit) -> Sequence[DidNotHold]:
         """None: errors within their tolerance are not named."""
@@ -148,12 +154,24 @@ class SharedProblem:
                 yield self.with_causes([c for c in large.causes if c is not cause])
 
     def contains(self, large: CauseFit, small: CauseFit) -> bool:
-        """No cause of a whole robot is a special case of another one."""
-        return False
+        """Whether a payload is in the place of a wrong mass or centre of the link that carries it."""
+        more, fewer = ([c for c in a.causes if c not in b.causes] for a, b in ((large, small), (small, large)))
+        return len(more) == len(fewer) == 1 and fewer[0].key in more[0].special
 
     def adopted(self, fitted: CauseFit) -> CauseFit:
         """Fitted anew, the rows weighed by what is left."""
         return self.with_causes(fitted.causes)
+
+
+def _is_a_body(delta: FloatArray, spread: FloatArray) -> bool:
+    """Whether a mass that is certainly not 0 has its centre within `FARTHEST` of the link's origin.
+
+    Args:
+        delta: (10,) of a payload; negative where the model has too much.
+        spread: (10,) standard deviations.
+    """
+    mass, moment = abs(float(delta[0])), float(np.linalg.norm(delta[1:4]))
+    return mass > BEYOND_TOLERANCE * float(spread[0]) and moment <= FARTHEST * mass
 
 
 def search_shared(

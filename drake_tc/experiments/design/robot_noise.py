@@ -17,7 +17,7 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
-from drake_tc.diagnosis.problem.shared.causes import columns_over
+from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
 from drake_tc.diagnosis.run_order import in_order

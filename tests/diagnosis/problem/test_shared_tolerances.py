@@ -10,7 +10,8 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.problem.columns import FOLDS
-from drake_tc.diagnosis.problem.shared.causes import Cause, column_filter
+from drake_tc.diagnosis.problem.shared.causes import Cause
+from drake_tc.diagnosis.problem.shared.columns_of_runs import column_filter
 from drake_tc.diagnosis.problem.shared.covariance import covariance, intervals
 from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import CUT_OFF, fit_stacked

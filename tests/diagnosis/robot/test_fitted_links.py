@@ -11,7 +11,7 @@ from robot_files import write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.shared.causes import columns_over
+from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, ParamsError, RigError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads

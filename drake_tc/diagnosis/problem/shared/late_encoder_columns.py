@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
-from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns, Piece, smoothed_motion
+from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns, Piece
+from drake_tc.diagnosis.problem.shared.columns_of_runs import smoothed_motion
 from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams, over_samples
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.record import Run

@@ -13,7 +13,8 @@ import numpy as np
 
 from drake_tc.diagnosis.data.channels import channels_of
 from drake_tc.diagnosis.data.timing_scatter import timing_scatter
-from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, Piece, smoothed_motion
+from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, Piece
+from drake_tc.diagnosis.problem.shared.columns_of_runs import smoothed_motion
 from drake_tc.diagnosis.problem.shared.payload import payload_of
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import RobotLogs

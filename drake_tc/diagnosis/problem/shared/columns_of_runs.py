@@ -1,0 +1,140 @@
+"""The columns of a robot's causes over its runs."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from drake_tc.diagnosis.problem.shared import cause_columns
+from drake_tc.diagnosis.problem.shared.body_motion import (
+    BodyMotion,
+    Structure,
+    body_motion,
+    joint_is_prismatic,
+    structure_of,
+)
+from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, CauseColumns, Piece
+from drake_tc.diagnosis.problem.shared.payload import Payload, payload_of
+from drake_tc.diagnosis.problem.shared.robot_causes import encoders_alone, list_causes
+from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
+from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretches
+from drake_tc.filtering.savitzky_golay import smooth
+from drake_tc.filtering.window_choice import Window
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+from drake_tc.robot.link_parameters import LinkModel, link_model
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.types import BoolArray, FloatArray
+
+COLUMN_WINDOWS = 3
+"""Windows of the columns' motion over those of the torques."""
+
+
+def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns:
+    """The causes' columns over runs that have the sensors' columns."""
+    structure = structure_of(logs.model)
+    slides = joint_is_prismatic(logs.model)
+    if logs.links is not None:
+        payload = payload_of(rig, [run.name for run in runs], logs.links)
+        made = {run.name: _link_pieces(logs, logs.links, run, payload) for run in runs}
+        return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, made)
+    pieces = {}
+    for run in runs:
+        filters = filters_of(logs, run)
+        parts = usable_stretches(run, filters)
+        pieces[run.name] = tuple(_piece(logs, structure, slides, run, part, filters) for part in parts)
+    return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
+
+
+def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, payload: Payload) -> tuple[Piece, ...]:
+    """Columns of all links' parameters, and of what one of them carries in some runs.
+
+    At every sample: a play that is crossed within milliseconds makes accelerations that a coarser grid would alias.
+    """
+    pieces = []
+    for time, q, v, vdot in smoothed_motion(logs, run):
+        columns = links.columns(q, v, vdot)
+        values = logs.at_motors(np.concatenate([columns, payload.columns(columns, run.name)], axis=2))
+        pieces.append(Piece(time, values))
+    return tuple(pieces)
+
+
+def smoothed_motion(logs: RobotLogs, run: Run) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """Of each usable stretch of a run: time since its start (T,), q, v, vdot (T, n) by the filters of the loads."""
+    filters = filters_of(logs, run)
+    for part in usable_stretches(run, filters):
+        q, v, vdot, *_ = smoothed(logs.model, logs.sensors(run, part), filters, None)
+        yield run.time[part] - run.time[0], q, v, vdot
+
+
+def column_filter(filters: OffLineFilter, samples: int) -> OffLineFilter:
+    """The filter of the columns' motion: windows three times as long as those of the torques, where the log allows.
+
+    A cause's column times its small parameter does not need the torques' bandwidth. Noise that the column shares with
+    the torque, though, would act as an error in variables: gyro and accelerometer noise drew a link's mass by 1 to 5 %.
+    """
+
+    def wider(narrow: Window) -> Window:
+        widest = samples - 1 + samples % 2
+        return Window(min(COLUMN_WINDOWS * (narrow.samples - 1) + 1, widest), narrow.order)
+
+    return OffLineFilter(wider(filters.encoder), wider(filters.inertial), wider(filters.wrench))
+
+
+def _piece(
+    logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice, filters: OffLineFilter
+) -> Piece:
+    sensors = logs.sensors(run, part)
+    every = max(1, round(GRID_SECONDS / run.period))
+    wide = column_filter(filters, len(sensors.position))
+    rows = list(zip(*(each[::every] for each in smoothed(logs.model, sensors, wide, None)), strict=True))
+    motion = body_motion(logs.model, structure, rows)
+    blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
+    blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
+    if encoders_alone(logs):
+        blocks += [cause_columns.encoder_columns(logs.model, rows), *_payloads(logs, rows)]
+    wrench = smooth(sensors.wrench, filters.wrench.samples, filters.wrench.order, sensors.dt).value[::every]
+    for k in range(len(logs.robot.force_torque)):
+        reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
+        blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]
+    if logs.reads_imu:
+        blocks += _imu(logs, structure, slides, rows, motion)
+    return Piece((run.time[part] - run.time[0])[::every], logs.at_motors(np.concatenate(blocks, axis=2)))
+
+
+def _payloads(logs: RobotLogs, rows: Sequence[Row]) -> list[FloatArray]:
+    """(T, n, 10) of what each outermost link may carry: those of its own parameters."""
+    links = link_model(logs.robot)
+    q, v, vdot = (np.array(each) for each in list(zip(*rows, strict=True))[:3])
+    columns = links.columns(q, v, vdot)
+    size = len(LINK_PARAMETERS)
+    starts = (size * links.tree.links.index(name) for name in links.outermost)
+    return [columns[:, :, start : start + size] for start in starts]
+
+
+def _imu(
+    logs: RobotLogs, structure: Structure, slides: BoolArray, rows: Sequence[Row], motion: BodyMotion
+) -> list[FloatArray]:
+    """Columns of the IMU's biases, of the accelerometer's gain and of the IMU's alignment."""
+
+    def after(change: Callable[[FloatArray, Row], Row]) -> Callable[[FloatArray], BodyMotion]:
+        def at(size: FloatArray) -> BodyMotion:
+            if not size.any():
+                return motion
+            return body_motion(logs.model, structure, [change(size, row) for row in rows])
+
+        return at
+
+    def shifted(offset: FloatArray, row: Row) -> Row:
+        q, v, a, imu, rate, wrench = row
+        return q, v, a, imu + np.concatenate([offset, np.zeros(3)]), rate, wrench
+
+    def turned(angle: FloatArray, row: Row) -> Row:
+        q, v, a, imu, rate, wrench = row
+        more = [imu[:3] + np.cross(angle, imu[:3]), imu[3:] + np.cross(angle, imu[3:])]
+        return q, v, a, np.concatenate(more), rate + np.cross(angle, rate), wrench
+
+    accel = cause_columns.accelerometer_columns(motion, structure, slides)
+    gyro = cause_columns.gyro_columns(after(shifted), structure, slides)
+    felt = np.array([row[3][3:] for row in rows])
+    gain = np.einsum("tjp,tp->tj", accel, felt)[:, :, None]
+    return [accel, gyro, gain, cause_columns.gyro_columns(after(turned), structure, slides)]
