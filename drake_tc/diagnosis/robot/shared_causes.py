@@ -25,6 +25,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.problem.shared.causes import Cause
+from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.problem.shared.rows import JointRows, stack
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, fit_stacked
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -69,6 +70,7 @@ def diagnose_shared(case: RobotCase, logs: RobotLogs, shared_thresholds: SearchT
     prepared = case.prepared(*before)
     if is_wrong(set_up) or (found.chosen and _evidence(case, prepared, found) <= 0.0):
         found = SharedSearch((), found.baseline, found.baseline, ())
+    case, found = _at_its_offset(case, logs, raw, found)
     result = _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
     return replace(result, set_up=set_up)
 
@@ -107,6 +109,28 @@ class _Before:
 def _search(case: RobotCase, raw: Mapping[str, Prepared], thresholds: SearchThresholds) -> SharedSearch:
     rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
     return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds)
+
+
+def _at_its_offset(
+    case: RobotCase, logs: RobotLogs, raw: Mapping[str, Prepared], found: SharedSearch
+) -> tuple[RobotCase, SharedSearch]:
+    """The case with columns at the encoder's offset that was found, and all joints fitted anew with them.
+
+    Loads are not linear in an offset.
+    """
+    offsets = {c.where: float(d) for c, d in _first_values(found) if c.id == "encoder_offset"}
+    if not offsets:
+        return case, found
+    case = replace(case, causes=columns_over(logs, [*case.train, *case.held], case.rig, offsets))
+    rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
+    baseline, fitted = (fit_stacked(rows, *active(case.causes.causes, each)) for each in ((), found.chosen))
+    return case, replace(found, baseline=baseline, fit=fitted)
+
+
+def _first_values(found: SharedSearch) -> list[tuple[Cause, float]]:
+    """The chosen causes with their first coefficients: those of the chosen causes come first in a fit."""
+    ends = np.cumsum([0, *(cause.size for cause in found.chosen)])
+    return [(cause, float(found.fit.delta[end])) for cause, end in zip(found.chosen, ends, strict=False)]
 
 
 def _touched(found: SharedSearch, joints: Sequence[str]) -> list[str]:

@@ -158,7 +158,9 @@ def test_encoder_columns_are_the_derivatives_of_the_loads(tmp_path, rows):
     robot = load_robot(write_arm(tmp_path, URDF, JOINTS))
     plant = make_plant(robot, 0.0).ToAutoDiffXd()
     context = plant.CreateDefaultContext()
-    columns = cc.encoder_columns(TorqueModel(robot, base="fixed"), [(*row[:5], row[5][:0]) for row in rows])
+    columns = cc.encoder_columns(
+        TorqueModel(robot, base="fixed"), [(*row[:5], row[5][:0]) for row in rows], np.zeros(3)
+    )
     for (q, v, vdot, *_), column in zip(rows, columns, strict=True):
         plant.SetPositions(context, InitializeAutoDiff(q)[:, 0])
         plant.SetVelocities(context, v)
@@ -167,3 +169,13 @@ def test_encoder_columns_are_the_derivatives_of_the_loads(tmp_path, rows):
         torque = plant.CalcInverseDynamics(context, vdot, forces)
         # central differences over 1e-4 rad of torques of some 10 N m
         assert_allclose(column, ExtractGradient(torque), rtol=0, atol=1e-6)
+
+
+def test_encoder_columns_at_a_known_offset_are_exact(tmp_path, rows):
+    """The loads at the recorded positions less those at the true ones, for an offset of 8 degrees."""
+    model = TorqueModel(load_robot(write_arm(tmp_path, URDF, JOINTS)), base="fixed")
+    bare, offsets = [(*row[:5], row[5][:0]) for row in rows], np.array([0.0, 0.14, 0.0])
+    columns = cc.encoder_columns(model, bare, offsets)
+    right = [(row[0] - offsets, *row[1:]) for row in bare]
+    loads = [np.array([model.estimate(*row).torque for row in each]) for each in (bare, right)]
+    assert_allclose(columns[:, :, 1] * 0.14, loads[0] - loads[1], rtol=0, atol=1e-10)  # torques of some 10 N m

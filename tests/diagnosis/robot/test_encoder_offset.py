@@ -9,8 +9,6 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.robot.robot import load_robot
 
-OFFSET = 0.03
-"""[rad]"""
 ROTORS = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
 KNOWN = {"load": {"robot": "inverse_dynamics"}, "declared": ROTORS}
 
@@ -23,25 +21,26 @@ def shifted(path, joint, offset):
     return path
 
 
-def diagnosed(folder, seed, joint=None, true=URDF, **rig_keys):
-    """What is found in logs of the arm `true` with the robot file of `URDF`."""
+def diagnosed(folder, seed, joint=None, offset=0.03, true=URDF, **rig_keys):
+    """What is found in logs of the arm `true` with the robot file of `URDF`, one encoder `offset` [rad] off."""
     (folder / "true").mkdir()
     robot = load_robot(write_robot(folder / "true", true, JOINTS))
     write_robot(folder, URDF, JOINTS)
     logs = [record(folder, robot, f"run_{number}", 10 * seed + number) for number in range(3)]
     if joint:
-        logs = [shifted(log, joint, OFFSET) for log in logs]
+        logs = [shifted(log, joint, offset) for log in logs]
     rig = rig_file(folder, **KNOWN | rig_keys)
     return close_loop(rig, logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
 
 
-@pytest.mark.parametrize(("joint", "seed"), [("lift", 0), ("fold", 1)])
-def test_the_encoder_is_named_with_its_offset(tmp_path, joint, seed):
-    result = diagnosed(tmp_path, seed, joint)
+@pytest.mark.parametrize(("joint", "seed", "offset"), [("lift", 0, 0.03), ("fold", 1, 0.03), ("lift", 2, 0.06)])
+def test_the_encoder_is_named_with_its_offset(tmp_path, joint, seed, offset):
+    result = diagnosed(tmp_path, seed, joint, offset)
     (cause,) = result.shared
     assert (cause.id, cause.where) == ("encoder_offset", joint)
-    offset = cause.parameters["offset"]
-    assert offset.value == pytest.approx(OFFSET, rel=0.03)
+    found = cause.parameters["offset"]
+    assert found.value == pytest.approx(offset, rel=0.02)
+    assert found.ci95[0] < offset < found.ci95[1]
     assert all(joint.effects == () for joint in result.joints.values())
     assert result.set_up is None or result.set_up.errors == ()
 

@@ -7,6 +7,7 @@ With tau_meas what the robot's model makes of its sensors and tau the truth,
     link_mass     delta: model's mass less the true one; the link's shape and centre of mass stay [kg]
     link_com      the same of the centre of mass, at the same mass and inertia about it (first order) [m]
     encoder_offset  q_meas = q + b of one joint [rad, m]: all loads are computed from the measured positions
+    payload       delta: the ten parameters of the link that carries it in the model less the true ones
     ft_bias       W_meas = W + b [N, N m]
     ft_gain       W_meas = (1 + s) W, one s for the forces and one for the torques; delta = s/(1 + s)
     ft_alignment  f_meas = f + r x f, t_meas = t + r x t (first order in r) [rad]
@@ -32,6 +33,9 @@ from drake_tc.estimation.off_line import Row
 from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.types import BoolArray, FloatArray
+
+STEP = 1e-4
+"""Of central differences over a joint's position [rad, m]."""
 
 
 def at_joints(
@@ -139,13 +143,22 @@ def gyro_columns(at: Callable[[FloatArray], BodyMotion], structure: Structure, s
     return np.stack(columns, axis=2)
 
 
-def encoder_columns(model: TorqueModel, rows: Sequence[Row]) -> FloatArray:
-    """(T, n, n) d tau_i/d q_j by central differences of 1e-4: [N m/rad] of the offset of each joint's encoder."""
-    step = 1e-4
+def encoder_columns(model: TorqueModel, rows: Sequence[Row], offsets: FloatArray) -> FloatArray:
+    """(T, n, n) by how much the loads grow with the offset of each joint's encoder [N m/rad, N].
+
+    The slope over an offset that is known roughly, (tau(q) - tau(q - b))/b; of the others d tau/dq, by central
+    differences of 1e-4.
+
+    Args:
+        model: Of the robot.
+        rows: Instants as recorded.
+        offsets: (n,) b; 0 where nothing is known.
+    """
     q, *others = (np.array(each) for each in zip(*rows, strict=True))
     size = q.shape[1]
+    ahead, behind = np.where(offsets == 0.0, STEP, 0.0), np.where(offsets == 0.0, STEP, offsets)
     columns = np.empty((len(rows), size, size))
-    for joint, change in enumerate(step * np.eye(size)):
-        ahead, behind = (model.estimate_log(q + s * change, *others)[:, :size] for s in (1.0, -1.0))
-        columns[:, :, joint] = (ahead - behind) / (2.0 * step)
+    for joint, one in enumerate(np.eye(size)):
+        ends = (model.estimate_log(q + shift[joint] * one, *others)[:, :size] for shift in (ahead, -behind))
+        columns[:, :, joint] = np.subtract(*ends) / (ahead + behind)[joint]
     return columns

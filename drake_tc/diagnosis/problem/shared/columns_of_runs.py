@@ -1,6 +1,6 @@
 """The columns of a robot's causes over its runs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -29,8 +29,18 @@ COLUMN_WINDOWS = 3
 """Windows of the columns' motion over those of the torques."""
 
 
-def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns:
-    """The causes' columns over runs that have the sensors' columns."""
+def columns_over(
+    logs: RobotLogs, runs: Sequence[Run], rig: Rig, offsets: Mapping[str, float] | None = None
+) -> CauseColumns:
+    """The causes' columns over runs that have the sensors' columns.
+
+    Args:
+        logs: The robot.
+        runs: With its sensors.
+        rig: With a `RobotLoad`.
+        offsets: Of encoders by joint, as far as they are known: their columns are then those of this offset, not of a
+            small one [rad, m].
+    """
     structure = structure_of(logs.model)
     slides = joint_is_prismatic(logs.model)
     if logs.links is not None:
@@ -38,10 +48,11 @@ def columns_over(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> CauseColumns
         made = {run.name: _link_pieces(logs, logs.links, run, payload) for run in runs}
         return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, made)
     pieces = {}
+    known = np.array([(offsets or {}).get(joint, 0.0) for joint in logs.robot.joints])
     for run in runs:
         filters = filters_of(logs, run)
         parts = usable_stretches(run, filters)
-        pieces[run.name] = tuple(_piece(logs, structure, slides, run, part, filters) for part in parts)
+        pieces[run.name] = tuple(_piece(logs, structure, slides, run, part, filters, known) for part in parts)
     return CauseColumns(list_causes(logs, structure, rig), logs.robot.joints, pieces)
 
 
@@ -81,7 +92,13 @@ def column_filter(filters: OffLineFilter, samples: int) -> OffLineFilter:
 
 
 def _piece(
-    logs: RobotLogs, structure: Structure, slides: BoolArray, run: Run, part: slice, filters: OffLineFilter
+    logs: RobotLogs,
+    structure: Structure,
+    slides: BoolArray,
+    run: Run,
+    part: slice,
+    filters: OffLineFilter,
+    offsets: FloatArray,
 ) -> Piece:
     sensors = logs.sensors(run, part)
     every = max(1, round(GRID_SECONDS / run.period))
@@ -91,7 +108,7 @@ def _piece(
     blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
     if encoders_alone(logs):
-        blocks += [cause_columns.encoder_columns(logs.model, rows), *_payloads(logs, rows)]
+        blocks += [cause_columns.encoder_columns(logs.model, rows, offsets), *_payloads(logs, rows)]
     wrench = smooth(sensors.wrench, filters.wrench.samples, filters.wrench.order, sensors.dt).value[::every]
     for k in range(len(logs.robot.force_torque)):
         reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
