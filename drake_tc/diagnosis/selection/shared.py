@@ -11,15 +11,13 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
 from drake_tc.diagnosis.problem.shared.covariance import covariance
+from drake_tc.diagnosis.problem.shared.robot_causes import FARTHEST
 from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit, effective_rows, fit_stacked
 from drake_tc.diagnosis.selection.engine import Proposal, Selection, select
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE, SHARED, SearchThresholds
 from drake_tc.types import FloatArray, IntArray
-
-FARTHEST = 1.0
-"""Centre of mass of a payload, from the origin of the link that carries it [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,21 +123,24 @@ class SharedProblem:
         return 1.0
 
     def is_possible(self, fitted: CauseFit) -> bool:
-        """Whether the last cause's estimate lies where an error within its tolerance does not.
+        """Whether the last cause's estimate can be true, and lies where an error within its tolerance does not.
 
         |delta_i| > 3 sqrt(t_i^2 + s_i^2) for one of its parameters; a cause without a tolerance always does. The rows
         weigh by what this model leaves. By what the parent leaves, the joints that show the cause would weigh least:
         the cause itself is in their residuals, which are slow and so hold few independent samples. Of a payload, mass
-        and centre must make sense (`_is_a_body`).
+        and centre must make sense (`_is_a_body`); a link must not weigh less than nothing.
         """
-        cause = fitted.causes[-1]
-        if not cause.tolerance and cause.id != "payload":
-            return True
         fitted = self.adopted(fitted)
+        cause = fitted.causes[-1]
         place = np.isin(fitted.fit.columns, np.arange(cause.columns.start, cause.columns.stop))
         delta, noise = fitted.fit.delta[place], np.diag(covariance(self.rows, fitted.fit)[0])[place]
         if cause.id == "payload":
             return _is_a_body(delta, np.sqrt(noise))
+        value, doubt = cause.physical(delta), BEYOND_TOLERANCE * np.sqrt(noise)
+        if (value + doubt < cause.possible[0]).any() or (value - doubt > cause.possible[1]).any():
+            return False
+        if not cause.tolerance:
+            return True
         expected = np.sqrt(np.array(cause.tolerance) ** 2 + noise)
         return bool((np.abs(delta) > BEYOND_TOLERANCE * expected).any())
 

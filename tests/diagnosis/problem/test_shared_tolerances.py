@@ -188,6 +188,15 @@ def test_errors_within_tolerance_are_not_named_and_others_are():
     assert [c.key for c in search_shared(joints(4, heavy, 0.9), CAUSES, floor).chosen] == ["link_mass@thigh"]
 
 
+def test_a_mass_that_no_link_can_have_is_not_named():
+    """A link of 1 kg cannot weigh 1.5 kg less; the interval of the mass does not reach down to 1 kg."""
+    light, floor = drawn(4, 1.5), np.full(3, 0.02)
+    for least, named in ((-1.0, []), (-1.49, ["link_mass@thigh"])):
+        bounded = (replace(CAUSES[0], possible=(least, 10.0)), *CAUSES[1:])
+        found = search_shared(joints(4, light, 0.9), bounded, floor)
+        assert [c.key for c in found.chosen if c.id == "link_mass"] == named
+
+
 def gain_rows(error, seed):
     """Three joints under one sensor, of whose gain 1 % is declared and `error` is true.
 

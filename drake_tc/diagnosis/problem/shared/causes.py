@@ -40,6 +40,7 @@ class Cause:
             nothing is known of them (a link's mass).
         prior: (p,) standard deviations that the parameters keep where the cause is found; empty where they have none.
         special: Keys of causes that are special cases of this one.
+        possible: Smallest and largest value that each of the reported parameters can have.
     """
 
     id: str
@@ -50,6 +51,7 @@ class Cause:
     tolerance: tuple[float, ...] = ()
     prior: tuple[float, ...] = ()
     special: frozenset[str] = frozenset()
+    possible: tuple[float, float] = (-np.inf, np.inf)
 
     @property
     def key(self) -> str:

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from drake_tc.diagnosis.problem.shared.body_motion import Structure, joint_is_prismatic
 from drake_tc.diagnosis.problem.shared.causes import AXES, LINK_PARAMETERS_ID, PAYLOAD_ID, Cause
 from drake_tc.estimation.robot_loads import RobotLogs
@@ -10,15 +12,27 @@ from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import UNITS, LinkModel, link_model
 from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 
+HEAVIEST = 10.0
+"""Error of a link's mass, over the mass of all links, at most: what is larger is an error of a unit."""
+FARTHEST = 1.0
+"""Of a link's centre of mass from where the robot's file has it, and of a payload's from the link's origin [m]."""
+
 
 def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause, ...]:
     """Every cause that this robot's torques can have, with the rig's tolerances."""
     found: list[Cause] = []
 
-    def add(name: str, where: str, parts: Sequence[tuple[str, str]], tolerance: Sequence[float] = ()) -> None:
+    def add(
+        name: str,
+        where: str,
+        parts: Sequence[tuple[str, str]],
+        tolerance: Sequence[float] = (),
+        possible: tuple[float, float] = (-np.inf, np.inf),
+    ) -> None:
         first = found[-1].columns.stop if found else 0
         names, units = zip(*parts, strict=True)
-        found.append(Cause(name, where, names, units, slice(first, first + len(parts)), tuple(tolerance)))
+        place = slice(first, first + len(parts))
+        found.append(Cause(name, where, names, units, place, tuple(tolerance), possible=possible))
 
     load = next(iter(rig.load.values()))
     if logs.links is not None and isinstance(load, RobotLoad):
@@ -29,10 +43,11 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
             spread_of = logs.links.payload_deviations.tolist()
             add(PAYLOAD_ID, run, list(zip(LINK_PARAMETERS, UNITS, strict=True)), spread_of)
         return tuple(found)
+    heaviest = HEAVIEST * sum(link.mass for link in structure.links)
     for link in structure.links:
-        add("link_mass", link.name, [("mass", "kg")])
+        add("link_mass", link.name, [("mass", "kg")], possible=(-link.mass, heaviest))
     for link in structure.links:
-        add("link_com", link.name, [(f"com_{a}", "m") for a in AXES])
+        add("link_com", link.name, [(f"com_{a}", "m") for a in AXES], possible=(-FARTHEST, FARTHEST))
     if encoders_alone(logs):
         for joint, slides in zip(logs.robot.joints, joint_is_prismatic(logs.model), strict=True):
             offset = rig.joint_sensors(joint).encoder_offset
