@@ -177,5 +177,5 @@ class ModelDocument(Keys):
         absent="none",
     )
     links: dict[str, dict[str, Any]] | None = key(
-        "By link, inertial parameters that were fitted.", example={"shin": {"mass": 2.1}}, absent="none"
+        "By link, inertial parameters that were fitted.", example={"shin": {"m": 2.1, "mx": 0.02}}, absent="none"
     )

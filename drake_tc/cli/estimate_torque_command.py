@@ -15,6 +15,7 @@ from drake_tc.errors import LogError, RigError
 
 if TYPE_CHECKING:
     from drake_tc.estimation.off_line import OffLineFilter
+    from drake_tc.estimation.robot_loads import RobotLogs
     from drake_tc.filtering.window_choice import Window
     from drake_tc.logs.record import Run
     from drake_tc.logs.rig import Rig
@@ -24,6 +25,10 @@ def estimate_torque_command(
     rig: Annotated[Path, typer.Option(help="Rig file with `robot:` and `load: {robot: ...}`.")],
     log: Annotated[list[Path], typer.Option(help="A log; repeat for more.")],
     out: Annotated[Path, typer.Option(help="Folder for LOG_torque.csv with the columns time and JOINT/torque [N m].")],
+    links: Annotated[
+        Path | None,
+        typer.Option(help="model_after.yaml that close-loop wrote with `load: {robot: fitted}`: the fitted links."),
+    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print files, filters and torque ranges as JSON.")] = False,
     seed: UnusedSeed = 0,
@@ -32,8 +37,10 @@ def estimate_torque_command(
 
     The estimate is that of close-loop, with windows chosen from each log's noise and bandwidth. In addition the
     readings of the F/T sensors are filtered here (close-loop filters them later, with all other channels). The rows
-    are those of the log's uniform clock; rows that cannot be used have no torque.
+    are those of the log's uniform clock; rows that cannot be used have no torque. With `load: {robot: fitted}` the
+    links' parameters come from --links.
     """
+    from drake_tc.estimation.fitted_link_loads import fitted_links, with_fitted_links
     from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
     from drake_tc.logs.distinct_notes import distinct_notes
     from drake_tc.logs.prepare import load_runs
@@ -45,18 +52,15 @@ def estimate_torque_command(
         progress("reading", 0.0)
         runs = load_runs(log, what)
         logs = robot_logs(what, runs)
-        if logs is None or logs.links is not None:  # fitted links are known after close-loop alone
-            fitted = logs is not None
-            got = "{robot: fitted}" if fitted else "a load that is not computed from a robot's model alone"
-            remedy = "; {robot: inverse_dynamics} takes the links as the URDF has them" if fitted else ""
-            raise RigError(
-                f"{rig}: load: expected {{robot: estimate}} or {{robot: inverse_dynamics}} with `robot: FILE`, "
-                f"got {got}{remedy}"
-            )
+        if logs is None or (logs.links is None) != (links is None):
+            raise RigError(_refusal(rig, logs, links))
         entries = []
+        parameters = None if logs.links is None or links is None else fitted_links(links, logs.links)
         for number, run in enumerate(runs):
             progress(run.name, number / len(runs))
             (loaded,) = with_robot_loads(logs, [run], what.joints, filter_wrenches=True)
+            if logs.links is not None and parameters is not None:
+                (loaded,) = with_fitted_links(logs, logs.links, [loaded], what.joints, parameters)
             entries.append(_written(loaded, what, filters_of(logs, run), folder))
     for entry in entries:
         entry["file"] = str(out / str(entry["file"]))
@@ -66,6 +70,21 @@ def estimate_torque_command(
         print(json.dumps(json_value({"name": "estimate-torque", "rig": str(rig), "logs": entries})))
     else:
         print("\n".join(str(entry["file"]) for entry in entries))
+
+
+def _refusal(rig: Path, logs: "RobotLogs | None", links: Path | None) -> str:
+    """What to say where the rig file's load and --links do not belong together."""
+    if logs is not None and links is None:
+        return (
+            f"{rig}: load: {{robot: fitted}} requires --links with the model_after.yaml that close-loop wrote; "
+            "{robot: inverse_dynamics} takes the links as the URDF has them"
+        )
+    if logs is not None:
+        return f"--links {links}: expected a rig file with `load: {{robot: fitted}}`, got another load in {rig}"
+    return (
+        f"{rig}: load: expected {{robot: estimate}}, {{robot: inverse_dynamics}} or {{robot: fitted}} with "
+        "`robot: FILE`, got a load that is not computed from a robot's model"
+    )
 
 
 def _written(run: "Run", rig: "Rig", filters: "OffLineFilter", out: Path) -> dict[str, object]:

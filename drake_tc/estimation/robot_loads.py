@@ -191,6 +191,14 @@ def with_robot_loads(
     return [_with_loads(logs, tared(logs, run), joints, filter_wrenches=filter_wrenches) for run in runs]
 
 
+def smoothed_motion(logs: RobotLogs, run: Run) -> Iterator[tuple[slice, FloatArray, FloatArray, FloatArray]]:
+    """Of each usable stretch of a run: its rows, and q, v, vdot (T, n) by the filters of the loads."""
+    filters = filters_of(logs, run)
+    for part in usable_stretches(run, filters):
+        q, v, vdot, *_ = smoothed(logs.model, logs.sensors(run, part), filters, None)
+        yield part, q, v, vdot
+
+
 def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wrenches: bool) -> Run:
     filters = filters_of(logs, run)
     torque = np.full((len(run), len(logs.robot.joints)), np.nan)

@@ -1,6 +1,6 @@
 """The columns of a robot's causes over its runs."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, CauseColumns,
 from drake_tc.diagnosis.problem.shared.payload import Payload, payload_of
 from drake_tc.diagnosis.problem.shared.robot_causes import encoders_alone, list_causes
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
-from drake_tc.estimation.robot_loads import RobotLogs, filters_of, usable_stretches
+from drake_tc.estimation.robot_loads import RobotLogs, filters_of, smoothed_motion, usable_stretches
 from drake_tc.filtering.savitzky_golay import smooth
 from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.record import Run
@@ -62,19 +62,11 @@ def _link_pieces(logs: RobotLogs, links: LinkModel, run: Run, payload: Payload) 
     At every sample: a play that is crossed within milliseconds makes accelerations that a coarser grid would alias.
     """
     pieces = []
-    for time, q, v, vdot in smoothed_motion(logs, run):
+    for part, q, v, vdot in smoothed_motion(logs, run):
         columns = links.columns(q, v, vdot)
         values = logs.at_motors(np.concatenate([columns, payload.columns(columns, run.name)], axis=2))
-        pieces.append(Piece(time, values))
+        pieces.append(Piece(run.time[part] - run.time[0], values))
     return tuple(pieces)
-
-
-def smoothed_motion(logs: RobotLogs, run: Run) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
-    """Of each usable stretch of a run: time since its start (T,), q, v, vdot (T, n) by the filters of the loads."""
-    filters = filters_of(logs, run)
-    for part in usable_stretches(run, filters):
-        q, v, vdot, *_ = smoothed(logs.model, logs.sensors(run, part), filters, None)
-        yield run.time[part] - run.time[0], q, v, vdot
 
 
 def column_filter(filters: OffLineFilter, samples: int) -> OffLineFilter:

@@ -17,9 +17,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns, Piece
-from drake_tc.diagnosis.problem.shared.columns_of_runs import smoothed_motion
 from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams, over_samples
-from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
@@ -72,8 +71,8 @@ def late_encoder_columns(
     friction = np.array([[own[joint].viscous, own[joint].inertia] for joint in joints])
     pieces = {
         run.name: tuple(
-            Piece(time, -_slopes(links, pi, friction, (q, v, vdot), run.period))
-            for time, q, v, vdot in smoothed_motion(logs, run)
+            Piece(run.time[part] - run.time[0], -_slopes(links, pi, friction, (q, v, vdot), run.period))
+            for part, q, v, vdot in smoothed_motion(logs, run)
         )
         for run in runs
     }

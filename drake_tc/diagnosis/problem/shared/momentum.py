@@ -14,10 +14,9 @@ import numpy as np
 from drake_tc.diagnosis.data.channels import channels_of
 from drake_tc.diagnosis.data.timing_scatter import timing_scatter
 from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, Piece
-from drake_tc.diagnosis.problem.shared.columns_of_runs import smoothed_motion
 from drake_tc.diagnosis.problem.shared.payload import payload_of
 from drake_tc.errors import IdentificationError
-from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel
@@ -81,11 +80,11 @@ def momenta_over(logs: RobotLogs, links: LinkModel, sides: Sequence[Sequence[Run
     pieces: dict[str, tuple[Piece, ...]] = {}
     for run in runs:
         every, made = max(1, round(GRID_SECONDS / run.period)), []
-        for time, q, v, _ in smoothed_motion(logs, run):
+        for part, q, v, _ in smoothed_motion(logs, run):
             q, v, rest = q[::every], v[::every], np.zeros_like(q[::every])
             columns = links.columns(q, rest, v) - links.columns(q, rest, rest)
             values = np.concatenate([columns, payload.columns(columns, run.name)], axis=2)
-            made.append(Piece(time[::every], logs.at_motors(values)))
+            made.append(Piece((run.time[part] - run.time[0])[::every], logs.at_motors(values)))
         pieces[run.name] = tuple(made)
     width = next(piece.values.shape[2] for made in pieces.values() for piece in made)
     nominal = np.concatenate([links.nominal, np.zeros(width - links.nominal.size)])
