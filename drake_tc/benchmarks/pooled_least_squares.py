@@ -60,11 +60,14 @@ class PlainResiduals:
         scaled: Least squares with the scaled torques of the robot's file.
         own: What the model after leaves when friction, inertia and constant are fitted once more to each held-out run
             by itself (in view of it): how much of the error is that the runs differ in these.
+        in_view: Pooled least squares that is fitted to the held-out rows themselves: no model of this structure with
+            one set of parameters leaves less.
     """
 
     pooled: Mapping[str, FloatArray]
     scaled: Mapping[str, FloatArray]
     own: Mapping[str, FloatArray]
+    in_view: Mapping[str, FloatArray]
 
 
 def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Run]) -> PlainResiduals:
@@ -98,7 +101,7 @@ def least_squares_residuals(result: CloseLoopResult, rig: Rig, runs: Sequence[Ru
     def in_effort(torques: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         return {joint: rig.drive_gain[joint] * torque for joint, torque in torques.items()}
 
-    return PlainResiduals(in_effort(pooled), in_effort(scaled), own)
+    return PlainResiduals(in_effort(pooled), in_effort(scaled), own, in_effort(fit_and_predict(held, held)))
 
 
 def fit_each_run(held: PlainRows, samples: Samples, residual: FloatArray) -> FloatArray:

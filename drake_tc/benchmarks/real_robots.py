@@ -11,6 +11,7 @@ A ratio's 95 % interval is that of resamples of the held-out half seconds, as a 
 error of the model after over that of the model before is given too, and beside it what the sensors' noise alone would
 leave: a share that is far above the noise floor is left for another reason. `each_run_own` is what the model after
 would leave if friction, inertia and constant of each held-out run were known: the difference is that of the runs.
+`in_view` is pooled least squares that is fitted to the held-out rows themselves.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,6 +35,7 @@ from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray, IntArray
 
+IN_VIEW = "fitted in view of the held-out runs"
 KINDS = ("pooled", "scaled")
 """Of least squares."""
 GOAL = 0.85
@@ -89,7 +91,8 @@ CASES = (
 class HeldOut:
     """One joint on the held-out rows: residuals (N,) [N m] of both kinds of least squares, and of the models.
 
-    `own` is that of the model after with each held-out run's own friction, inertia and constant. `effort` is the RMS of
+    `own` is that of the model after with each held-out run's own friction, inertia and constant; `in_view` that of
+    pooled least squares which is fitted to these rows. `effort` is the RMS of
     the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers the rows' half seconds;
     `floor` is what the sensors' noise alone would leave [N m].
     """
@@ -101,6 +104,7 @@ class HeldOut:
     before: FloatArray
     after: FloatArray
     own: FloatArray
+    in_view: FloatArray
     found: tuple[str, ...]
     block: IntArray
     floor: float
@@ -133,6 +137,7 @@ def _joint(result: CloseLoopResult, rig: Rig, joint: str, plain: PlainResiduals)
         before=found.heldout.before / gain,
         after=found.heldout.after / gain,
         own=plain.own[joint] / gain,
+        in_view=plain.in_view[joint] / gain,
         found=(*(effect.id for effect in found.effects), *shared),
         block=samples.block,
         floor=found.noise_floor / gain,
@@ -177,7 +182,7 @@ def rows(
 
 
 def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
-    """Eight figures a joint, and three of all joints together."""
+    """Nine figures a joint, and four of all joints together."""
     begin, kind = f"{case.data_set}/{case.case}", "scaled" if case.scaled else "pooled"
     published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
     out = []
@@ -191,11 +196,13 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
             FigureRow(f"{name}/scaled", rms(each.scaled), "N*m"),
             FigureRow(f"{name}/before", rms(each.before), "N*m"),
             FigureRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
-            FigureRow(f"{name}/each_run_own", rms(each.own), "N*m", note="fitted in view of the held-out runs"),
+            FigureRow(f"{name}/each_run_own", rms(each.own), "N*m", note=IN_VIEW),
+            FigureRow(f"{name}/in_view", rms(each.in_view), "N*m", note=IN_VIEW),
             *(_ratio_row(name, each, side, goal=side == kind) for side in KINDS),
             FigureRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
         ]
-    return [*out, *(_together(begin, joints, side, goal=side == kind) for side in KINDS), _mean(begin, joints, kind)]
+    together = [_together(begin, joints, side, goal=side == kind) for side in KINDS]
+    return [*out, *together, _mean(begin, joints, kind), _in_view(begin, joints, kind)]
 
 
 def _ratio_row(name: str, each: HeldOut, side: str, *, goal: bool) -> FigureRow:
@@ -213,6 +220,12 @@ def _together(begin: str, joints: Sequence[HeldOut], side: str, *, goal: bool) -
     note = f"over {side} least squares, of the torque of all rows"
     ratio = float(np.sqrt(after / plain))
     return FigureRow(f"{begin}/all_joints/ratio_{side}", ratio, "-", GOAL if goal else None, "max", note=note)
+
+
+def _in_view(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:
+    view, plain = (sum(float(np.sum(getattr(each, name) ** 2)) for each in joints) for name in ("in_view", side))
+    note = f"of pooled least squares {IN_VIEW}, over {side} least squares"
+    return FigureRow(f"{begin}/all_joints/in_view", float(np.sqrt(view / plain)), "-", note=note)
 
 
 def _mean(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:

@@ -62,7 +62,7 @@ def test_scaled_least_squares_knows_the_file_up_to_a_factor_and_nothing_else_of_
 def joint(name: str, plain: float, after: float) -> HeldOut:
     block, same = np.array([0, 0, 1, 1]), np.full(4, plain)
     left = np.full(4, after)
-    return HeldOut(name, 1.0, same, 2.0 * same, same, left, 0.5 * left, (), block, 0.25 * plain)
+    return HeldOut(name, 1.0, same, 2.0 * same, same, left, 0.5 * left, 0.2 * left, (), block, 0.25 * plain)
 
 
 def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
@@ -76,6 +76,8 @@ def test_the_table_pools_torque_and_flags_a_joint_above_least_squares() -> None:
     assert_allclose(rows["set/case/all_joints/mean_ratio"].value, np.sqrt(0.75 * 2.0))
     assert "README, pooled, in its own filter: 9" in rows["set/case/a/pooled"].note
     assert rows["set/case/a/each_run_own"].value == 1.5
+    assert_allclose(rows["set/case/a/in_view"].value, 0.6)
+    assert_allclose(rows["set/case/all_joints/in_view"].value, 0.2 * np.sqrt(9.04 / 16.01))
     assert rows["set/case/a/over_before"].value == 0.75 and "0.25 of" in rows["set/case/a/over_before"].note
 
 
