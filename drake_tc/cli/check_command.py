@@ -14,6 +14,7 @@ from drake_tc.cli.wide_table import print_wide
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
+    from drake_tc.experiments.check.obstacles import Reasons
     from drake_tc.experiments.check.run import CheckResult
 
 FILES = ("check.html", "check.json")
@@ -64,7 +65,10 @@ def write_check(result: "CheckResult", folder: Path) -> None:
 
 
 def print_check(result: "CheckResult") -> None:
-    """Findings and the table of effects of every joint."""
+    """Findings and the table of effects of every joint; what no joint can show comes once, at the end."""
+    from drake_tc.experiments.check.obstacles import shared_and_own
+
+    shared, own = shared_and_own({n: j.effects.effects for n, j in result.joints.items() if j.effects is not None})
     for run in result.runs:
         print(f"{run.name}: {run.seconds:.4g} s at {run.rate:.4g} Hz, {100.0 * run.usable:.0f} % usable")
         for note in run.notes:
@@ -86,9 +90,20 @@ def print_check(result: "CheckResult") -> None:
                 each.why,
             )
             for each in joint.effects.effects
+            if not each.obstacle
         ]
         headings = ("effect", "these logs", "found from", "unit", "why")
         print_wide(headings, rows, left=("effect", "these logs", "unit", "why"))
+        _print_reasons("Cannot be looked for", own[name])
+    print()
+    _print_reasons("Cannot be looked for in any joint", shared)
+
+
+def _print_reasons(title: str, reasons: "Reasons") -> None:
+    if reasons:
+        print(f"{title}:")
+    for reason, keys in reasons.items():
+        print(f"  {', '.join(keys)}: {reason}")
 
 
 def _number(value: float) -> str:

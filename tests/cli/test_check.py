@@ -8,7 +8,7 @@ import pandas as pd
 def test_it_prints_a_table_of_effects_and_writes_page_and_json(invoke, bench, tmp_path):
     done = invoke("check", *bench.arguments(), "--out", tmp_path / "out")
     assert done.code == 0
-    assert "stribeck" in done.out and "It cannot be looked for" in done.out
+    assert "stribeck" in done.out and "Cannot be looked for:" in done.out
     page = (tmp_path / "out" / "check.html").read_text(encoding="utf-8")
     assert "Stribeck friction" in page and "What these logs can show" in page
     written = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))

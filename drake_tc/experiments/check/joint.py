@@ -108,7 +108,15 @@ def joint_effects(
             never = 0.0 if size.falling else float("inf")
             text = f"It cannot be looked for: {obstacle.statement}."
             found[effect.key] = Visibility(
-                effect.key, effect.id, effect.title, "not_seen", size, never, never, reason=text
+                effect.key,
+                effect.id,
+                effect.title,
+                "not_seen",
+                size,
+                never,
+                never,
+                reason=text,
+                obstacle=obstacle.statement,
             )
     order = [e.key for e in looked_for(context, effects) if e.key in found]
     return JointEffects(numbers, facts, noise, tuple(found[key] for key in order), made)

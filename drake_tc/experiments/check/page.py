@@ -2,6 +2,7 @@
 
 import math
 
+from drake_tc.experiments.check.obstacles import by_reason
 from drake_tc.experiments.check.run import CheckResult, JointCheck
 from drake_tc.experiments.check.visibility import Visibility
 from drake_tc.report.numbers import percent, pretty_unit, significant
@@ -47,10 +48,11 @@ def summary(name: str, joint: JointCheck) -> str:
         return f"{name}: the declared model cannot be fitted. {joint.refusal}"
     shown = [e for e in joint.effects.effects if e.status == "seen"]
     blurred = [e for e in joint.effects.effects if e.status == "not_separable"]
+    possible = sum(not e.obstacle for e in joint.effects.effects)
     doubts = sum(f.level == "warning" for f in joint.findings)
     text = (
-        f"{name}: of {len(joint.effects.effects)} effects these logs would show {len(shown)} of typical size, and "
-        f"{len(blurred)} that they cannot separate from another effect."
+        f"{name}: of the {possible} effects that can be looked for, these logs would show {len(shown)} of typical size, "
+        f"and {len(blurred)} that they cannot separate from another effect."
     )
     if not doubts:
         return text
@@ -73,13 +75,18 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
     )
     table = PageTable(
         ("effect", "these logs", "found from", "typical", "unit", "why"),
-        [_row(each) for each in joint.effects.effects],
+        [_row(each) for each in joint.effects.effects if not each.obstacle],
         ("found from", "typical"),
+    )
+    never = PageTable(
+        ("cannot be looked for", "why"),
+        [(", ".join(keys), f"{reason}.") for reason, keys in by_reason(joint.effects.effects).items()],
+        (),
     )
     aside = f"{joint.drive}, {significant(joint.seconds)} s in motion"
     return [
         PageSection(f"{name}: columns", good, doubtful, aside=aside),
-        PageSection(f"{name}: effects", (explain,), tables=(table,)),
+        PageSection(f"{name}: effects", (explain,), tables=(table, *([never] if never.rows else []))),
     ]
 
 

@@ -80,6 +80,7 @@ class Visibility:
         reason: Why it is not seen, or only weakly, in one sentence; empty where it is seen.
         separable: Size below which it is found but fits as well as `confused_below`; None where there is no such size.
         confused_below: Ids of these effects.
+        obstacle: Why it cannot be looked for at all, without its full stop; empty where it can.
     """
 
     key: str
@@ -94,6 +95,7 @@ class Visibility:
     reason: str = ""
     separable: float | None = None
     confused_below: tuple[str, ...] = ()
+    obstacle: str = ""
 
     @property
     def why(self) -> str:

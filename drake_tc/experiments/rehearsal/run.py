@@ -168,15 +168,15 @@ def rehearse(
 def _member(twin: Twin, effect_id: str) -> Effect:
     """The form of the effect that these logs can show, else its first form."""
     for each in twin.effects.effects:
-        if each.id == effect(effect_id).id and "cannot be looked for" not in each.reason:
+        if each.id == effect(effect_id).id and not each.obstacle:
             return effect(each.key)
     return effect(effect_id)
 
 
 def _require_possible(twin: Twin, effect_id: str) -> None:
-    reasons = [e.reason for e in twin.effects.effects if e.id == effect_id]
-    if reasons and all("cannot be looked for" in reason for reason in reasons):
-        raise ParamsError(f"joint {twin.joint}: {effect_id}: {reasons[0]} A rehearsal would never find it")
+    forms = [each for each in twin.effects.effects if each.id == effect_id]
+    if forms and all(each.obstacle for each in forms):
+        raise ParamsError(f"joint {twin.joint}: {effect_id}: {forms[0].reason} A rehearsal would never find it")
     if twin.rig.units_of(twin.joint).slides and effect(effect_id).id in ONLY_REVOLUTE:
         raise ParamsError(
             f"joint {twin.joint}: {effect_id}: the simulator has this effect for revolute joints only, and the "
