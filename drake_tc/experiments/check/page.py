@@ -51,8 +51,8 @@ def summary(name: str, joint: JointCheck) -> str:
     possible = sum(not e.obstacle for e in joint.effects.effects)
     doubts = sum(f.level == "warning" for f in joint.findings)
     text = (
-        f"{name}: of the {possible} effects that can be looked for, these logs would show {len(shown)} of typical size, "
-        f"and {len(blurred)} that they cannot separate from another effect."
+        f"{name}: of the {possible} effects that can be looked for, these logs would show {len(shown)} of typical "
+        f"size, and {len(blurred)} that they cannot separate from another effect."
     )
     if not doubts:
         return text
