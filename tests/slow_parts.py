@@ -102,10 +102,11 @@ PARTS = {
     ),
     "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),
     "diagnosis": Part(
-        "small blind benchmarks, of single joints and of a leg",
+        "small blind benchmarks, of single joints, arms and a leg",
         (
             "benchmarks/blind/*",
             "benchmarks/test_arm_rigs.py::*",
+            "benchmarks/test_known_arms.py::*",
             "diagnosis/set_up/test_gains_of_makers_arms.py::*",
             "diagnosis/robot/test_current_offsets_of_makers_arms.py::*",
             "diagnosis/test_blind_mini.py::*",

@@ -6,7 +6,7 @@ parameters hold the truth.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -63,16 +63,40 @@ def run_case(folder: Path, number: int, seed: int) -> str:
     from drake_tc.benchmarks.blind_arm.cases import arm_case, record_case
 
     case = arm_case(number, seed)
-    rig, report = folder / "rigs" / case.name, folder / "reports" / f"{case.name}.json"
-    truth = folder / "truth" / f"{case.name}.json"
+    return _run(folder, case.name, partial(record_case, case))
+
+
+def _run(folder: Path, name: str, record: Callable[[Path], Mapping[str, Any]]) -> str:
+    """Record a case and diagnose it, as far as that is not done; its name."""
+    rig, report = folder / "rigs" / name, folder / "reports" / f"{name}.json"
+    truth = folder / "truth" / f"{name}.json"
     if not truth.exists():
-        known = record_case(case, rig)
+        known = record(rig)
         truth.parent.mkdir(parents=True, exist_ok=True)
         truth.write_text(json.dumps(known) + "\n", encoding="utf-8")
     if not report.exists():
         report.parent.mkdir(parents=True, exist_ok=True)
         report.write_text(json.dumps(diagnose_rig(rig)) + "\n", encoding="utf-8")
-    return str(case.name)
+    return name
+
+
+def run_known_case(folder: Path, number: int, seed: int) -> str:
+    """The same of an arm with known links."""
+    from drake_tc.benchmarks.blind_arm.known_links import known_case, record_known_case
+
+    case = known_case(number, seed)
+    return _run(folder, case.name, partial(record_known_case, case))
+
+
+def known_arm_benchmark(
+    folder: Path, cases: Sequence[int], seed: int, executor: Executor, progress: Progress
+) -> list[ArmScore]:
+    """`arm_benchmark` with the cases of `blind_arm.known_links`."""
+    from drake_tc.benchmarks.blind_arm.known_links import named_set_up
+
+    run = partial(run_known_case, seed=seed)
+    made = run_cases(folder, {"seed": seed, "links": "known"}, run, cases, executor, progress)
+    return [score_arm(name, truth, named_set_up(report)) for name, truth, report in made]
 
 
 def arm_benchmark(

@@ -139,6 +139,31 @@ def apply_errors(plant: MultibodyPlant, context: Any, errors: dict[str, LinkErro
         body.SetSpatialInertiaInBodyFrame(context, _spatial(mass, shifted, about))
 
 
+@dataclass(frozen=True)
+class Body:
+    """A rigid body that a link carries.
+
+    Attributes:
+        mass: [kg].
+        centre: (3,) in the link's frame [m].
+        radius: Of gyration about the centre, the same about each axis [m].
+    """
+
+    mass: float
+    centre: FloatArray
+    radius: float
+
+
+def attach(plant: MultibodyPlant, context: Any, link: str, carried: Body) -> None:
+    """Fix a body to a link, in a plant's context."""
+    body: Any = plant.GetBodyByName(link)
+    c = carried.centre
+    about = carried.mass * (carried.radius**2 * np.eye(3) + c @ c * np.eye(3) - np.outer(c, c))
+    total = body.CalcSpatialInertiaInBodyFrame(context)
+    total += _spatial(carried.mass, c, about)
+    body.SetSpatialInertiaInBodyFrame(context, total)
+
+
 def _spatial(mass: float, com: FloatArray, inertia: FloatArray) -> Any:
     """From mass, centre of mass and the inertia about the link's origin (3, 3)."""
     unit = inertia / mass

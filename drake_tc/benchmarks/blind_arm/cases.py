@@ -17,7 +17,7 @@ drive is the same as a late command.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -80,6 +80,7 @@ class ArmCase:
         links: Errors of the links.
         kind: What is wrong, one of `ROUND`. where: In which joint.
         late: Delay of each encoder [s].
+        offsets: What encoders read too much, where they do [rad].
         seed: Of motions and noise.
     """
 
@@ -92,6 +93,7 @@ class ArmCase:
     where: str
     late: Mapping[str, float]
     seed: int
+    offsets: Mapping[str, float] = field(default_factory=dict)
 
 
 def arm_case(number: int, seed: int) -> ArmCase:
@@ -108,7 +110,7 @@ def arm_case(number: int, seed: int) -> ArmCase:
     drive: Literal["current", "position_servo"] = "current"
     if (number + turn) % SERVOS == SERVOS - 1 and kind != "late_encoder":
         drive = "position_servo"
-    joints = {j: _joint(e, drive, rng) for j, e in zip(arm.joints, arm.effort, strict=True)}
+    joints = {j: joint_of(e, drive, rng) for j, e in zip(arm.joints, arm.effort, strict=True)}
     where, late = "", dict.fromkeys(arm.joints, 0.0)
     if kind:
         among = arm.loaded if kind in OF_LOADED else arm.joints
@@ -118,7 +120,7 @@ def arm_case(number: int, seed: int) -> ArmCase:
             late[where] = float(rng.uniform(0.02, 0.04))
         else:
             speed = arm.speed[arm.joints.index(where)]
-            joints[where] = _with_effect(kind, joints[where], speed, rng)
+            joints[where] = with_effect(kind, joints[where], speed, rng)
     name = f"{number:03d}_{arm.name}_{drive.partition('_')[0]}_{kind or 'null'}" + (f"_{where}" if where else "")
     return ArmCase(name, arm, drive, joints, {}, kind, where, late, int(rng.integers(2**31)))
 
@@ -131,12 +133,12 @@ def sound_case(arm: Arm, seed: int) -> ArmCase:
         seed: Of all draws.
     """
     rng = np.random.default_rng([seed, len(ROUND), 7])
-    joints = {j: _joint(e, "current", rng) for j, e in zip(arm.joints, arm.effort, strict=True)}
+    joints = {j: joint_of(e, "current", rng) for j, e in zip(arm.joints, arm.effort, strict=True)}
     late = dict.fromkeys(arm.joints, 0.0)
     return ArmCase(f"{arm.name}_sound", arm, "current", joints, {}, "", "", late, int(rng.integers(2**31)))
 
 
-def _joint(rated: float, drive: str, rng: np.random.Generator) -> JointTruth:
+def joint_of(rated: float, drive: str, rng: np.random.Generator) -> JointTruth:
     """Friction, rotor and drive in proportion to the joint's rated torque."""
     coulomb = rated * rng.uniform(0.03, 0.06)
     gain = rng.uniform(0.05, 0.2) if drive == "current" else rng.uniform(0.03, 0.06) / rated
@@ -148,7 +150,7 @@ def _joint(rated: float, drive: str, rng: np.random.Generator) -> JointTruth:
     )
 
 
-def _with_effect(kind: str, joint: JointTruth, speed: float, rng: np.random.Generator) -> JointTruth:
+def with_effect(kind: str, joint: JointTruth, speed: float, rng: np.random.Generator) -> JointTruth:
     """The joint with an effect of one to two times its Coulomb friction."""
     size = float(rng.uniform(1.0, 2.0)) * joint.coulomb
     sign = float(rng.choice([-1.0, 1.0]))

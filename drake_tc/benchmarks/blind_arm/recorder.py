@@ -136,12 +136,12 @@ def record_motion(
         warm = 24.0 + 6.0 * ((number + i) % 3) + rng.uniform(6.0, 12.0) * -np.expm1(-time / 12.0)
         y = effort(case.joints[joint], JointMotion(time, q[:, i], v[:, i], a[:, i], load[:, i], warm))
         seen = lead(q[:, i], time, -case.late[joint])[::EVERY]
-        seen = seen + noise.encoder[joint] * rng.standard_normal(seen.size)
+        seen = seen + case.offsets.get(joint, 0.0) + noise.encoder[joint] * rng.standard_normal(seen.size)
         step = noise.encoder_step[joint]
         columns[f"{joint}/position"] = np.round(seen / step) * step
         read = y[::EVERY] + noise.effort[joint] * rng.standard_normal(seen.size)
         servo = case.drive == "position_servo"
-        command = q[::EVERY, i] + read if servo else read
+        command = q[::EVERY, i] + case.offsets.get(joint, 0.0) + read if servo else read
         columns[f"{joint}/{COMMAND_COLUMN[case.drive]}"] = command
         columns[f"{joint}/temperature"] = np.round(warm[::EVERY] + 0.05 * rng.standard_normal(seen.size), 1)
     return columns

@@ -48,8 +48,9 @@ class Resolution:
         torque_is_declared: Whether the rig file declares the torque noise, so that the log is not asked for its colour.
         effort_step: Step of the recorded command [rad | A | V | N m]; 0 where it lies on no grid.
         effort_noise: White noise of one sample of a recorded current, voltage, torque command or position command.
-        effort_tells_load: Whether the effort tells the load (unknown, fitted links), so that its noise is in the floor
-            of all fits. Elsewhere it counts in what is left (`noise_colour.left_by_effort_noise`).
+        effort_tells_load: Whether no sensor but the effort tells the load (unknown, or a robot's links), so that its
+            noise is in the floor of all fits. Elsewhere it counts in what is left
+            (`noise_colour.left_by_effort_noise`).
         velocity_step: Step of the recorded velocity of a speed-only log [rad/s]; 0 where there is none.
         raw_velocity_noise: Standard deviation of one raw velocity sample of a speed-only log [rad/s]; 0 where the
             position was recorded.

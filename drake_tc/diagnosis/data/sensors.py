@@ -35,7 +35,7 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     command = rig.command_column(channels.joint).rpartition("/")[2]
     torque_noise, effort_noise = 0.0, 0.0
     unknown = unknown_form(load) is not None
-    tells_load = unknown or (isinstance(load, RobotLoad) and load.fitted)
+    tells_load = unknown or (isinstance(load, RobotLoad) and load.method != "estimate")
     if tells_load or rig.drive[channels.joint] != "position_servo":
         effort_noise = _recorded_noise(channels, command)
     else:

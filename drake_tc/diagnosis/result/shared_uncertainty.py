@@ -96,7 +96,7 @@ def with_uncertain_gains(
     tolerance.
 
     Args:
-        joints: Results of a robot whose links are fitted.
+        joints: Results of a robot.
         rows: Training rows with the final models.
         fitted: All joints together.
         tolerance: Standard deviation of the common relative error of the declared drive gains.

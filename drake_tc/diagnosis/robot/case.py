@@ -138,18 +138,19 @@ class RobotCase:
         options = replace(self.options, search=replace(self.options.search, **FAST))
         return self.each(_searched, {j: (train, held, self.rig, j, options, priors[j]) for j in self.rig.joints})
 
-    def with_hold(self, train: Sequence[Run], priors: Mapping[str, LinkPrior]) -> "RobotCase":
+    def with_hold(self, train: Sequence[Run], priors: Mapping[str, LinkPrior] | None = None) -> "RobotCase":
         """The case with one answer for all position servos to whether they hold their commands (`command_hold`).
 
         Args:
             train: Runs to fit.
-            priors: By joint, of the links' columns that the runs hold.
+            priors: By joint, of the links' columns that the runs hold; None where the links are known.
         """
         servos = [j for j in self.rig.joints if self.rig.drive[j] == "position_servo"]
         if self.rig.command_hold is not None or not servos:
             return self
         train, width = self.at_motors(train), self.options.width_s
-        drops = self.each(_drop_by_hold, {j: (train, self.rig, j, priors[j], width) for j in servos})
+        known = priors or {}
+        drops = self.each(_drop_by_hold, {j: (train, self.rig, j, known.get(j), width) for j in servos})
         if not any(each.size for each in drops.values()):
             return self  # a fast clock
         return replace(self, options=replace(self.options, command_held=speaks_for_hold(list(drops.values()))))
@@ -203,11 +204,12 @@ def _searched(
 
 
 def _drop_by_hold(
-    train: Sequence[Run], rig: Rig, joint: str, link_prior: LinkPrior, width_s: float | None
+    train: Sequence[Run], rig: Rig, joint: str, link_prior: LinkPrior | None, width_s: float | None
 ) -> FloatArray:
+    loads = () if link_prior is None else (link_load(link_prior.mean.size),)
     with threadpool_limits(1):
         build = partial(build_samples, train, rig=rig, joint=joint, width_s=width_s)
-        return drop_by_hold(build, rig, joint, link_prior, (link_load(link_prior.mean.size),))
+        return drop_by_hold(build, rig, joint, link_prior, loads)
 
 
 def own_search(prepared: Prepared, options: DiagnosisOptions) -> Search:

@@ -35,9 +35,10 @@ from drake_tc.diagnosis.result.shared_effects import (
     original_baseline,
     shared_effects,
 )
-from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty
+from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import RobotCase, own_search
+from drake_tc.diagnosis.robot.noisy_efforts import with_gains_beside_noise
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.selection.joint_problem import Search
@@ -48,6 +49,9 @@ from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import link_model
 from drake_tc.types import FloatArray
+
+MOST_OFFSETS = 2
+"""How often the columns of an encoder's offset are computed anew at the offset that was found."""
 
 
 def diagnose_shared(case: RobotCase, logs: RobotLogs, shared_thresholds: SearchThresholds = SHARED) -> RobotResult:
@@ -61,16 +65,17 @@ def diagnose_shared(case: RobotCase, logs: RobotLogs, shared_thresholds: SearchT
     Raises:
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
+    if _in_effort(case):
+        case = case.with_hold(case.train)
     raw = case.prepared(case.train, case.held)
     set_up = _set_up(case, logs, raw)
     if is_wrong(set_up):
         case = replace(case, options=replace(case.options, effects=(), assess_residual=False))
-    found = _search(case, raw, shared_thresholds)
+    case, found = _at_its_offset(case, logs, raw, _search(case, raw, shared_thresholds), shared_thresholds)
     before = case.without(found.baseline)
     prepared = case.prepared(*before)
     if is_wrong(set_up) or (found.chosen and _evidence(case, prepared, found) <= 0.0):
         found = SharedSearch((), found.baseline, found.baseline, ())
-    case, found = _at_its_offset(case, logs, raw, found)
     result = _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
     return replace(result, set_up=set_up)
 
@@ -112,19 +117,19 @@ def _search(case: RobotCase, raw: Mapping[str, Prepared], thresholds: SearchThre
 
 
 def _at_its_offset(
-    case: RobotCase, logs: RobotLogs, raw: Mapping[str, Prepared], found: SharedSearch
+    case: RobotCase, logs: RobotLogs, raw: Mapping[str, Prepared], found: SharedSearch, thresholds: SearchThresholds
 ) -> tuple[RobotCase, SharedSearch]:
-    """The case with columns at the encoder's offset that was found, and all joints fitted anew with them.
+    """The case with columns at the encoder's offset that was found, and the causes that are found with them.
 
-    Loads are not linear in an offset.
+    Loads are not linear in an offset, and what a slope leaves of a large one can look like another cause.
     """
-    offsets = {c.where: float(d) for c, d in _first_values(found) if c.id == "encoder_offset"}
-    if not offsets:
-        return case, found
-    case = replace(case, causes=columns_over(logs, [*case.train, *case.held], case.rig, offsets))
-    rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
-    baseline, fitted = (fit_stacked(rows, *active(case.causes.causes, each)) for each in ((), found.chosen))
-    return case, replace(found, baseline=baseline, fit=fitted)
+    for _ in range(MOST_OFFSETS):
+        offsets = {c.where: value for c, value in _first_values(found) if c.id == "encoder_offset"}
+        if not offsets:
+            break
+        case = replace(case, causes=columns_over(logs, [*case.train, *case.held], case.rig, offsets))
+        found = _search(case, raw, thresholds)
+    return case, found
 
 
 def _first_values(found: SharedSearch) -> list[tuple[Cause, float]]:
@@ -167,19 +172,19 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     A cause that is no longer real beside them was their imperfect form, and goes.
     """
     joints = case.rig.joints
-    made = case.diagnose(*case.without(found.fit), joints)
+    made = _diagnosed(case, found.fit, joints)
     own = [joint for joint, result in made.items() if result.effects]
     if own:
         rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
         kept = search_shared(rows, case.causes.causes, before.floor, thresholds, among=found.chosen)
         again = own if len(kept.chosen) == len(found.chosen) else joints
         found = kept
-        made |= case.diagnose(*case.without(found.fit), again)
+        made |= _diagnosed(case, found.fit, again)
     rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
     more = _with_error_beyond_tolerance(rows, case.causes.causes, before.floor, found)
     if more is not None:
         found = more
-        made |= case.diagnose(*case.without(found.fit), joints)
+        made |= _diagnosed(case, found.fit, joints)
     train, held = both_sides(before.raw, _terms(made), case.causes)
     fitted = fit_stacked(train, *active(case.causes.causes, found.chosen))
     results = {joint: original_baseline(made[joint], before.prepared[joint]) for joint in joints}
@@ -189,6 +194,8 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     sets = substituted(found.chosen, found.alternatives)
     alternatives = [fit_stacked(train, *active(case.causes.causes, each)) for each in sets]
     results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted), alternatives)
+    if _in_effort(case):
+        results = with_uncertain_gains(results, train, fitted, 0.0)
     train_after, held_after = case.without(found.fit)
     return RobotResult(
         joints=results,
@@ -198,6 +205,18 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
         train_after=case.at_motors(train_after),
         robot_gains=robot_gains(results, dict(zip(joints, map(float, fitted.sigma), strict=True))),
     )
+
+
+def _diagnosed(case: RobotCase, fitted: StackedFit, joints: Sequence[str]) -> dict[str, JointResult]:
+    """These joints by themselves, on loads without the fit's causes."""
+    train, held = case.without(fitted)
+    made = case.diagnose(train, held, joints)
+    return with_gains_beside_noise(case, train, held, made) if _in_effort(case) else made
+
+
+def _in_effort(case: RobotCase) -> bool:
+    """Whether the recorded efforts hold most of the noise."""
+    return all(cause.in_effort for cause in case.causes.causes)
 
 
 def _with_error_beyond_tolerance(

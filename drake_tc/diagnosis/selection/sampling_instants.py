@@ -15,7 +15,9 @@ written acts T/2 - s later than a continuous one. Where no delay was found, the 
 then fits better in 90 % of the block resamples: half a period that is not taken into account biases friction and
 inertia, and other effects imitate it. For a position servo this is tried on a slow clock only, and between the ages 0
 and T/2, of which one was already chosen.
-Joints whose links are fitted are left out: a delay of theirs is sought for all joints together.
+Joints whose loads are made of the encoders and the links alone are left out. Where links are fitted, a delay is sought
+for all joints together. Elsewhere no sensor is nearly free of noise: an effort between two samples is their mean, with
+less noise, and would fit better for that reason alone.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -85,7 +87,8 @@ def age_of_samples(
     """
     context = plain.context
     late = any(t.effect.id in LATE for t in chosen)
-    if stated is not None or late or context.load == "links":
+    of_model = context.load in ("links", "robot") and plain.train.samples.resolution.effort_tells_load
+    if stated is not None or late or of_model:
         return None
     ages = _ages(context, plain.train.samples)
     if not ages:

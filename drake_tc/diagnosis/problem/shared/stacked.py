@@ -14,8 +14,14 @@ itself. In torque, such delta could shrink all torques together, and the drive g
 would shrink too, which explains nothing. (These columns hold the noise of z itself.) The columns of biases hold none.
 Those of a link's mass and centre hold next to none, as their motion is smoothed over windows three times as long as
 that of z (`columns_of_runs.column_filter`), and their residuals count in torque too: in effort, the noise of z would
-draw such a delta by g_j sigma_j^2/|C~_j|^2, which is a hundredth of a mass. It is solved by Gauss-Newton steps: with
-C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d delta,
+draw such a delta by g_j sigma_j^2/|C~_j|^2, which is a hundredth of a mass.
+
+Where the loads are made of the encoders alone, the efforts hold most of the noise, and all residuals count in effort
+(`Cause.in_effort`). In torque, 1/K would be too small by the share lambda of this noise in the effort, and the links
+would have to weigh less: a payload p would be too small by lambda (p + p_0), with the payload p_0 that would load the
+joints like the arm itself.
+
+It is solved by Gauss-Newton steps: with C~_j what X_j leaves of C_j and g_j = -d log(1/K_j)/d delta,
 
     H = sum_j w_j (C~_j - e_j g_j')' (C~_j - e_j g_j') + diag(1/t_i^2),   w_j = (n_j/N_j)/sigma_j^2
 
