@@ -19,7 +19,7 @@ class DiagnosisOptions:
     first (`drake_tc.register_effect`). `common`: terms that every joint's declared model has besides its own.
     `command_held`: whether position servos hold their commands, decided for all joints; None: each joint decides.
     `effort_age`: age of the efforts of all joints beyond that of held commands [sampling periods]; negative: they are
-    recorded late.
+    recorded late. `without`: ids of effects that are not looked for.
 
     Raises:
         ParamsError: an effect that is neither of the library nor registered.
@@ -34,6 +34,7 @@ class DiagnosisOptions:
     common: tuple[Term, ...] = ()
     command_held: bool | None = None
     effort_age: float = 0.0
+    without: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for given in self.effects or ():

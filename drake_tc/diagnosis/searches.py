@@ -29,7 +29,7 @@ from drake_tc.diagnosis.thresholds import SOFTER_GEAR
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Effect, TorqueEffect
 from drake_tc.effects.elasticity import Elasticity
-from drake_tc.effects.library import UNCOMMON, looked_for
+from drake_tc.effects.library import looked_for, uncommon
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.errors import IdentificationError
@@ -74,9 +74,10 @@ def searched(
         executor: Refines proposals; None does it here.
         without: Ids of effects that are not searched for.
     """
-    library = [each for each in looked_for(prepared.context, options.effects) if each.id not in without]
-    usable, obstacles = candidates(library, prepared.context, prepared.declared)
-    uncommon, _ = candidates(UNCOMMON if options.effects is None else (), prepared.context, prepared.declared)
+    context, barred = prepared.context, without | options.without
+    library = [each for each in looked_for(context, options.effects) if each.id not in barred]
+    usable, obstacles = candidates(library, context, prepared.declared)
+    rare, _ = candidates(uncommon(context) if options.effects is None else (), context, prepared.declared)
     subsample = columns = prepared.train
     if len(columns.samples.signals) > SEARCHED_SAMPLES:
         subsample = columns.changed(samples=columns.samples.subsample(SEARCHED_SAMPLES), target=None)
@@ -84,12 +85,12 @@ def searched(
         subsample,
         prepared.terms,
         usable,
-        prepared.context,
+        context,
         prepared.floor,
         options.search,
         progress,
         executor,
-        uncommon=uncommon,
+        uncommon=rare,
     )
     return Stage(prepared, subsample, tuple(obstacles), found)
 

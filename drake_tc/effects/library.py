@@ -119,7 +119,7 @@ UNCOMMON: tuple[Effect, ...] = (
 """Effects that a search looks for only where LIBRARY leaves much unexplained: each resembles a more common one."""
 
 MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
-"""Effects that are looked for only where the links of a robot are fitted together with its joints."""
+"""Effects that are looked for only in a robot: with all others where its links are fitted, else as uncommon ones."""
 
 BUILT_IN: tuple[Effect, ...] = (*LIBRARY, *UNCOMMON, *MULTI_JOINT, *UNKNOWN_LOADS)
 """Every effect of this package."""
@@ -176,6 +176,11 @@ def looked_for(context: Context, effects: Sequence[Effect] | None = None) -> tup
         return tuple(effects)
     more = MULTI_JOINT if context.load == "links" else ()
     return tuple(e for e in (*LIBRARY, *more, *registered_effects()) if context.joint_type in e.joint_types)
+
+
+def uncommon(context: Context) -> tuple[Effect, ...]:
+    """The effects that are tried over logs of this kind where the others leave much."""
+    return (*UNCOMMON, *(MULTI_JOINT if context.load == "robot" else ()))
 
 
 def place(key: str) -> int:

@@ -8,9 +8,13 @@ A case lacks one of these, and its files do not say which:
     encoder_offset  2 to 5 degrees of the zero of one encoder
     an effect of one joint or the offset of one current, as in `cases`; or nothing.
 
-The zero of the first encoder cannot be known, and that of the last one is as well a turn of the last link. Every third
-arm has position servos, the others currents whose drive gains are declared in every other case. A shift along the line
-from the joint that carries a link is like another mass of it, which is why `link_com` lies across.
+Every third arm has position servos, the others currents whose drive gains are declared in every other case. No case has
+one of these, because a log of this kind cannot identify them:
+
+- the zero of the first encoder: nothing changes when the whole arm turns about the vertical;
+- the zeros of the outer joints, beyond which so little hangs that a single joint shows 5 degrees;
+- the second link: its weight loads the second joint alone, like a load over the position of that joint;
+- a centre that is shifted along the line from the joint that carries its link: it is like another mass.
 """
 
 from collections.abc import Mapping
@@ -71,8 +75,7 @@ def _place(kind: str, arm: Arm, rng: np.random.Generator) -> str:
     """Joint; empty for nothing, and for errors of links, whose place depends on the masses."""
     if kind in ("", "payload", "link_mass", "link_com"):
         return ""
-    among = arm.loaded[:1] if kind in LATE else arm.loaded if kind in OF_LOADED else arm.joints
-    among = arm.joints[1:-1] if kind == "encoder_offset" else among
+    among = arm.loaded[:1] if kind in LATE else arm.loaded if kind in (*OF_LOADED, "encoder_offset") else arm.joints
     return among[int(rng.integers(len(among)))]
 
 
@@ -128,7 +131,7 @@ def _spoil(
         centre = rng.uniform(0.05, 0.15) * _unit(rng.standard_normal(3))
         attach(plant, context, links[-1], Body(mass, centre, float(rng.uniform(0.02, 0.05))))
         return links[-1], {"mass": mass, **_named(centre)}
-    heavy = [name for name in links[1:] if masses[name] >= HEAVY * sum(masses.values())]
+    heavy = [name for name in links[2:] if masses[name] >= HEAVY * sum(masses.values())]
     link = heavy[int(rng.integers(len(heavy)))]
     if kind == "link_mass":
         share = _signed(rng, 0.2, 0.4)

@@ -11,17 +11,18 @@ effort is nearly all friction has a small s_yy: a noise of a third of it, which 
 with its drive held at that gain, until the model found tells the gain at which it was found.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.problem.shared.gain_dilution import TOLD, shared_variance, stiffness_to_hold
+from drake_tc.diagnosis.problem.shared.rows import JointRows
+from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.robot.case import RobotCase
-from drake_tc.effects.base import Effect
-from drake_tc.effects.context import Context
-from drake_tc.effects.library import looked_for
+from drake_tc.effects.elasticity import Elasticity
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.logs.record import Run
 
@@ -46,29 +47,60 @@ def gain_beside_noise(result: JointResult) -> float:
     return float((yy - noise) / ly)
 
 
-def with_gains_beside_noise(
-    case: RobotCase, train: Sequence[Run], held: Sequence[Run], made: Mapping[str, JointResult]
+def gains_to_hold(rows: Sequence[JointRows], fitted: StackedFit) -> dict[str, float]:
+    """By joint, K [effort/(N m)] of those whose loads do not tell it, by the reverse regression (`gain_dilution`).
+
+    By itself such a joint could make 1/K and all its torques small, and take the load away by an effect.
+
+    Args:
+        rows: Training rows of all joints with their declared models.
+        fitted: All of them together.
+    """
+    return {
+        r.joint: 1.0 / stiffness_to_hold(r, fitted, number)
+        for number, r in enumerate(rows)
+        if shared_variance(r, fitted, number) < TOLD
+    }
+
+
+def diagnosed_beside_noise(
+    case: RobotCase, train: Sequence[Run], held: Sequence[Run], joints: Sequence[str], hold: Mapping[str, float]
 ) -> dict[str, JointResult]:
-    """The joints' results, those anew whose drive gain the noise of the effort has changed.
+    """Each of the joints by itself, anew where the noise of the effort has changed its drive gain.
 
     Args:
         case: The robot's runs.
         train: Those to fit, with the loads of the results.
         held: Held-out runs, the same.
-        made: By joint.
+        joints: Which.
+        hold: By joint, gains at which the first diagnosis holds the drive (`gains_to_hold`).
     """
-    out, gains = dict(made), dict(case.rig.drive_gain)
+    gains = dict(case.rig.drive_gain)
+    out = case.diagnose(train, held, [joint for joint in joints if joint not in hold])
+    doubted = {joint: gain for joint, gain in hold.items() if joint in joints}
     for _ in range(MOST_ROUNDS):
-        doubted = {
-            j: gain for j, r in out.items() if (gain := _other_gain(r, case.rig.drive_gain.get(j), gains.get(j)))
-        }
+        if doubted:
+            gains |= doubted
+            at_gains = replace(case, rig=replace(case.rig, drive_gain=gains))
+            for barred, some in _grouped(doubted, hold):
+                options = replace(case.options, without=barred)
+                out |= replace(at_gains, options=options).diagnose(train, held, some)
+        others = {j: _other_gain(r, case.rig.drive_gain.get(j), gains.get(j)) for j, r in out.items()}
+        doubted = {joint: gain for joint, gain in others.items() if gain is not None}
         if not doubted:
             break
-        gains |= doubted
-        at_gains = replace(case, rig=replace(case.rig, drive_gain=gains))
-        among = {joint: _without_gain(case, out[joint]) for joint in doubted}
-        out |= at_gains.diagnose(train, held, list(doubted), among=among)
-    return out
+    return {joint: out[joint] for joint in joints}
+
+
+def _grouped(doubted: Iterable[str], hold: Container[str]) -> Iterator[tuple[frozenset[str], list[str]]]:
+    """Effects that are not looked for, and in which joints.
+
+    A drive that is held has no other gain. Where the load does not tell the gain, it is next to nothing beside the
+    torque of the rotor, and the wind-up of a gear would take this torque away.
+    """
+    joints = {joint: frozenset({ServoGain.id, *((Elasticity.id,) if joint in hold else ())}) for joint in doubted}
+    for barred in dict.fromkeys(joints.values()):
+        yield barred, [joint for joint, each in joints.items() if each == barred]
 
 
 def _other_gain(result: JointResult, declared: float | None, held: float | None) -> float | None:
@@ -81,9 +113,3 @@ def _other_gain(result: JointResult, declared: float | None, held: float | None)
         return None
     error = np.log1p(found.parameters["gain_error"].value)
     return declared if abs(np.log(declared / told)) < DOUBTFUL * abs(error) else None
-
-
-def _without_gain(case: RobotCase, result: JointResult) -> tuple[Effect, ...]:
-    """What is looked for in a joint whose drive is held."""
-    context = Context(result.drive, "robot", frozenset(), joint_type=result.units.joint_type)
-    return tuple(e for e in looked_for(context, case.options.effects) if not isinstance(e, ServoGain))

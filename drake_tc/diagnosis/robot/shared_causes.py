@@ -38,7 +38,7 @@ from drake_tc.diagnosis.result.shared_effects import (
 from drake_tc.diagnosis.result.shared_uncertainty import with_shared_uncertainty, with_uncertain_gains
 from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import RobotCase, own_search
-from drake_tc.diagnosis.robot.noisy_efforts import with_gains_beside_noise
+from drake_tc.diagnosis.robot.noisy_efforts import diagnosed_beside_noise, gains_to_hold
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.diagnosis.selection.joint_problem import Search
@@ -172,19 +172,19 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     A cause that is no longer real beside them was their imperfect form, and goes.
     """
     joints = case.rig.joints
-    made = _diagnosed(case, found.fit, joints)
+    made = _diagnosed(case, before, found.fit, joints)
     own = [joint for joint, result in made.items() if result.effects]
     if own:
         rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
         kept = search_shared(rows, case.causes.causes, before.floor, thresholds, among=found.chosen)
         again = own if len(kept.chosen) == len(found.chosen) else joints
         found = kept
-        made |= _diagnosed(case, found.fit, again)
+        made |= _diagnosed(case, before, found.fit, again)
     rows = stack({j: p.train for j, p in before.raw.items()}, _terms(made), case.causes)
     more = _with_error_beyond_tolerance(rows, case.causes.causes, before.floor, found)
     if more is not None:
         found = more
-        made |= _diagnosed(case, found.fit, joints)
+        made |= _diagnosed(case, before, found.fit, joints)
     train, held = both_sides(before.raw, _terms(made), case.causes)
     fitted = fit_stacked(train, *active(case.causes.causes, found.chosen))
     results = {joint: original_baseline(made[joint], before.prepared[joint]) for joint in joints}
@@ -207,11 +207,13 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     )
 
 
-def _diagnosed(case: RobotCase, fitted: StackedFit, joints: Sequence[str]) -> dict[str, JointResult]:
+def _diagnosed(case: RobotCase, before: _Before, fitted: StackedFit, joints: Sequence[str]) -> dict[str, JointResult]:
     """These joints by themselves, on loads without the fit's causes."""
     train, held = case.without(fitted)
-    made = case.diagnose(train, held, joints)
-    return with_gains_beside_noise(case, train, held, made) if _in_effort(case) else made
+    if not _in_effort(case):
+        return case.diagnose(train, held, joints)
+    rows = stack({j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes)
+    return diagnosed_beside_noise(case, train, held, joints, gains_to_hold(rows, fitted))
 
 
 def _in_effort(case: RobotCase) -> bool:

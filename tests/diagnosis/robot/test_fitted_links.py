@@ -92,16 +92,20 @@ def test_friction_comes_out(result):
         assert_allclose(found["coulomb"]["coulomb"].value, coulomb, rtol=0.01)
 
 
-def test_noise_of_the_current_counts_in_the_floor_where_the_links_are_fitted(arm):
+def test_noise_of_the_current_counts_in_the_floor_where_nothing_else_tells_the_load(arm):
     folder, logs, _ = arm
     rig = load_rig(rig_file(folder))
     runs = load_runs(logs, rig)
     made = with_robot_loads(robot_logs(rig, runs), runs, rig.joints)
     fitted = build_samples(made, rig, "lift")
     assert_allclose(fitted.resolution.effort_noise, NOISE * GAIN[1], rtol=0.1)
-    known = build_samples(made, replace(rig, load=dict.fromkeys(JOINTS, RobotLoad("inverse_dynamics"))), "lift")
-    assert fitted.resolution.effort_tells_load and not known.resolution.effort_tells_load
-    assert known.floor.effort_variance < 0.01 * fitted.floor.effort_variance
+    known, felt = (
+        build_samples(made, replace(rig, load=dict.fromkeys(JOINTS, RobotLoad(method))), "lift")
+        for method in ("inverse_dynamics", "estimate")
+    )
+    assert known.floor.effort_variance == fitted.floor.effort_variance
+    assert fitted.resolution.effort_tells_load and not felt.resolution.effort_tells_load
+    assert felt.floor.effort_variance < 0.01 * fitted.floor.effort_variance
 
 
 @pytest.mark.parametrize(
