@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
-from drake_tc.diagnosis.problem.columns import FOLDS, BalanceCoefficients, Columns, Term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, prior_coefficients
+from drake_tc.diagnosis.problem.normal_equations import FOLDS, fold_of
 from drake_tc.diagnosis.problem.effort_left import effort_left
 from drake_tc.diagnosis.problem.normal_equations import Normal
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
