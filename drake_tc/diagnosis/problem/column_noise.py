@@ -5,7 +5,8 @@ With noise of covariance S (of one row) in the columns X of N rows, least square
     beta_hat = beta - b,    b = (X' X/N - S)^-1 S beta_hat                            (Fuller, 1987, section 2.2)
 
 The encoder's noise is in the columns of the acceleration and the velocity, and of a position servo in the effort, also
-where its gain is held. The inertia is that of the rotor or of an unknown load. An interval from the residuals alone does not know of b, which for a fast and small motion is many times as wide.
+where its gain is held. The inertia is that of the rotor or of an unknown load. An interval from the residuals alone
+does not know of b, which for a fast and small motion is many times as wide.
 """
 
 import numpy as np

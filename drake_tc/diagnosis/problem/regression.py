@@ -10,9 +10,8 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, prior_coefficients
-from drake_tc.diagnosis.problem.normal_equations import FOLDS, fold_of
 from drake_tc.diagnosis.problem.effort_left import effort_left
-from drake_tc.diagnosis.problem.normal_equations import Normal
+from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
 from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain

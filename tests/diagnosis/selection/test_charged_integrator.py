@@ -44,9 +44,7 @@ def test_integral_action_is_found_whatever_the_integral_holds_at_first(charges, 
 
 def unknown_load(form: str) -> Rig:
     """A servo of known stiffness under a load of this form."""
-    return parse_rig(
-        {"joint": "joint", "drive": "position_servo", "load": {"unknown": form}, "drive_gain": JOINT.gain}
-    )
+    return parse_rig({"joint": "joint", "drive": "position_servo", "load": {"unknown": form}, "drive_gain": JOINT.gain})
 
 
 @pytest.mark.parametrize("form", ["pendulum", "smooth"])
