@@ -11,10 +11,12 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.selection.sampling_instants import sampled_late
+from drake_tc.diagnosis.selection.sampling_instants import _between, sampled_late
 from drake_tc.diagnosis.timing_notes import OlderEffort
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
@@ -116,3 +118,32 @@ def test_what_the_rig_file_states_of_the_hold_is_not_explained_twice(stated, exp
     prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], rig, "joint")
     delay = Term(effect("delay"), {"delay": 0.5 * PERIOD})
     assert sampled_late(stated, prepared, [*prepared.terms, delay]) == pytest.approx(explained)
+
+
+def test_a_delay_that_may_be_as_short_as_sampling_explains_is_none():
+    """Half a period of the hold beyond 0.6 of one is no delay while noise leaves it as uncertain as this."""
+    made = [coarse(run(shift, 0.0), bits=9, seed=seed) for seed, shift in enumerate((0.0, 0.4))]
+    rig = replace(RIG, command_hold=None)
+    prepared = prepare_joint(made[:1], made[1:], rig, "joint")
+    chosen = [*prepared.terms, Term(effect("delay"), {"delay": 0.65 * PERIOD})]
+    delay = estimates(prepared.train, fit(prepared.train, chosen), "current")[effect("delay").key]["delay"]
+    assert delay.ci95[0] < 0.6 * PERIOD
+    assert sampled_late(None, prepared, chosen) == pytest.approx(0.6)
+    sure = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], rig, "joint")
+    assert sampled_late(None, sure, chosen) == 0.0
+
+
+def coarse(made: Run, bits: int, seed: int) -> Run:
+    """The run as a coarse and noisy encoder records it."""
+    step = 2 * np.pi / 2**bits
+    position = made.columns["joint/position"] + 0.5 * step * np.random.default_rng(seed).standard_normal(made.time.size)
+    columns = dict(made.columns) | {"joint/position": step * np.round(position / step)}
+    return replace(made, columns=columns, steps={"joint/position": step})
+
+
+def test_no_age_lies_between_ages_of_which_one_explains_nothing():
+    """An infinite error has no parabola."""
+    prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], RIG, "joint")
+    sound = fit(prepared.train, prepared.terms)
+    tried = {0.125: sound, 0.25: sound, 0.375: replace(sound, cv_rms=np.inf)}
+    assert _between(tried, pytest.fail, prepared.terms) == {}
