@@ -243,9 +243,10 @@ def _constant(found: Parameters, drive: DriveKind, gain: float) -> tuple[Constan
 
     While the joint slides, an offset of the effort and friction that depends on the direction are constants too.
     """
-    if PENDULUM.key not in found:
+    constant = found.get(PENDULUM.key, {}).get("constant")
+    if constant is None:
         return ()
-    constant, coulomb = found[PENDULUM.key]["constant"], found["coulomb"]["coulomb"].value
+    coulomb = found["coulomb"]["coulomb"].value
     low, high = constant.ci95
     if low <= 0.0 <= high or abs(constant.value) < WORTH_SAYING * coulomb:
         return ()
