@@ -27,7 +27,7 @@ MAX_CONDITION = 300.0
 
 HELD_FROM_PERIOD = 4e-3
 """Period of a log [s] from which on a position servo's command is taken to hold between samples. On a faster clock half
-a period is less than a drive's own delay, which the effect `delay` tells."""
+a period is less than a drive's own delay, which the effect `delay` tells where it is longer than that."""
 HELD_CERTAIN = 0.90
 """Share of block resamples in which a held command must leave the smaller error."""
 

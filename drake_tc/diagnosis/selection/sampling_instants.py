@@ -6,7 +6,7 @@ of it, which adds up to T/2. A log does not tell how its columns lie within one 
 
     0.6 T of an effort that may be held (a tenth for jitter), T beside a torque sensor,
     T/2 beyond the hold of a position servo's command, unless the rig file states the hold and there is no torque sensor
-    T/2 of a position servo's command that was not taken to be held, on a slow clock
+    T/2 of a position servo's command that was not taken to be held
 
 is taken for the age of the recorded effort and no cause is named, unless the rig file says that the samples are points
 of a continuous curve. The half period of an effort that is stated to be held is already in the fit. A goal that is
@@ -50,7 +50,7 @@ def most_of_sampling(stated: bool | None, context: Context, samples: Samples) ->
     if context.drive == "position_servo":
         if samples.effort_age == HELD:
             return HELD if sensor or (stated is None and context.load != "links") else 0.0
-        return HELD - samples.effort_age if samples.signals.period >= HELD_FROM_PERIOD else 0.0
+        return HELD - samples.effort_age
     if context.load == "links":
         return 0.0
     return (BESIDE_TORQUE_SENSOR if sensor else OF_HELD_EFFORT) - samples.effort_age
