@@ -188,6 +188,7 @@ def in_plant(model: ActuatorModel, recording: Recording) -> tuple[ActuatorModel,
     actuator = replace(model, effects=others)
     given = value.parameters
     inertia = max(given["inertia"], LEAST_LINK * actuator.inertia)
+    if inertia < SMALLEST_INERTIA:
+        return None
     link = Link(inertia, given.get("moment", 0.0), given.get("zero", 0.0))
-    constant = np.full(size, given["constant"])
-    return (actuator, replace(recording, load_torque=constant, pendulum=link)) if inertia > 0.0 else None
+    return actuator, replace(recording, load_torque=np.full(size, given["constant"]), pendulum=link)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drake_tc.diagnosis.link_notes import LoadInAllRuns
+from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.noise_notes import NoiseNote
 from drake_tc.diagnosis.timing_notes import (
     AllRecordedLate,
@@ -268,6 +269,7 @@ GainNote = (
 DriveNote = (
     GainNote
     | ZeroOfEffort
+    | ConstantBesidePendulum
     | DelayBySampling
     | OlderEffort
     | RecordedLate

@@ -1,4 +1,4 @@
-"""Root mean square, by which errors are told throughout."""
+"""Root mean square, by which errors are told throughout, and the mean magnitude beside it."""
 
 import numpy as np
 
@@ -8,3 +8,8 @@ from drake_tc.types import FloatArray
 def rms(values: FloatArray) -> float:
     """Root mean square of values (N,); 0 of none."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def mean_absolute(values: FloatArray) -> float:
+    """Mean magnitude of values (N,); 0 of none."""
+    return float(np.mean(np.abs(values))) if values.size else 0.0

@@ -27,7 +27,7 @@ MAX_CONDITION = 300.0
 
 HELD_FROM_PERIOD = 4e-3
 """Period of a log [s] from which on a position servo's command is taken to hold between samples. On a faster clock half
-a period is less than a drive's own delay, which the effect `delay` tells."""
+a period is less than a drive's own delay, which the effect `delay` tells where it is longer than that."""
 HELD_CERTAIN = 0.90
 """Share of block resamples in which a held command must leave the smaller error."""
 
@@ -51,8 +51,13 @@ LEADS = 6
 
 # Search: what counts as a real improvement
 
-LEAST_EFFORT = 0.7
-"""Share of an effort that is the target which drive effects must leave: less of it is no longer explained, but gone."""
+LEAST_EFFORT = 0.05
+"""Share of an effort that alone tells an unknown load which drive effects must leave: of less, noise decides. Errors
+count as shares of what is left (`problem.effort_left`), so that a drive that is limited most of the time is found, and
+an effect that takes the effort away is not.
+"""
+LEAST_EFFORT_OF_LINKS = 0.7
+"""The same of an effort that fitted links explain: their many coefficients explain what little is left of it."""
 LEAST_DRIVE = 0.01
 """1/K over that of the declared model, below which a set of effects explains the load without the drive."""
 

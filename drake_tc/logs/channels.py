@@ -157,12 +157,15 @@ def frozen_rows(values: FloatArray, others: FloatArray, period: float, *, jump: 
 
 
 def saturated_share(values: FloatArray) -> float:
-    """Share of the rows in which a command rests at its largest magnitude for 5 rows or more."""
+    """Share of the rows in which a command rests at its largest magnitude for 5 rows or more.
+
+    A command that is stepped from one value to the next rests at each of them: it must rest twice as long as usual.
+    """
     limit = float(np.abs(values).max())
     if limit == 0.0:
         return 0.0
     starts, lengths = run_lengths(values)
-    at_limit = (np.abs(values[starts]) > 0.9995 * limit) & (lengths >= 5)
+    at_limit = (np.abs(values[starts]) > 0.9995 * limit) & (lengths >= max(5.0, 2.0 * float(np.median(lengths))))
     return float(lengths[at_limit].sum() / values.size)
 
 

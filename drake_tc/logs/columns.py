@@ -112,7 +112,8 @@ def _missing(table: pd.DataFrame, requested: str, canonical: str, path: Path) ->
     hint = f"; near matches: {', '.join(repr(lowered[name]) for name in close[:3])}" if close else ""
     shown = ", ".join(have[:20]) + (f", ... ({len(have)} in all)" if len(have) > 20 else "")
     known_as = "" if requested == canonical else f" (for {canonical})"
-    remedy = f"map it in the rig file: columns: {{{canonical}: NAME_IN_FILE}}"
+    same = [name for name in have if name.lower() == tail]
+    remedy = f"map it in the rig file: columns: {{{canonical}: {same[0] if len(same) == 1 else 'NAME_IN_FILE'}}}"
     if canonical in ("enabled", "valid"):
         remedy = f"correct the key `{canonical}` of the rig file"
     return LogError(f"{path}: no column {requested!r}{known_as}{hint}; columns here: {shown}; {remedy}")
@@ -141,6 +142,13 @@ def _is_speed_only(joint: str, found: Mapping[str, str], rig: Rig) -> bool:
     """Whether the velocity stands for the position, which neither the drive nor the load torque may depend on."""
     free = rig.drive[joint] != "position_servo" and rig.load[joint] == "torque"
     return free and f"{joint}/position" not in found and f"{joint}/velocity" in found
+
+
+def _why_not_speed_only(joint: str, rig: Rig) -> str:
+    """Why a velocity does not stand for the position of this joint."""
+    if rig.drive[joint] == "position_servo":
+        return "a velocity does not replace it, because a position servo's effort is computed from the position"
+    return "a velocity replaces it only with load: torque"
 
 
 def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list[str]]:
@@ -210,7 +218,11 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
         found.setdefault(canonical, canonical)
     for canonical, name in found.items():
         if name not in table.columns:
-            raise _missing(table, name, canonical, path)
+            refusal = _missing(table, name, canonical, path)
+            joint = canonical.removesuffix("/position")
+            if joint in rig.joints and canonical not in rig.columns and f"{joint}/velocity" in found:
+                raise LogError(f"{refusal}; {_why_not_speed_only(joint, rig)}")
+            raise refusal
     columns: dict[str, FloatArray] = {}
     notes = []
     for canonical, name in found.items():

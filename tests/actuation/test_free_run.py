@@ -75,6 +75,16 @@ def test_a_rotor_without_inertia_cannot_run():
         simulate(model, run, 1e-3)
 
 
+def test_an_unknown_pendulum_without_inertia_has_no_plant():
+    """A fit may rest on an inertia of 0, where the drive is limited for instance."""
+    pendulum = {"moment": 0.4, "zero": 0.1, "constant": 0.0, "inertia": 0.0}
+    run = Recording(TIME, COMMAND, 0.0, 0.0, (-1.0, 1.0))
+    load = EffectValue("unknown_load.pendulum", pendulum)
+    assert in_plant(ActuatorModel("j", Drive("current", 0.1), (load,)), run) is None
+    rotor = EffectValue("rotor_inertia", {"rotor_inertia": 0.01})
+    assert in_plant(ActuatorModel("j", Drive("current", 0.1), (load, rotor)), run) is not None
+
+
 @pytest.mark.parametrize("scale", [1e-5, 1e-7])
 def test_the_motor_of_a_finger_moves_as_one_with_larger_torques(scale):
     """With all torques and inertias in proportion the motion stays the same."""

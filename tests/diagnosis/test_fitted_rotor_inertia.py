@@ -20,6 +20,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.rotor_inertia import leaves_noise_of_its_inertia, replaces_inertia
 from drake_tc.effects.base import Context, Parameter, Signature, TorqueEffect
 from drake_tc.effects.library import effect
+from drake_tc.effects.unknown_load import SMOOTH_LOADS
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 
@@ -164,6 +165,26 @@ def test_what_the_noise_of_the_acceleration_moves_is_known():
     true = np.array([1.0 / NOISY.gain, NOISY.viscous, NOISY.coulomb, NOISY.inertia])
     assert (true - beta > 0.15 * true).all()
     assert true - beta == pytest.approx(moved, rel=0.4)
+
+
+@pytest.mark.parametrize(("drive", "gain"), [("current", 0.1), ("position_servo", 0.01)])
+def test_what_the_noise_moves_beside_an_unknown_load_is_known(drive, gain):
+    """As above, with the inertia of rotor and load together and a gain that is held; a smooth load, as the motion is
+    small. Of a servo, the position's noise is in the effort, and the acceleration's partly makes up for it.
+    """
+    joint = replace(NOISY, drive=drive, gain=gain, period=5e-3, duration=20.0, encoder_step=2e-3, encoder_noise=1e-3)
+    rig = parse_rig({"joint": "joint", "drive": drive, "load": {"unknown": "smooth"}, "drive_gain": joint.gain})
+    load = Term(SMOOTH_LOADS[0], {"curve_start": -0.3, "curve_end": 0.3})
+    found = []
+    for seed in range(8):
+        samples = build_samples([hung(joint, seed, FAST)], rig, "joint")
+        columns = Columns(samples, declared_gain=joint.gain)
+        fitted = fit(columns, [*terms("viscous", "coulomb"), load])
+        found.append((fitted.beta[[1, 2, -1]], attenuation(columns, fitted)[[1, 2, -1]]))
+    beta, moved = np.mean(found, axis=0)
+    true = np.array([joint.viscous, joint.coulomb, joint.inertia + 0.5])
+    assert abs(true - beta)[-1] > 0.03 * true[-1]
+    assert (true - beta)[-1] == pytest.approx(moved[-1], rel=0.4)
 
 
 class Still(TorqueEffect):

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from drake_tc.actuation.model_file import load_model_file
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.effort_left import effort_left
@@ -213,3 +214,21 @@ def test_imported_runs_that_cannot_tell_the_load_say_why(
 def test_the_module_under_test_writes_no_torque_column() -> None:
     run = pendulum_rig.record(SWING, "run", 0)
     assert set(run.columns) == {f"{JOINT}/position", f"{JOINT}/current"}
+
+
+@pytest.mark.parametrize(
+    ("constant", "half_difference"), [(0.0, 0.0), (0.12, 0.0), (0.0, 0.06)], ids=["none", "preload", "by direction"]
+)
+def test_a_constant_that_no_pendulum_has_is_pointed_out(constant: float, half_difference: float) -> None:
+    """Friction of F + d forwards and F - d backwards is a constant torque d while the joint slides."""
+    swing = replace(SWING, constant=constant, extra=lambda q, v, a: np.full_like(q, half_difference))
+    train, held = runs_of(swing)
+    found = diagnose_joint(train, held, rig_of(swing), JOINT, DiagnosisOptions(assess_residual=False))
+    said = [note for note in found.notes if isinstance(note, ConstantBesidePendulum)]
+    assert found.effects == ()
+    if constant + half_difference == 0.0:
+        assert said == []
+    else:
+        (note,) = said
+        assert note.effort == pytest.approx(swing.gain * (constant + half_difference), rel=0.05)
+        assert note.share == pytest.approx((constant + half_difference) / swing.coulomb, rel=0.05)

@@ -27,6 +27,19 @@ def test_missing_column_lists_what_is_there_and_near_matches(tmp_path, table):
     assert "joint/position" in message and "columns: {joint/torque: NAME_IN_FILE}" in message
 
 
+def test_a_bare_canonical_name_is_offered_as_the_column(tmp_path, table):
+    message = refusal(table.rename(columns={"joint/torque": "Torque"}), tmp_path / "run.csv")
+    assert message.endswith("columns: {joint/torque: Torque}")
+
+
+def test_a_log_of_the_velocity_alone_is_told_what_it_is_enough_for(tmp_path, table):
+    speeds = table.drop(columns="joint/position")
+    assert "is computed from the position" in refusal(speeds, tmp_path / "a.csv")
+    speeds["joint/current"] = speeds["joint/torque"]
+    rig = servo_rig(drive="current", load="unknown")
+    assert refusal(speeds, tmp_path / "b.csv", rig).endswith("a velocity replaces it only with load: torque")
+
+
 def test_missing_time_and_mapped_column(tmp_path, table):
     assert "no column 'time'" in refusal(table.rename(columns={"time": "t"}), tmp_path / "a.csv")
     rig = servo_rig(columns={"torque": "tau"})

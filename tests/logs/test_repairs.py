@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import LogError
-from drake_tc.logs.channels import hold_period, release_hold
+from drake_tc.logs.channels import hold_period, release_hold, saturated_share
 from drake_tc.logs.prepare import load_run, load_runs
 
 from .conftest import PERIOD, bench, servo_rig, write
@@ -253,6 +253,14 @@ def test_steps_of_an_unsteady_logger_are_no_lost_rows():
 def test_saturated_voltage_is_noted(tmp_path, table):
     table["joint/voltage"] = table["joint/voltage"].clip(-3, 3)
     assert noted(load(table, tmp_path, drive="voltage"), "rests at its limit of 3")
+
+
+def test_a_command_in_steps_is_at_no_limit():
+    """It rests at every value alike; a smooth one that is cut off rests at its limit alone."""
+    steps = np.repeat(np.random.default_rng(3).uniform(-5.0, 5.0, 40), 100)
+    assert saturated_share(steps) == 0.0
+    limited = np.clip(3.0 * np.sin(np.arange(4000) * 0.01), -2.0, 2.0)
+    assert saturated_share(limited) == pytest.approx(np.mean(np.abs(limited) == 2.0), abs=1e-3)  # a crest at the end
 
 
 @pytest.mark.parametrize("drive", ["position_servo", "voltage"])

@@ -10,6 +10,7 @@ import pytest
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.link_notes import LoadInAllRuns
+from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
@@ -129,6 +130,7 @@ OBJECTIONS = [
     (ExplainedByOthers(0.004, 0.02), ["Beside the other effects", "by 0.4 %", "less than the 2 %"]),
     (NotFoundAgain(), ["does not find it again"]),
     (LargerThanDeclared("held-out", 0.053), ["the held-out error", "5.3 % larger"]),
+    (LargerThanDeclared("mean absolute", 0.09), ["the mean absolute error", "9.0 % larger"]),
 ]
 EXPERIMENTS = [
     (TellApart("stribeck", "delay"), ["To tell stribeck from delay: creep at", "(shows stribeck alone)"]),
@@ -182,6 +184,14 @@ NOTES = [
         ["torque of the drive of 0.2 N*m", "like the direction-", "1.2 %", "torque_command: {bias"],
     ),
     (ZeroOfEffort("offset of the recorded effort", "current", 0.05, 0.02), ["current of 0.05 A", "{current: {bias"]),
+    (
+        ConstantBesidePendulum("current", 0.0615, 0.32),
+        ["constant (0.0615 A of the recorded current, 32 % of the Coulomb friction) may be an offset of it,"],
+    ),
+    (
+        ConstantBesidePendulum("position_servo", -0.002, 0.1),
+        ["(-0.002 rad of the position error, 10 %", "an offset between command and position"],
+    ),
     (GainDeclaredWrong("current", 0.1, 0.12, 1.2), ["0.1 A per N*m", "0.12:", "1.2 times", "and torque_constant."]),
     (GainDeclaredWrong("position_servo", 0.1, 0.12, 1.2), ["0.1 rad per N*m", "Check proportional_gain."]),
     (LateCommand(0.0274, 0.744, 1.07, 1.083), ["then 27.4 ms", "0.744 N*m*s/rad instead of 1.07", "8 % larger"]),

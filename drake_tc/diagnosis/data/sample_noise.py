@@ -119,6 +119,12 @@ def _third_over(values: FloatArray, samples: float) -> FloatArray:
     return np.asarray(x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0])
 
 
+def typical_hold(values: FloatArray, segments: Sequence[slice]) -> float:
+    """Median number of samples over which a channel (T,) stays exactly the same; 1 where there are none."""
+    lengths = [run_lengths(values[s])[1] for s in segments]
+    return float(np.median(np.concatenate(lengths))) if lengths else 1.0
+
+
 def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> float:
     """Standard deviation of one sample of a channel (T,) whose values have a step: the larger of step/sqrt(12) and
     the white part.
@@ -134,10 +140,9 @@ def sample_noise(values: FloatArray, step: float, segments: Sequence[slice]) -> 
     """
     least = step / float(np.sqrt(12.0))
     if not step > 0.0:
-        runs = [run_lengths(values[s]) for s in segments]
-        held = float(np.median(np.concatenate([lengths for _, lengths in runs]))) if runs else 1.0
+        held = typical_hold(values, segments)
         if held > 1.0:
-            own = [values[s][starts] for s, (starts, _) in zip(segments, runs, strict=True)]
+            own = [values[s][run_lengths(values[s])[0]] for s in segments]
             return max(least, float(np.sqrt(held)) * _white_noise(own))
         return max(least, white_noise(values, segments))
     spread = np.random.default_rng(0).uniform(-0.5 * step, 0.5 * step, values.shape)

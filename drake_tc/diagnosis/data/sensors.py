@@ -1,10 +1,12 @@
 """What the sensors of one joint resolve: as the rig file declares, else as the recorded channels show."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
-from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.data.sample_noise import interpolated_noise, sample_noise, scatter
+from drake_tc.diagnosis.data.resolution import WIDEST_FINAL, WIDEST_LIGHT, Resolution
+from drake_tc.diagnosis.data.sample_noise import interpolated_noise, sample_noise, scatter, typical_hold
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.rig import Rig
@@ -29,6 +31,12 @@ def encoder_of(channels: Channels, rig: Rig, position: FloatArray) -> tuple[floa
     return step, max(_noise(channels, "position", position, step), LEAST_NOISE)
 
 
+SLOWEST_TOPIC: Mapping[bool, float] = {False: WIDEST_FINAL, True: WIDEST_LIGHT}
+"""Time [s] for which a command may typically stay the same and still be a channel that a slower topic reports; of a
+position servo (true), whose goal is never measured, less than of another drive. Values that stay for longer are steps
+that somebody commands, and the differences between them are no noise."""
+
+
 def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light: CommonKernel) -> Resolution:
     """What the joint's sensors resolve, after the light kernel where velocity is concerned."""
     declared, load = rig.joint_sensors(channels.joint), rig.load[channels.joint]
@@ -36,7 +44,10 @@ def resolution_of(channels: Channels, rig: Rig, step: float, noise: float, light
     torque_noise, effort_noise = 0.0, 0.0
     unknown = unknown_form(load) is not None
     tells_load = unknown or (isinstance(load, RobotLoad) and load.method != "estimate")
-    if tells_load or rig.drive[channels.joint] != "position_servo":
+    servo = rig.drive[channels.joint] == "position_servo"
+    if typical_hold(channels.raw(command), channels.segments) * channels.period > SLOWEST_TOPIC[servo]:
+        effort_noise = 0.0  # beside its steps
+    elif tells_load or not servo:
         effort_noise = _recorded_noise(channels, command)
     else:
         effort_noise = scatter(channels.raw(command), channels.segments)

@@ -14,19 +14,14 @@ import numpy as np
 from drake_tc.diagnosis.data.resolution import NoiseFloor
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.bounded import Prior
-from drake_tc.diagnosis.problem.normal_equations import Normal
+from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
 from drake_tc.effects.base import DriveEffect, Effect
 from drake_tc.effects.link_load import LinkLoad
+from drake_tc.effects.unknown_load import SmoothLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
-from drake_tc.types import BoolArray, FloatArray, IntArray
+from drake_tc.types import BoolArray, FloatArray
 
-FOLDS = 5
 CACHE_BYTES = 300_000_000
-
-
-def fold_of(block: IntArray) -> IntArray:
-    """Blocks dealt to folds in pairs, so that neighbours mostly share a fold."""
-    return np.asarray((block // 2) % FOLDS)
 
 
 @dataclass(frozen=True)
@@ -176,7 +171,10 @@ class Columns:
         key = term.cache_key
         if key not in self._cache:
             values = self.samples.by_segment(term.effect, term.shape)
-            self._remember(key, self.samples.reduce(values, fresh=not term.effect.linear))
+            reduced = self.samples.reduce(values, fresh=not term.effect.linear)
+            if self.samples.centred and isinstance(term.effect, SmoothLoad):
+                reduced[:, term.effect.middle_level] = 0.0  # the splines add up to a constant, which is taken off
+            self._remember(key, reduced)
         return self._cache[key]
 
     def _remember(self, key: tuple[object, ...], value: FloatArray) -> None:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
-from drake_tc.diagnosis.problem.columns import FOLDS, BalanceCoefficients, Columns, Term, fold_of, prior_coefficients
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, prior_coefficients
 from drake_tc.diagnosis.problem.effort_left import effort_left
-from drake_tc.diagnosis.problem.normal_equations import Normal
-from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
+from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
+from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT, LEAST_EFFORT_OF_LINKS
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
@@ -114,7 +114,8 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     told = ~(prior_coefficients(terms) & (low == high))
     told[0] = not columns.effort_is_target
     left = effort_left(columns, terms)
-    sound = drives and left > LEAST_EFFORT and not collinear(gram[np.ix_(told, told)])
+    least = LEAST_EFFORT if columns.samples.link_prior is None else LEAST_EFFORT_OF_LINKS
+    sound = drives and left > least and not collinear(gram[np.ix_(told, told)])
     if not sound:
         return Score(tuple(terms), beta, by_fold, np.inf, gain, np.inf)
     correction = columns.noise_ratio(beta, terms) * max(noise_smoothed(columns, terms, beta), 1.0 / left)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from drake_tc.actuation.recorded_run import NEEDS_LOAD
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.samples import HELD, Samples
+from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.notes import (
     DriveNote,
     FarFromRotor,
@@ -33,6 +34,7 @@ from drake_tc.effects.base import Context, DriveKind, Effect
 from drake_tc.effects.effort_bias import EffortBias
 from drake_tc.effects.library import effect
 from drake_tc.effects.payload import Payload
+from drake_tc.effects.unknown_load import PENDULUM
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
 
@@ -71,6 +73,7 @@ def drive_notes(rig: Rig, joint: str, found: Parameters, fitted_gain: float) -> 
     """
     far = _far_from_rotor(rig, joint, found)
     load: tuple[DriveNote, ...] = (*far, *_payload(rig, joint, found), *_with_rotor(rig, joint, found))
+    load = (*load, *_constant(found, rig.drive[joint], fitted_gain))
     if rig.drive[joint] == "torque" and joint not in rig.drive_gain:
         return (*_torque_scale(found["drive"]["gain"]), *load)
     notes = (*_other_gain(found, rig.drive_gain.get(joint), rig.drive[joint]), *load)
@@ -233,6 +236,21 @@ def _with_rotor(rig: Rig, joint: str, found: Parameters) -> tuple[LoadWithRotor,
     followers = tuple(effect(key).title for key in found if key.partition(".")[0] in NEEDS_LOAD)
     unknown = scale.fitted_inertia and scale.rotor_inertia == 0.0
     return (LoadWithRotor(followers),) if unknown and followers else ()
+
+
+def _constant(found: Parameters, drive: DriveKind, gain: float) -> tuple[ConstantBesidePendulum, ...]:
+    """A note if an unknown pendulum has a constant torque that is worth saying beside the Coulomb friction.
+
+    While the joint slides, an offset of the effort and friction that depends on the direction are constants too.
+    """
+    constant = found.get(PENDULUM.key, {}).get("constant")
+    if constant is None:
+        return ()
+    coulomb = found["coulomb"]["coulomb"].value
+    low, high = constant.ci95
+    if low <= 0.0 <= high or abs(constant.value) < WORTH_SAYING * coulomb:
+        return ()
+    return (ConstantBesidePendulum(drive, constant.value * gain, abs(constant.value) / max(coulomb, 1e-300)),)
 
 
 def _torque_scale(gain: Estimate) -> tuple[GainOfTorqueDrive, ...]:

@@ -247,10 +247,10 @@ class LargerThanDeclared:
     """By one drive gain, the model with all effects leaves more than the declared one; this effect explains least.
 
     Attributes:
-        part: Of the runs. growth: of their error, as a share.
+        part: Of the runs, or "mean absolute" of both. growth: of the error, as a share; the smaller one of both.
     """
 
-    part: Literal["training", "held-out"]
+    part: Literal["training", "held-out", "mean absolute"]
     growth: float
     reason: ClassVar[Withdrawal] = "worse_than_declared"
 

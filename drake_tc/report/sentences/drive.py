@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import assert_never
 
+from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.notes import (
     DriveNote,
     FarFromRotor,
@@ -119,6 +120,15 @@ def drive_sentence(note: DriveNote) -> str:
                 f"{effect}. This is {100.0 * share:.2g} % of its largest value in the logs, and data sheets of such "
                 f"sensors allow up to 3 %. If yours does, declare the tolerance (sensors: {{{key}: {{bias: ...}}}}): "
                 "an offset within it is then not reported."
+            )
+        case ConstantBesidePendulum(drive, effort, share):
+            cause = "an offset between command and position" if drive == "position_servo" else "an offset of it"
+            recorded = "position error" if drive == "position_servo" else f"recorded {RECORDED[drive]}"
+            return (
+                f"A pendulum has no constant torque. The fitted constant ({effort:.3g} {EFFORT_UNIT[drive]} of the "
+                f"{recorded}, {100.0 * share:.2g} % of the Coulomb friction) may be {cause}, a Coulomb friction that "
+                "differs between the directions of motion, or the preload of a spring or cable. These logs cannot tell "
+                "them apart, and the interval of the constant is that of their sum."
             )
         case ServoDamping(viscous, servo, exceeds) if exceeds:
             return (

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.problem.columns import FOLDS, NOISE_RATIOS, Columns, Term, fold_of
+from drake_tc.diagnosis.problem.columns import NOISE_RATIOS, Columns, Term
+from drake_tc.diagnosis.problem.normal_equations import FOLDS, fold_of
 from drake_tc.diagnosis.problem.regression import fit, score
 from drake_tc.effects.delay import Delay
 from drake_tc.effects.library import effect

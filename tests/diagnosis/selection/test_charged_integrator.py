@@ -10,7 +10,7 @@ from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.notes import ChargedIntegrator
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig import Rig, parse_rig
 
 from ..rigs import Joint, record, rig_of, servo
 
@@ -42,16 +42,31 @@ def test_integral_action_is_found_whatever_the_integral_holds_at_first(charges, 
     assert any(isinstance(note, ChargedIntegrator) for note in found.notes) == noted
 
 
-def test_it_is_found_under_a_load_of_which_nothing_is_known():
+def unknown_load(form: str) -> Rig:
+    """A servo of known stiffness under a load of this form."""
+    return parse_rig({"joint": "joint", "drive": "position_servo", "load": {"unknown": form}, "drive_gain": JOINT.gain})
+
+
+@pytest.mark.parametrize("form", ["pendulum", "smooth"])
+def test_it_is_found_under_a_load_of_which_nothing_is_known(form):
     """The constant of the fitted load is one number for all runs, and the charges are not."""
     runs = [integrating(HANGING, f"run{k}", 0.9 * k, charge) for k, charge in enumerate((1.0, 1.6))]
-    rig = parse_rig({"joint": "joint", "drive": "position_servo", "load": "unknown", "drive_gain": JOINT.gain})
-    found = diagnose_joint(runs, [], rig, "joint", DiagnosisOptions(assess_residual=False))
+    found = diagnose_joint(runs, [], unknown_load(form), "joint", DiagnosisOptions(assess_residual=False))
     (integrator,) = found.effects
     assert integrator.id == "servo_integrator"
     assert integrator.parameters["integral_rate"].value == pytest.approx(RATE, rel=0.01)
     load = next(values for key, values in found.final_parameters.items() if key.startswith("unknown_load"))
-    assert load["moment"].value == pytest.approx(8.0, rel=0.01)
+    assert load["inertia"].value == pytest.approx(0.3 + JOINT.inertia, rel=0.01)  # the rotor is not declared
+    if form == "pendulum":
+        assert load["moment"].value == pytest.approx(8.0, rel=0.01)
+
+
+def test_a_smooth_load_is_not_refused_where_no_integral_explains_what_is_left():
+    """Splines less their means add up to zero: the trial must not take that for a motion that is too poor."""
+    joint = replace(HANGING, extra=lambda m: HANGING.extra(m) + 2.0 * np.sign(np.sin(40.0 * m.q)))
+    runs = [record(joint, f"run{k}", 0.9 * k) for k in range(2)]
+    found = diagnose_joint(runs, [], unknown_load("smooth"), "joint", DiagnosisOptions(assess_residual=False))
+    assert not any(isinstance(note, ChargedIntegrator) for note in found.notes)
 
 
 def test_a_servo_without_integral_action_keeps_its_means():

@@ -11,10 +11,12 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.estimates import estimates
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.selection.sampling_instants import sampled_late
+from drake_tc.diagnosis.selection.sampling_instants import _between, sampled_late
 from drake_tc.diagnosis.timing_notes import OlderEffort
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
@@ -23,6 +25,7 @@ from drake_tc.logs.rig import parse_rig
 PERIOD, FINE = 5e-3, 2.5e-4
 INERTIA, MOMENT, VISCOUS, COULOMB, GAIN = 0.05, 3.2, 0.35, 0.3, 0.25
 ENCODER = 2 * np.pi / 2**16
+STIFFNESS = 12.0
 RIG = parse_rig(
     {
         "joint": "joint",
@@ -116,3 +119,62 @@ def test_what_the_rig_file_states_of_the_hold_is_not_explained_twice(stated, exp
     prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], rig, "joint")
     delay = Term(effect("delay"), {"delay": 0.5 * PERIOD})
     assert sampled_late(stated, prepared, [*prepared.terms, delay]) == pytest.approx(explained)
+
+
+def test_a_delay_that_may_be_as_short_as_sampling_explains_is_none():
+    """Half a period of the hold beyond 0.6 of one is no delay while noise leaves it as uncertain as this."""
+    made = [coarse(run(shift, 0.0), bits=9, seed=seed) for seed, shift in enumerate((0.0, 0.4))]
+    rig = replace(RIG, command_hold=None)
+    prepared = prepare_joint(made[:1], made[1:], rig, "joint")
+    chosen = [*prepared.terms, Term(effect("delay"), {"delay": 0.65 * PERIOD})]
+    delay = estimates(prepared.train, fit(prepared.train, chosen), "current")[effect("delay").key]["delay"]
+    assert delay.ci95[0] < 0.6 * PERIOD
+    assert sampled_late(None, prepared, chosen) == pytest.approx(0.6)
+    sure = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], rig, "joint")
+    assert sampled_late(None, sure, chosen) == 0.0
+
+
+def coarse(made: Run, bits: int, seed: int) -> Run:
+    """The run as a coarse and noisy encoder records it."""
+    step = 2 * np.pi / 2**bits
+    position = made.columns["joint/position"] + 0.5 * step * np.random.default_rng(seed).standard_normal(made.time.size)
+    columns = dict(made.columns) | {"joint/position": step * np.round(position / step)}
+    return replace(made, columns=columns, steps={"joint/position": step})
+
+
+def test_no_age_lies_between_ages_of_which_one_explains_nothing():
+    """An infinite error has no parabola."""
+    prepared = prepare_joint([run(0.0, 0.0)], [run(0.4, 0.0)], RIG, "joint")
+    sound = fit(prepared.train, prepared.terms)
+    tried = {0.125: sound, 0.25: sound, 0.375: replace(sound, cv_rms=np.inf)}
+    assert _between(tried, pytest.fail, prepared.terms) == {}
+
+
+@pytest.mark.parametrize(("late", "named"), [(0.0, []), (3e-3, ["delay"])])
+def test_half_a_period_of_a_goal_that_is_held_at_500_hz_is_no_delay(late, named):
+    """A goal in steps shows a millisecond; a delay of one and a half periods more is one."""
+    runs = [stepped(seed, late) for seed in range(3)]
+    rig = parse_rig({"joint": "joint", "drive": "position_servo", "load": "unknown", "drive_gain": 1.0 / STIFFNESS})
+    found = diagnose_joint(runs[:2], runs[2:], rig, "joint", DiagnosisOptions(assess_residual=False))
+    assert [each.id for each in found.effects] == named
+    if not named:
+        assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(VISCOUS, rel=0.02)
+
+
+def stepped(seed: int, late: float) -> Run:
+    """A servo on a pendulum; its goal jumps, is held for the 2 ms of the log, and arrives `late`."""
+    rng, period, fine = np.random.default_rng(seed), 2e-3, 1e-4
+    goals, step = np.repeat(rng.uniform(-1.2, 1.2, 15), 500), ENCODER / 16.0
+    q, v, total, position = 0.0, 0.0, 0.02, np.empty(goals.size)
+    wait = [0.0] * (round(late / fine) + 1)
+    for k, goal in enumerate(goals.tolist()):
+        position[k] = step * round(q / step)
+        for _ in range(round(period / fine)):
+            wait.append(goal)
+            torque = STIFFNESS * (wait.pop(0) - q) - 1.3 * np.sin(q) - VISCOUS * v
+            faster = v + fine * torque / total
+            v = np.sign(faster) * max(abs(faster) - fine * 0.15 / total, 0.0)
+            q += fine * v
+    columns = {"joint/position": position, "joint/position_command": goals}
+    time = period * np.arange(goals.size)
+    return Run(f"run{seed}", None, time, period, columns, np.zeros(goals.size, int), steps={"joint/position": step})

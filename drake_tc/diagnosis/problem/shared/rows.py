@@ -13,7 +13,8 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.diagnosis.data.sliding import BLOCK_SECONDS
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.normal_equations import FOLDS
 from drake_tc.diagnosis.problem.shared.causes import CauseColumns
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance

@@ -42,7 +42,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import FOLDS
+from drake_tc.diagnosis.problem.normal_equations import FOLDS
 from drake_tc.diagnosis.problem.shared.rows import JointRows, kept_gram
 from drake_tc.diagnosis.selection.comparison import effective_samples
 from drake_tc.types import FloatArray, IntArray
