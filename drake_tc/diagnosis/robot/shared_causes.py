@@ -11,6 +11,7 @@ and no sensor but the encoders.
    better that way.
 4. The shared causes anew, beside the effects that the joints were found to have: those no longer real go.
 5. An error of a sensor beyond its tolerance that lowers the joints' errors by little, but certainly, beside all that.
+6. Causes that do not lower the error of the held-out runs are left out, and steps 2 to 5 repeated.
 
 The model before is that of step 1 with no cause named: its loads are those without the sensors' errors within
 tolerance.
@@ -76,7 +77,11 @@ def diagnose_shared(case: RobotCase, logs: RobotLogs, shared_thresholds: SearchT
     prepared = case.prepared(*before)
     if is_wrong(set_up) or (found.chosen and _evidence(case, prepared, found) <= 0.0):
         found = SharedSearch((), found.baseline, found.baseline, ())
-    result = _settled(case, _Before(raw, prepared, found.baseline, before[1]), found, shared_thresholds)
+    start = _Before(raw, prepared, found.baseline, before[1])
+    result = _settled(case, start, found, shared_thresholds)
+    if wrong := {(e.id, e.where) for e in result.shared if e.heldout_gain <= 0.0}:
+        kept = [c for c in found.chosen if (c.id, c.where) not in wrong]
+        result = _settled(case, start, _search(case, raw, shared_thresholds, among=kept), shared_thresholds)
     return replace(result, set_up=set_up)
 
 
@@ -111,9 +116,11 @@ class _Before:
         return np.array([p.floor for p in self.raw.values()])
 
 
-def _search(case: RobotCase, raw: Mapping[str, Prepared], thresholds: SearchThresholds) -> SharedSearch:
+def _search(
+    case: RobotCase, raw: Mapping[str, Prepared], thresholds: SearchThresholds, among: Sequence[Cause] | None = None
+) -> SharedSearch:
     rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
-    return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds)
+    return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds, among)
 
 
 def _at_its_offset(
