@@ -119,8 +119,13 @@ class _Before:
 def _search(
     case: RobotCase, raw: Mapping[str, Prepared], thresholds: SearchThresholds, among: Sequence[Cause] | None = None
 ) -> SharedSearch:
-    rows = stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
+    rows = _declared(case, raw)
     return search_shared(rows, case.causes.causes, np.array([p.floor for p in raw.values()]), thresholds, among)
+
+
+def _declared(case: RobotCase, raw: Mapping[str, Prepared]) -> tuple[JointRows, ...]:
+    """Training rows of all joints with their declared models."""
+    return stack({joint: p.train for joint, p in raw.items()}, {j: p.terms for j, p in raw.items()}, case.causes)
 
 
 def _at_its_offset(
@@ -195,9 +200,7 @@ def _settled(case: RobotCase, before: _Before, found: SharedSearch, thresholds: 
     train, held = both_sides(before.raw, _terms(made), case.causes)
     fitted = fit_stacked(train, *active(case.causes.causes, found.chosen))
     results = {joint: original_baseline(made[joint], before.prepared[joint]) for joint in joints}
-    declared = stack(
-        {j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes
-    )
+    declared = _declared(case, before.raw)
     sets = substituted(found.chosen, found.alternatives)
     alternatives = [fit_stacked(train, *active(case.causes.causes, each)) for each in sets]
     results = with_shared_uncertainty(results, (declared, before.fitted), (train, fitted), alternatives)
@@ -219,8 +222,8 @@ def _diagnosed(case: RobotCase, before: _Before, fitted: StackedFit, joints: Seq
     train, held = case.without(fitted)
     if not _in_effort(case):
         return case.diagnose(train, held, joints)
-    rows = stack({j: p.train for j, p in before.raw.items()}, {j: p.terms for j, p in before.raw.items()}, case.causes)
-    return diagnosed_beside_noise(case, train, held, joints, gains_to_hold(rows, fitted))
+    hold = gains_to_hold(_declared(case, before.raw), fitted)
+    return diagnosed_beside_noise(case, train, held, joints, hold)
 
 
 def _in_effort(case: RobotCase) -> bool:
