@@ -3,9 +3,12 @@
 import numpy as np
 import yaml
 from pydrake.multibody.tree import MultibodyForces, SpatialInertia, UnitInertia
-from robot_files import joint_tag, link_tag, urdf
+from robot_files import joint_tag, link_tag, urdf, write_robot
 
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.run import close_loop
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.robot import load_robot
 
 URDF = urdf(
     link_tag("column", (0, 0, 0.1), 4, (0.05, 0.05, 0.03)),
@@ -28,6 +31,11 @@ RIG = {
     "declared": ["rotor_inertia"],
     "drive_gain": dict(zip(JOINTS, GAIN.tolist(), strict=True)),
 }
+KNOWN = {
+    "load": {"robot": "inverse_dynamics"},
+    "declared": {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)},
+}
+"""Changes of the rig file for links that are taken as the URDF has them, with known rotors."""
 
 
 def torques(robot, q, v, vdot, payload):
@@ -82,3 +90,15 @@ def rig_file(folder, **changes):
     path = folder / "rig.yaml"
     path.write_text(yaml.safe_dump(RIG | changes), encoding="utf-8")
     return path
+
+
+def diagnosed_as_known(folder, seed, true=URDF, payload=0.0, change=lambda log: log, **rig_keys):
+    """What is found in three logs of the arm `true` with the links of `URDF`; the last log is held out.
+
+    `change` is done to each log before it is read.
+    """
+    (folder / "true").mkdir()
+    robot = load_robot(write_robot(folder / "true", true, JOINTS))
+    write_robot(folder, URDF, JOINTS)
+    logs = [change(record(folder, robot, f"run_{number}", 10 * seed + number, payload)) for number in range(3)]
+    return close_loop(rig_file(folder, **KNOWN | rig_keys), logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))

@@ -5,8 +5,7 @@ differ from its URDF. The rig fits the links (`load: {robot: fitted}`); the scor
 parameters hold the truth.
 """
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -16,7 +15,14 @@ from typing import Any
 import numpy as np
 
 from drake_tc.benchmarks.interval_coverage import holds
-from drake_tc.benchmarks.robot_rigs import RobotScore, diagnose_rig, interval_row, run_cases, score_report, summary_rows
+from drake_tc.benchmarks.robot_rigs import (
+    RobotScore,
+    interval_row,
+    recorded_and_diagnosed,
+    run_cases,
+    score_report,
+    summary_rows,
+)
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.report.figure_row import FigureRow
 
@@ -63,21 +69,7 @@ def run_case(folder: Path, number: int, seed: int) -> str:
     from drake_tc.benchmarks.blind_arm.cases import arm_case, record_case
 
     case = arm_case(number, seed)
-    return _run(folder, case.name, partial(record_case, case))
-
-
-def _run(folder: Path, name: str, record: Callable[[Path], Mapping[str, Any]]) -> str:
-    """Record a case and diagnose it, as far as that is not done; its name."""
-    rig, report = folder / "rigs" / name, folder / "reports" / f"{name}.json"
-    truth = folder / "truth" / f"{name}.json"
-    if not truth.exists():
-        known = record(rig)
-        truth.parent.mkdir(parents=True, exist_ok=True)
-        truth.write_text(json.dumps(known) + "\n", encoding="utf-8")
-    if not report.exists():
-        report.parent.mkdir(parents=True, exist_ok=True)
-        report.write_text(json.dumps(diagnose_rig(rig)) + "\n", encoding="utf-8")
-    return name
+    return recorded_and_diagnosed(folder, case.name, partial(record_case, case))
 
 
 def run_known_case(folder: Path, number: int, seed: int) -> str:
@@ -85,7 +77,7 @@ def run_known_case(folder: Path, number: int, seed: int) -> str:
     from drake_tc.benchmarks.blind_arm.known_links import known_case, record_known_case
 
     case = known_case(number, seed)
-    return _run(folder, case.name, partial(record_known_case, case))
+    return recorded_and_diagnosed(folder, case.name, partial(record_known_case, case))
 
 
 def known_arm_benchmark(

@@ -92,9 +92,9 @@ class HeldOut:
     """One joint on the held-out rows: residuals (N,) [N m] of both kinds of least squares, and of the models.
 
     `own` is that of the model after with each held-out run's own friction, inertia and constant; `in_view` that of
-    pooled least squares which is fitted to these rows. `effort` is the RMS of
-    the rows' effort over the drive gain [N m]; `found` names the effects. `block` (N,) numbers the rows' half seconds;
-    `floor` is what the sensors' noise alone would leave [N m].
+    pooled least squares which is fitted to these rows. `effort` is the RMS of the rows' effort over the drive gain
+    [N m]; `found` names the effects. `block` (N,) numbers the rows' half seconds; `floor` is what the sensors' noise
+    alone would leave [N m].
     """
 
     joint: str
@@ -216,16 +216,20 @@ def _ratio_row(name: str, each: HeldOut, side: str, *, goal: bool) -> FigureRow:
 
 def _together(begin: str, joints: Sequence[HeldOut], side: str, *, goal: bool) -> FigureRow:
     """The same of the torque of all joints' rows."""
-    after, plain = (sum(float(np.sum(getattr(each, name) ** 2)) for each in joints) for name in ("after", side))
     note = f"over {side} least squares, of the torque of all rows"
-    ratio = float(np.sqrt(after / plain))
+    ratio = _of_all_rows(joints, "after", side)
     return FigureRow(f"{begin}/all_joints/ratio_{side}", ratio, "-", GOAL if goal else None, "max", note=note)
 
 
 def _in_view(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:
-    view, plain = (sum(float(np.sum(getattr(each, name) ** 2)) for each in joints) for name in ("in_view", side))
     note = f"of pooled least squares {IN_VIEW}, over {side} least squares"
-    return FigureRow(f"{begin}/all_joints/in_view", float(np.sqrt(view / plain)), "-", note=note)
+    return FigureRow(f"{begin}/all_joints/in_view", _of_all_rows(joints, "in_view", side), "-", note=note)
+
+
+def _of_all_rows(joints: Sequence[HeldOut], name: str, over: str) -> float:
+    """Ratio of two RMS errors of the torque of all joints' rows."""
+    squares = [sum(float(np.sum(getattr(each, side) ** 2)) for each in joints) for side in (name, over)]
+    return float(np.sqrt(squares[0] / squares[1]))
 
 
 def _mean(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:

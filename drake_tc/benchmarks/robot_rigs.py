@@ -96,16 +96,32 @@ def run_case(folder: Path, number: int, seed: int, tolerance_scale: float = 1.0)
     from drake_tc.benchmarks.blind_leg.cases import leg_case, record_case
 
     case = leg_case(number, seed, tolerance_scale)
-    rig, report = folder / "rigs" / case.name, folder / "reports" / f"{case.name}.json"
-    truth = folder / "truth" / f"{case.name}.json"
-    if not truth.exists():
+
+    def record(rig: Path) -> Mapping[str, Any]:
         record_case(case, rig)
+        return case.truth
+
+    return recorded_and_diagnosed(folder, case.name, record)
+
+
+def recorded_and_diagnosed(folder: Path, name: str, record: Callable[[Path], Mapping[str, Any]]) -> str:
+    """Record a case and diagnose it, as far as that is not done; its name.
+
+    Args:
+        folder: Gets rigs/, truth/ and reports/.
+        name: Of the case.
+        record: Writes the rig into a folder and returns the truth.
+    """
+    rig, report = folder / "rigs" / name, folder / "reports" / f"{name}.json"
+    truth = folder / "truth" / f"{name}.json"
+    if not truth.exists():
+        known = record(rig)
         truth.parent.mkdir(parents=True, exist_ok=True)
-        truth.write_text(json.dumps(case.truth) + "\n", encoding="utf-8")
+        truth.write_text(json.dumps(known) + "\n", encoding="utf-8")
     if not report.exists():
         report.parent.mkdir(parents=True, exist_ok=True)
         report.write_text(json.dumps(diagnose_rig(rig)) + "\n", encoding="utf-8")
-    return str(case.name)
+    return name
 
 
 def diagnose_rig(rig: Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
 from drake_tc.benchmarks.blind_arm.arms import ARMS, REFERENCE, arm_named
-from drake_tc.benchmarks.blind_arm.cases import simulated_arm, sound_case, write_files
+from drake_tc.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
 from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_motion
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.experiments.design.expected import Expected
@@ -104,7 +104,7 @@ def test_the_recorded_currents_are_those_of_links_rotors_and_friction(tmp_path):
     """By the regressor, which shares nothing with Drake's inverse dynamics."""
     skip_without_robots()
     case = sound_case(arm_named(REFERENCE), 1)
-    arm = simulated_arm(case, write_files(case, tmp_path), np.random.default_rng(case.seed))
+    arm = simulated_arm(case, write_files(case, tmp_path, rig_file(case)), np.random.default_rng(case.seed))
     truth = true_values(arm)
     time = np.arange(101) * STEP
     phase = 2.0 * time[:, None] + 0.3 * np.arange(6)

@@ -121,8 +121,13 @@ def arm_case(number: int, seed: int) -> ArmCase:
         else:
             speed = arm.speed[arm.joints.index(where)]
             joints[where] = with_effect(kind, joints[where], speed, rng)
-    name = f"{number:03d}_{arm.name}_{drive.partition('_')[0]}_{kind or 'null'}" + (f"_{where}" if where else "")
+    name = case_name(number, arm, drive, kind, where)
     return ArmCase(name, arm, drive, joints, {}, kind, where, late, int(rng.integers(2**31)))
+
+
+def case_name(number: int, arm: Arm, drive: str, kind: str, where: str) -> str:
+    """Unique within a seed; it says what is wrong, so no file of the case has it."""
+    return f"{number:03d}_{arm.name}_{drive.partition('_')[0]}_{kind or 'null'}" + (f"_{where}" if where else "")
 
 
 def sound_case(arm: Arm, seed: int) -> ArmCase:
@@ -210,17 +215,17 @@ def record_case(case: ArmCase, folder: Path) -> dict[str, Any]:
         The truth: id, where, the values that a report's parameters should have, friction, and the links' parameters.
     """
     rng = np.random.default_rng(case.seed)
-    arm = simulated_arm(case, write_files(case, folder), rng)
+    arm = simulated_arm(case, write_files(case, folder, rig_file(case)), rng)
     for number, name in enumerate(RUNS):
         write_log(record_run(arm, number, rng, SECONDS), folder / f"{name}.npz")
     return truth_of(arm)
 
 
-def write_files(case: ArmCase, folder: Path) -> Robot:
-    """Write `arm.yaml` and `rig.yaml` into a folder, which is made, and read the robot."""
+def write_files(case: ArmCase, folder: Path, rig: str) -> Robot:
+    """Write `arm.yaml` and the text of `rig.yaml` into a folder, which is made, and read the robot."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "arm.yaml").write_text(case.arm.robot_file(), encoding="utf-8")
-    (folder / "rig.yaml").write_text(rig_file(case), encoding="utf-8")
+    (folder / "rig.yaml").write_text(rig, encoding="utf-8")
     return load_robot(folder / "arm.yaml")
 
 
@@ -236,7 +241,7 @@ def simulated_arm(case: ArmCase, robot: Robot, rng: np.random.Generator) -> Simu
 def truth_of(arm: SimulatedArm) -> dict[str, Any]:
     """What `record_case` returns."""
     links = moving_links(arm.plant, arm.robot)
-    return _truth(arm.case) | {"links": link_parameters(arm.plant, arm.context, links)}
+    return truth_of_joints(arm.case) | {"links": link_parameters(arm.plant, arm.context, links)}
 
 
 def _size(plant: Any, context: Any, link: str) -> float:
@@ -253,7 +258,8 @@ def effect_name(case: ArmCase) -> str:
     return SENSORS.get(case.kind, case.kind)
 
 
-def _truth(case: ArmCase) -> dict[str, Any]:
+def truth_of_joints(case: ArmCase) -> dict[str, Any]:
+    """What a report should say of a case whose links are not wrong: id, where, parameters, and friction by joint."""
     numbers = dict(case.joints[case.where].numbers or {}) if case.where else {}
     estimated = dict(numbers)
     if case.kind == "current_offset":

@@ -18,7 +18,6 @@ one of these, because a log of this kind cannot identify them:
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,14 +34,15 @@ from drake_tc.benchmarks.blind_arm.cases import (
     SECONDS,
     SERVOS,
     ArmCase,
-    effect_name,
+    case_name,
     joint_of,
+    truth_of_joints,
     with_effect,
+    write_files,
 )
 from drake_tc.benchmarks.blind_arm.recorder import Noise, SimulatedArm, record_run
 from drake_tc.loops.recording import write_log
 from drake_tc.robot.plant import make_plant
-from drake_tc.robot.robot import load_robot
 from drake_tc.types import FloatArray
 
 OF_THE_ARM = ("payload", "link_mass", "link_com", "encoder_offset")
@@ -65,10 +65,9 @@ def known_case(number: int, seed: int) -> ArmCase:
     offsets = {where: _signed(rng, np.deg2rad(2.0), np.deg2rad(5.0))} if kind == "encoder_offset" else {}
     if kind and kind not in OF_THE_ARM:
         joints[where] = with_effect(kind, joints[where], arm.speed[arm.joints.index(where)], rng)
-    name = f"{number:03d}_{arm.name}_{drive.partition('_')[0]}_{kind or 'null'}" + (f"_{where}" if where else "")
+    name = case_name(number, arm, drive, kind, where)
     late = dict.fromkeys(arm.joints, 0.0)
-    case = ArmCase(name, arm, drive, joints, {}, kind, where, late, int(rng.integers(2**31)))
-    return replace(case, offsets=offsets)
+    return ArmCase(name, arm, drive, joints, {}, kind, where, late, int(rng.integers(2**31)), offsets)
 
 
 def _place(kind: str, arm: Arm, rng: np.random.Generator) -> str:
@@ -90,35 +89,20 @@ def record_known_case(case: ArmCase, folder: Path) -> dict[str, Any]:
         The truth: id, where, the values that a report's parameters should have, and friction.
     """
     rng = np.random.default_rng(case.seed)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "arm.yaml").write_text(case.arm.robot_file(), encoding="utf-8")
-    (folder / "rig.yaml").write_text(known_rig_file(case), encoding="utf-8")
-    robot = load_robot(folder / "arm.yaml")
+    robot = write_files(case, folder, known_rig_file(case))
     plant: Any = make_plant(robot, 0.0)
     context: Any = plant.CreateDefaultContext()
-    links = moving_links(plant, robot)
-    where, estimated = case.where, dict(case.joints[case.where].numbers or {}) if case.where else {}
-    if case.kind == "encoder_offset":
-        estimated = {"offset": case.offsets[where]}
-    if case.kind in ("payload", "link_mass", "link_com"):
-        where, estimated = _spoil(case.kind, plant, context, links, rng)
+    truth = truth_of_joints(case)
+    if case.kind in OF_THE_ARM:
+        if case.kind == "encoder_offset":
+            where, values = case.where, {"offset": case.offsets[case.where]}
+        else:
+            where, values = _spoil(case.kind, plant, context, moving_links(plant, robot), rng)
+        truth |= {"where": where, "parameters": values, "estimated": values}
     arm = SimulatedArm(case, robot, plant, context, Noise.draw(case.arm.joints, case.joints, rng))
     for number, name in enumerate(RUNS):
         write_log(record_run(arm, number, rng, SECONDS), folder / f"{name}.npz")
-    friction = {j: {"viscous": t.viscous, "coulomb": t.coulomb} for j, t in case.joints.items()}
-    if case.kind == "thermal_friction":
-        del friction[where]  # the report's friction is that at the mean temperature
-    if case.kind == "current_offset":
-        estimated = {}  # the same as an asymmetry of friction, whose values have another name
-    return {
-        "id": effect_name(case),
-        "kind": case.kind,
-        "drive": case.drive,
-        "where": where,
-        "parameters": estimated,
-        "estimated": estimated if case.drive == "current" or case.kind in OF_THE_ARM else {},
-        "friction": friction,
-    }
+    return truth
 
 
 def _spoil(

@@ -56,7 +56,7 @@ MOST_OFFSETS = 2
 
 
 def diagnose_shared(case: RobotCase, logs: RobotLogs, shared_thresholds: SearchThresholds = SHARED) -> RobotResult:
-    """Diagnose a robot whose links' parameters are known. The held-out runs are looked at only after every choice.
+    """Diagnose a robot whose links' parameters are known. Held-out runs choose nothing; they can withdraw a cause.
 
     Args:
         case: The robot's runs.

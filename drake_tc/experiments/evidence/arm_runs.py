@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from drake_tc.benchmarks.blind_arm.arms import Arm
-from drake_tc.benchmarks.blind_arm.cases import simulated_arm, sound_case, truth_of, write_files
+from drake_tc.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, truth_of, write_files
 from drake_tc.benchmarks.blind_arm.recorder import STEP, SimulatedArm, record_motion, record_run
 from drake_tc.experiments.design.request import DesignRequest, designed_robot
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions
@@ -65,7 +65,7 @@ def arm_runs(arm: Arm, seed: int, folder: Path, progress: Progress) -> ArmRuns:
     """
     case = sound_case(arm, seed)
     folders = {name: folder / name for name in MOTIONS}
-    robots = {name: write_files(case, each) for name, each in folders.items()}
+    robots = {name: write_files(case, each, rig_file(case)) for name, each in folders.items()}
     simulated = simulated_arm(case, robots[MOTIONS[0]], np.random.default_rng(case.seed))
     held = record_run(simulated, TRAINING_RUNS, np.random.default_rng([case.seed, TRAINING_RUNS]), SECONDS)
     for each in folders.values():

@@ -2,15 +2,7 @@
 
 import numpy as np
 import pytest
-from fitted_arm import JOINTS, ROTOR, URDF, record, rig_file
-from robot_files import write_robot
-
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.run import close_loop
-from drake_tc.robot.robot import load_robot
-
-ROTORS = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
-KNOWN = {"load": {"robot": "inverse_dynamics"}, "declared": ROTORS}
+from fitted_arm import URDF, diagnosed_as_known
 
 
 def shifted(path, joint, offset):
@@ -21,16 +13,9 @@ def shifted(path, joint, offset):
     return path
 
 
-def diagnosed(folder, seed, joint=None, offset=0.03, true=URDF, **rig_keys):
-    """What is found in logs of the arm `true` with the robot file of `URDF`, one encoder `offset` [rad] off."""
-    (folder / "true").mkdir()
-    robot = load_robot(write_robot(folder / "true", true, JOINTS))
-    write_robot(folder, URDF, JOINTS)
-    logs = [record(folder, robot, f"run_{number}", 10 * seed + number) for number in range(3)]
-    if joint:
-        logs = [shifted(log, joint, offset) for log in logs]
-    rig = rig_file(folder, **KNOWN | rig_keys)
-    return close_loop(rig, logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
+def diagnosed(folder, seed, joint, offset=0.03, **rig_keys):
+    """What is found where one encoder is `offset` [rad] off."""
+    return diagnosed_as_known(folder, seed, change=lambda log: shifted(log, joint, offset), **rig_keys)
 
 
 @pytest.mark.parametrize(("joint", "seed", "offset"), [("lift", 0, 0.03), ("fold", 1, 0.03), ("lift", 2, 0.06)])
@@ -46,14 +31,14 @@ def test_the_encoder_is_named_with_its_offset(tmp_path, joint, seed, offset):
 
 
 def test_an_arm_that_is_as_its_file_says_has_no_cause(tmp_path):
-    assert diagnosed(tmp_path, 3).shared == ()
+    assert diagnosed_as_known(tmp_path, 3).shared == ()
 
 
 def test_a_centre_of_mass_stays_one(tmp_path):
     """Of the last link, along it: no turn of a joint moves it like that."""
     moved = URDF.replace('xyz="0.15 0.01 0"', 'xyz="0.19 0.01 0"')
     assert moved != URDF
-    (cause,) = diagnosed(tmp_path, 4, true=moved).shared
+    (cause,) = diagnosed_as_known(tmp_path, 4, true=moved).shared
     assert (cause.id, cause.where) == ("link_com", "fore")
     assert cause.parameters["com_x"].value == pytest.approx(0.04, abs=0.005)
 

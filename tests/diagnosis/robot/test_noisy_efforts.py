@@ -3,7 +3,7 @@
 import fitted_arm
 import numpy as np
 import pytest
-from fitted_arm import GAIN, JOINTS, ROTOR, URDF, record, rig_file
+from fitted_arm import GAIN, JOINTS, KNOWN, URDF, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
@@ -24,8 +24,7 @@ def found(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fitted_arm, "NOISE", NOISE)
         logs = [record(folder, robot, f"run_{number}", 70 + number) for number in range(4)]
-    rotors = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
-    rig = rig_file(folder, load={"robot": "inverse_dynamics"}, declared=rotors, drive_gain={})
+    rig = rig_file(folder, **KNOWN, drive_gain={})
     return close_loop(rig, logs[:3], logs[3:], DiagnosisOptions(assess_residual=False))
 
 

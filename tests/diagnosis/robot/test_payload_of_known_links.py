@@ -2,32 +2,17 @@
 
 import numpy as np
 import pytest
-from fitted_arm import JOINTS, PLACE, ROTOR, URDF, record, rig_file
-from robot_files import write_robot
+from fitted_arm import PLACE, URDF, diagnosed_as_known
 
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.selection.shared import _is_a_body
-from drake_tc.robot.robot import load_robot
 
-ROTORS = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
 TOOL = 0.25
 """[kg], a fifth of the mass of the link that carries it."""
 
 
-def diagnosed(folder, seed, true=URDF, payload=0.0):
-    """What is found in logs of the arm `true` with the robot file of `URDF`."""
-    (folder / "true").mkdir()
-    robot = load_robot(write_robot(folder / "true", true, JOINTS))
-    write_robot(folder, URDF, JOINTS)
-    logs = [record(folder, robot, f"run_{number}", 10 * seed + number, payload) for number in range(3)]
-    rig = rig_file(folder, load={"robot": "inverse_dynamics"}, declared=ROTORS)
-    return close_loop(rig, logs[:2], logs[2:], DiagnosisOptions(assess_residual=False))
-
-
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tool_is_named_with_its_mass_and_place(tmp_path, seed):
-    result = diagnosed(tmp_path, seed, payload=TOOL)
+    result = diagnosed_as_known(tmp_path, seed, payload=TOOL)
     (cause,) = result.shared
     assert (cause.id, cause.where) == ("payload", "fore")
     found = cause.parameters
@@ -43,7 +28,7 @@ def test_a_wrong_mass_at_the_right_centre_stays_one(tmp_path):
     """A payload would explain it as well, with nine parameters more."""
     heavier = URDF.replace('mass value="1.2"', 'mass value="1.45"')
     assert heavier != URDF
-    (cause,) = diagnosed(tmp_path, 3, true=heavier).shared
+    (cause,) = diagnosed_as_known(tmp_path, 3, true=heavier).shared
     assert (cause.id, cause.where) == ("link_mass", "fore")
     assert cause.parameters["mass"].value == pytest.approx(0.25, rel=0.05)
 
@@ -51,7 +36,7 @@ def test_a_wrong_mass_at_the_right_centre_stays_one(tmp_path):
 def test_a_wrong_link_further_in_is_no_payload(tmp_path):
     heavier = URDF.replace('mass value="2"', 'mass value="2.4"')
     assert heavier != URDF
-    (cause,) = diagnosed(tmp_path, 4, true=heavier).shared
+    (cause,) = diagnosed_as_known(tmp_path, 4, true=heavier).shared
     assert (cause.id, cause.where) == ("link_mass", "boom")
 
 
@@ -64,4 +49,4 @@ def test_what_cannot_be_a_body_is_none():
 
 
 def test_an_arm_as_its_file_says_carries_nothing(tmp_path):
-    assert diagnosed(tmp_path, 5).shared == ()
+    assert diagnosed_as_known(tmp_path, 5).shared == ()
