@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
 from drake_tc.benchmarks.blind_arm.arms import REFERENCE, arm_named
-from drake_tc.benchmarks.blind_arm.cases import simulated_arm, sound_case, write_files
+from drake_tc.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
 from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_run
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.run import check_rig
@@ -32,7 +32,7 @@ def recorded(tmp_path_factory):
     skip_without_robots()
     folder = tmp_path_factory.mktemp("arm")
     case = sound_case(arm_named(REFERENCE), 1)
-    arm = simulated_arm(case, write_files(case, folder), np.random.default_rng(case.seed))
+    arm = simulated_arm(case, write_files(case, folder, rig_file(case)), np.random.default_rng(case.seed))
     write_log(record_run(arm, 0, np.random.default_rng(7), SECONDS), folder / "first.npz")
     return folder, arm
 
