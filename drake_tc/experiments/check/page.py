@@ -7,6 +7,7 @@ from drake_tc.experiments.check.run import CheckResult, JointCheck
 from drake_tc.experiments.check.visibility import Visibility
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.words import capital
 
 WORDS = {"seen": "seen", "weakly": "weakly seen", "not_seen": "not seen", "not_separable": "not separable"}
 
@@ -78,9 +79,13 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
         [_row(each) for each in joint.effects.effects if not each.obstacle],
         ("found from", "typical"),
     )
+    labels = {each.key: _label(each) for each in joint.effects.effects}
     never = PageTable(
         ("cannot be looked for", "why"),
-        [(", ".join(keys), f"{reason}.") for reason, keys in by_reason(joint.effects.effects).items()],
+        [
+            (", ".join(labels[key] for key in keys), f"{capital(reason)}.")
+            for reason, keys in by_reason(joint.effects.effects).items()
+        ],
         (),
     )
     aside = f"{joint.drive}, {significant(joint.seconds)} s in motion"
@@ -92,15 +97,18 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
 
 def _row(found: Visibility) -> tuple[str, ...]:
     why = found.reason or (f"At these motions it is {found.why}." if found.why else "")
-    label = found.title if found.key == found.id else f"{found.title} ({found.key})"
     return (
-        label,
+        _label(found),
         WORDS[found.status],
         _size(found.smallest),
         _size(found.size.typical),
         pretty_unit(found.size.unit),
         why,
     )
+
+
+def _label(found: Visibility) -> str:
+    return found.title if found.key == found.id else f"{found.title} ({found.key})"
 
 
 def _size(value: float) -> str:
