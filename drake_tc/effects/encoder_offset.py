@@ -37,7 +37,7 @@ class EncoderOffset(SensorEffect):
         if context.taken_up:
             return context.taken_up
         if context.drive != "position_servo" and context.load in ("robot", "links"):
-            return "the loads of other joints depend on the encoder's zero too: an error of it is one of the set-up"
+            return "the loads of other joints depend on the encoder's zero too: it is looked for on all joints together"
         if context.drive != "position_servo" and context.load != "pendulum":
             return "neither the effort nor the load depends on the encoder's zero"
         return super().obstacle(context)
