@@ -256,7 +256,7 @@ class Columns:
         # Where no other sensor tells the load, a torque from the effort holds the residual: its sign would explain 40 %
         # of any noise.
         of_effort = known.stiffness * s.effort - friction - s.rotor_inertia * s.acceleration
-        expected = s.load_torque if self.samples.resolution.effort_tells_load else of_effort
+        expected = s.load_torque if self.effort_is_target or self.samples.resolution.effort_tells_load else of_effort
         stiffness = known.stiffness if servo else 0.0
         if true_torque is not None:
             s = replace(s, load_torque=true_torque)
