@@ -13,7 +13,7 @@ export MPLBACKEND ?= Agg
 SCRIPT_TYPES := --allow-redefinition-new --local-partial-types --follow-imports silent --cache-dir .mypy_cache/scripts \
 	--disable-error-code union-attr --disable-error-code arg-type --disable-error-code operator
 
-.PHONY: help demo test test-slow lint unit coverage times wheel resolve notebook docs benchmark-records clean
+.PHONY: help demo bench test test-slow lint unit coverage times wheel resolve notebook docs benchmark-records clean
 
 help: ## what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -37,6 +37,9 @@ $(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
 demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the last line is the report
 	@$(BIN)/drake-tc close-loop --out $(OUT)
 	@echo "$(OUT)/report.html"
+
+bench: $(VENV)/.installed-test ## run a benchmark: NAME=tick; without NAME, list them
+	$(BIN)/python -m tests.benchmarks $(NAME)
 
 test: lint unit times wheel ## all checks, at most eight minutes on two cores
 

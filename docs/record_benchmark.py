@@ -17,7 +17,6 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 STORE = ROOT / "docs" / "benchmarks"
-RUN = "from drake_tc.cli.entry import main; main()"
 
 
 def record(name: str, known: dict[str, dict[str, str]]) -> Path:
@@ -32,10 +31,10 @@ def record(name: str, known: dict[str, dict[str, str]]) -> Path:
     """
     if name not in known:
         sys.exit(f"no benchmark {name!r}; benchmarks: {', '.join(known)}")
-    if _git("status", "--porcelain", "--", "drake_tc", "diagrams", "models"):
+    if _git("status", "--porcelain", "--", "drake_tc", "diagrams", "models", "tests/benchmarks"):
         sys.exit("the package has uncommitted changes: commit them first, so that the result belongs to a commit")
     arguments = os.path.expandvars(known[name]["command"]).split()[1:]
-    ran = subprocess.run([sys.executable, "-c", RUN, *arguments], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    ran = subprocess.run([sys.executable, *arguments], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     if ran.returncode:
         sys.exit(f"{known[name]['command']}: ended with exit code {ran.returncode}")
     path = STORE / f"{name}.json"

@@ -30,7 +30,6 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from drake_tc.benchmarks.tsid_timing import tick_timings
 from drake_tc.control.torque_uncertainty_file import (
     TorqueUncertainty,
     load_torque_uncertainty,
@@ -53,6 +52,7 @@ from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.tick import problem_at
+from tests.benchmarks.tsid_timing import tick_timings
 
 folder = Path(tempfile.mkdtemp())
 humanoid = tsid_entry()
@@ -324,7 +324,7 @@ print(f"the robust controller stands: {reached['individual'].fell is None}")
 
 # %% [markdown]
 # This reach is picked: weight, margin and goal by hand, among a few. The robust controller's $p_\mathrm{ind}$ has dips
-# as well. With several limits at their bounds, what happens is left to the floor: `drake-tc bench floor` shows the same
+# as well. With several limits at their bounds, what happens is left to the floor: the benchmark `floor` shows the same
 # motion on other approximations of contact, on which the robust controller's forces leave their cones too.
 #
 # ## 7. What a tick costs, and what was missed
@@ -336,7 +336,7 @@ for row in (row for row in rows if row.unit == "us"):
     print(f"{row.name:<72}{row.value:8.0f}{row.highest:8.0f}  {row.goal}")
 
 # %% [markdown]
-# `drake-tc bench tick` measures that along a longer motion. Terms and reduction are what all controllers share, the
+# the benchmark `tick` measures that along a longer motion. Terms and reduction are what all controllers share, the
 # rest is the programs. Read the times as those of a machine that may have been busy.
 #
 # And the paper's results? At the states of section 1, of the project's goals:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from readme_tables import assert_quoted, row
 
-from drake_tc.benchmarks import real_bam, real_dfki, real_icub, real_tmotor, real_uart
 from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks import real_bam, real_dfki, real_icub, real_tmotor, real_uart
 
 DIAGNOSIS, BASE = "drake_tc/diagnosis/README.md", "drake_tc/estimation/base/README.md"
 PERCENT = 100.0

@@ -1,4 +1,4 @@
-"""The house's walls: imports point down, files are small, robots live in diagrams and models."""
+"""The house's walls: imports point down, robots live in diagrams and models."""
 
 import ast
 import re
@@ -13,9 +13,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "drake_tc"
-LONGEST_FILE = 300
-"""Lines of a file of the library."""
-LONGEST_TEST = 400
 
 FLOOR = {
     "errors": 0,
@@ -33,6 +30,7 @@ FLOOR = {
     "logs": 1,
     "filtering": 1,
     "kernels": 1,
+    "joint_simulator": 1,
     "effects": 2,
     "actuation": 3,
     "robot": 3,
@@ -48,7 +46,6 @@ FLOOR = {
     "exchange": 11,
     "report": 11,
     "registry": 12,
-    "benchmarks": 12,
     "experiments": 12,
     "diagrams": 12,
     "cli": 13,
@@ -62,11 +59,12 @@ ALONE = {
     "logs": {"config", "errors", "types", "gravity", "extensions", "simulator_files"},
     "filtering": {"errors", "types", "port_methods", "array_stage", "kernels"},
     "kernels": {"errors", "types", "gravity"},
+    "joint_simulator": {"errors", "types"},
 }
 """Packages that may import nothing but these."""
 
-BLIND = "drake_tc.benchmarks.blind"
-"""The blind rigs, which must not share the diagnosis's formulas: they import nothing of ours but errors and types."""
+BLIND = "tests.benchmarks.blind"
+"""The blind rigs, which must not share the diagnosis's formulas: they import the joint simulator and no other."""
 
 MAY_SHOW_DIAGRAMS = {"diagrams"}
 """Everything else finds diagrams through `drake_tc.registry`."""
@@ -149,12 +147,12 @@ def test_diagrams_are_short_and_the_papers_apart():
 
 
 def test_the_blind_rigs_share_no_formula_with_the_diagnosis():
-    own = (f"{BLIND}.", "drake_tc.errors", "drake_tc.types", "drake_tc.report.figure_")
-    files = list((ROOT / BLIND.replace(".", "/")).rglob("*.py"))
+    own = (f"{BLIND}.", "drake_tc.joint_simulator", "drake_tc.errors", "drake_tc.types", "drake_tc.report.figure_")
+    files = [p for p in (ROOT / BLIND.replace(".", "/")).rglob("*.py") if not p.name.startswith(("test_", "conftest"))]
     assert files
     for path in files:
         for line, module in imported(path):
-            ours = module.startswith("drake_tc.") and module != BLIND
+            ours = module.startswith(("drake_tc.", "tests.")) and module != BLIND
             assert not ours or module.startswith(own), f"{path.relative_to(ROOT)}:{line} imports {module}"
 
 
@@ -162,6 +160,16 @@ def test_packages_of_one_floor_do_not_import_in_a_ring():
     edges = {(package_of(p), target) for p in sources() for _, target in own_imports(p)}
     rings = sorted(f"{a} <-> {b}" for a, b in edges if a < b and (b, a) in edges)
     assert rings == []
+
+
+def test_nothing_installed_imports_the_tests():
+    found = [
+        f"{p.relative_to(ROOT)}:{line}"
+        for p in sources()
+        for line, name in imported(p)
+        if name.split(".")[0] == "tests"
+    ]
+    assert found == []
 
 
 def test_imports_of_drake_are_narrow():
@@ -232,7 +240,7 @@ def test_what_is_imported_is_declared():
     library = {distribution_name(name) for name in (*project["dependencies"], *on_demand)}
     everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
     installed = modules_of_distributions() | {module: {name} for module, name in DISTRIBUTIONS.items()}
-    ours = {"drake_tc", *(path.stem for folder in ("tests", "docs") for path in (ROOT / folder).iterdir())}
+    ours = {"drake_tc", "tests", *(path.stem for folder in ("tests", "docs") for path in (ROOT / folder).iterdir())}
     ours |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
     missing = {}
     for path in every_source():
@@ -245,17 +253,6 @@ def test_what_is_imported_is_declared():
             if not named & declared:
                 missing[module] = f"{path.relative_to(ROOT)}:{line}"
     assert missing == {}
-
-
-def test_files_are_small():
-    library, too_long = set(sources()), {}
-    for path in every_source():
-        lines = path.read_text(encoding="utf-8").splitlines()
-        if path.parent.name == "notebooks":  # their prose stands in comments
-            lines = [line for line in lines if not line.startswith("#")]
-        if len(lines) > (LONGEST_FILE if path in library else LONGEST_TEST):
-            too_long[str(path.relative_to(ROOT))] = len(lines)
-    assert too_long == {}
 
 
 def _names_and_texts(tree: ast.Module) -> Iterator[str]:
@@ -272,8 +269,6 @@ def _names_and_texts(tree: ast.Module) -> Iterator[str]:
             yield node.value
 
 
-NAMES_ROBOTS = {"benchmarks", "diagrams", "models"}
-"""What may name robots: benchmarks run on some, diagrams and models are of some."""
 DATA_SETS = ("icub-walking-base", "real-icub", "ur10e-calibration", "ur10e")
 """Public data sets and what reads them, which carry a robot's name."""
 
@@ -281,8 +276,6 @@ DATA_SETS = ("icub-walking-base", "real-icub", "ur10e-calibration", "ur10e")
 def test_the_library_names_no_robot():
     found = []
     for path in sorted(LIBRARY.rglob("*.py")):
-        if package_of(path) in NAMES_ROBOTS:
-            continue
         for text in _names_and_texts(parsed(path)):
             for name in DATA_SETS:
                 text = text.replace(name, "")
@@ -306,7 +299,7 @@ def test_no_library_file_prints_or_asserts():
     for path in sorted(LIBRARY.rglob("*.py")):
         for node in nodes_of(path):
             prints = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
-            if isinstance(node, ast.Assert) or (prints and package_of(path) not in ("cli", "benchmarks")):
+            if isinstance(node, ast.Assert) or (prints and package_of(path) != "cli"):
                 wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert wrong == []
 

@@ -22,7 +22,7 @@ WIDEST = 76
 
 
 def commands() -> dict[str, Any]:
-    """Name, such as "bench leg", to its command."""
+    """Name to its command."""
     return dict(_walk(typer.main.get_command(app), ""))
 
 
@@ -49,27 +49,16 @@ def arguments_of(line: str) -> list[str]:
 
 
 def pages() -> dict[str, str]:
-    """Page to its text: one a command, and one for all benchmarks."""
+    """Page to its text: one a command."""
     shown = examples()
-    texts: dict[str, str] = {}
-    benches = []
-    for name, command in commands().items():
-        text = _text(name, command, shown.get(name, []), level=2 if name.startswith("bench ") else 1)
-        if name.startswith("bench "):
-            benches.append(text)
-        else:
-            texts[f"cli/{name}.md"] = text
-    head = "# `drake-tc bench`\n\nBenchmarks on blind rigs and public logs, and timings. Each prints a table."
-    texts["cli/bench.md"] = "\n\n".join([head, *benches])
-    texts["cli/index.md"] = _overview()
-    return texts
+    texts = {f"cli/{name}.md": _text(name, command, shown.get(name, [])) for name, command in commands().items()}
+    return texts | {"cli/index.md": _overview()}
 
 
 def _overview() -> str:
     rows = []
     for name, command in commands().items():
-        page, anchor = ("bench", f"#drake-tc-{name.replace(' ', '-')}") if name.startswith("bench ") else (name, "")
-        rows.append((f"[`{PROGRAM} {name}`]({page}.md{anchor})", _paragraphs(command.help)[0]))
+        rows.append((f"[`{PROGRAM} {name}`]({name}.md)", _paragraphs(command.help)[0]))
     return f"# Commands\n\n{_RULES}\n\n{table(('command', 'what it does'), rows)}\n"
 
 
@@ -86,12 +75,11 @@ drake-tc did not write, or that was changed since, is overwritten with `--force`
 """.strip()
 
 
-def _text(name: str, command: Any, shown: Sequence[Mapping[str, str]], level: int) -> str:
-    heading = "#" * level
+def _text(name: str, command: Any, shown: Sequence[Mapping[str, str]]) -> str:
     arguments = [p for p in command.params if p.param_type_name == "argument"]
     options = [p for p in command.params if p.param_type_name == "option"]
     usage = " ".join([PROGRAM, name, *(p.name.upper() for p in arguments), "[OPTIONS]"])
-    parts = [f"{heading} `{PROGRAM} {name}`", *_paragraphs(command.help), f"```text\n{usage}\n```"]
+    parts = [f"# `{PROGRAM} {name}`", *_paragraphs(command.help), f"```text\n{usage}\n```"]
     if arguments:
         rows = [(f"`{p.name.upper()}`", _help(p), _choices(p)) for p in arguments]
         parts.append(table(("argument", "meaning", "values"), rows))

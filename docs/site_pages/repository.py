@@ -18,7 +18,7 @@ SHOWN = {
     "drake_tc/tsid/README.md": "methods/tsid.md",
     "drake_tc/tsid/qp/README.md": "methods/qp.md",
     "drake_tc/estimation/base/README.md": "methods/base_estimation.md",
-    "drake_tc/benchmarks/REAL_LOGS.md": "methods/real_logs.md",
+    "tests/benchmarks/REAL_LOGS.md": "methods/real_logs.md",
     "diagrams/README.md": "methods/diagrams.md",
     "diagrams/humanoid_tsid.md": "methods/humanoid_tsid.md",
     "diagrams/sea_joint.md": "methods/sea_joint.md",

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Mapping, Sequence
 
 TUNABLE, BLOCKS = "glibc.malloc.tcache_count", 100
-SIMULATING = ("simulate", "bench", "reproduce")
+SIMULATING = ("simulate", "reproduce")
 """Commands that last long enough for the start to pay."""
 
 
@@ -28,7 +28,7 @@ def tuned(environment: Mapping[str, str]) -> dict[str, str] | None:
     return {**environment, "GLIBC_TUNABLES": f"{tunables}:{own}" if tunables else own}
 
 
-def restart_tuned(arguments: Sequence[str]) -> None:
+def restart_tuned(arguments: Sequence[str], *, simulates: bool = False) -> None:
     """Start this process anew with the tunable; do nothing where that has no use or is not possible.
 
     It has no use for other commands and without glibc. It is not possible where the arguments are not those with which
@@ -36,9 +36,10 @@ def restart_tuned(arguments: Sequence[str]) -> None:
 
     Args:
         arguments: What stands behind `drake-tc`.
+        simulates: Every command of the program simulates, whatever its name.
     """
     environment = tuned(os.environ)
-    simulates = bool(arguments) and arguments[0] in SIMULATING
+    simulates = bool(arguments) and (simulates or arguments[0] in SIMULATING)
     started = list(arguments) == sys.orig_argv[len(sys.orig_argv) - len(arguments) :]
     if environment is not None and simulates and started and sys.executable and _has_glibc():
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)

@@ -5,6 +5,7 @@ import re
 import sys
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
+from typing import NoReturn
 
 from drake_tc.cli.allocator import restart_tuned
 from drake_tc.system_libraries import how_to_install, import_error, missing_library
@@ -25,7 +26,11 @@ def main() -> None:
         sys.exit(2)
     from drake_tc.cli.main import run
 
-    code = run(sys.argv[1:])
+    leave(run(sys.argv[1:]))
+
+
+def leave(code: int) -> NoReturn:
+    """End this process with the exit code of a command."""
     if code in STOPPED:
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError):

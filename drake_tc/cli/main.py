@@ -11,7 +11,6 @@ import typer
 from typer.exceptions import TyperException
 
 from drake_tc import __version__
-from drake_tc.cli.bench_command import bench_app
 from drake_tc.cli.bode_command import bode_command
 from drake_tc.cli.check_command import check_command
 from drake_tc.cli.close_loop_command import close_loop_command
@@ -63,7 +62,6 @@ app.command("stability", short_help="Margins of a diagram's loop.")(stability_co
 app.command("stability-map", short_help="Stability over two parameters.")(stability_map_command)
 app.command("tune", short_help="Choose gains and filter windows.")(tune_command)
 app.command("bode", short_help="Measure a frequency response.")(bode_command)
-app.add_typer(bench_app, name="bench", short_help="Run a benchmark.")
 
 
 def _print_version(requested: bool) -> None:
@@ -92,30 +90,35 @@ def run(arguments: Sequence[str]) -> int:
         arguments: What stands behind `drake-tc`; nothing at all asks for the help. `--debug` anywhere shows tracebacks
             and warnings of libraries.
     """
+    return run_app(app, "drake-tc", arguments)
+
+
+def run_app(app: typer.Typer, program: str, arguments: Sequence[str]) -> int:
+    """`run` of any application; its name stands before every message."""
     debug = "--debug" in arguments
     given = [argument for argument in arguments if argument != "--debug"]
     if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be UTF-8
         sys.stdout.reconfigure(errors="backslashreplace")
     with quiet_libraries(quiet="--json" in given, debug=debug):
-        return _run(given, debug=debug)
+        return _run(app, program, given, debug=debug)
 
 
-def _run(arguments: Sequence[str], *, debug: bool) -> int:
+def _run(app: typer.Typer, program: str, arguments: Sequence[str], *, debug: bool) -> int:
     try:
-        code = app(list(arguments) or ["--help"], prog_name="drake-tc", standalone_mode=False)
+        code = app(list(arguments) or ["--help"], prog_name=program, standalone_mode=False)
     except DrakeTcError as error:
-        print(f"drake-tc: {_one_line(str(error))}", file=sys.stderr)
+        print(f"{program}: {_one_line(str(error))}", file=sys.stderr)
         return 2
     except TyperException as error:
         print(
-            f"drake-tc: {_one_line(error.format_message())} (see drake-tc --help)",
+            f"{program}: {_one_line(error.format_message())} (see {program} --help)",
             file=sys.stderr,
         )
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except Terminated:
-        print("drake-tc: terminated", file=sys.stderr)
+        print(f"{program}: terminated", file=sys.stderr)
         return 143
     except BrokenPipeError:  # whoever read the output has closed it, as `head` does
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the last flush
@@ -123,10 +126,10 @@ def _run(arguments: Sequence[str], *, debug: bool) -> int:
     except Exception as error:
         if debug:
             raise
-        print(f"drake-tc: {_one_line(write_details(error, arguments))}", file=sys.stderr)
+        print(f"{program}: {_one_line(write_details(error, arguments))}", file=sys.stderr)
         return UNEXPECTED
     if code == INTERRUPTED:  # Typer makes this code of a KeyboardInterrupt
-        print("drake-tc: interrupted", file=sys.stderr)
+        print(f"{program}: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0
 
 

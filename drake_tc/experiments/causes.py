@@ -1,4 +1,4 @@
-"""Effects as the independent simulator (`benchmarks.blind`) has them: from size to the numbers of a cause, and back.
+"""Effects as the independent simulator (`joint_simulator`) has them: from size to the numbers of a cause, and back.
 
 The simulator shares no formula with the effects; this table is the only place at which the two meet, and it holds
 nothing but names and units.
@@ -10,11 +10,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from drake_tc.benchmarks.blind.amplitudes import draw_cause
-from drake_tc.benchmarks.blind.spec import Joint, RigSpec
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.gravity import GRAVITY
+from drake_tc.joint_simulator.amplitudes import draw_cause
+from drake_tc.joint_simulator.spec import Joint, RigSpec
 
 Values: TypeAlias = Mapping[str, float]
 NEAR_AXIS = 0.02

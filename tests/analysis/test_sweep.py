@@ -11,8 +11,8 @@ import pytest
 from threadpoolctl import threadpool_info
 
 from drake_tc.analysis.sweep import SweepError, point_seed, processes, scheduler_executor, sweep
-from drake_tc.benchmarks.sweep_speed import sweep_rows
 from drake_tc.errors import ParamsError
+from tests.benchmarks.sweep_speed import sweep_rows
 
 from . import sweep_functions as functions
 
@@ -138,7 +138,7 @@ def test_an_executor_that_cannot_be_restarted_says_what_to_use():
 def test_a_script_that_its_workers_cannot_import_is_told_so_in_one_line():
     script = """
 from drake_tc.analysis.sweep import processes, sweep
-from drake_tc.benchmarks.sweep_speed import busy_point
+from tests.benchmarks.sweep_speed import busy_point
 if __name__ == "__main__":
     with processes(1) as executor:
         sweep(busy_point, [1], executor=executor)

@@ -1,0 +1,1 @@
+"""Benchmarks that print rows: `python -m tests.benchmarks` lists them. They are not installed."""

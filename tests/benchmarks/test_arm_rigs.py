@@ -9,9 +9,16 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 from pydrake.multibody.tree import MultibodyForces
 
-from drake_tc.benchmarks.arm_rigs import BASE_INTERVALS, ArmScore, arm_benchmark, arm_rows, base_intervals
-from drake_tc.benchmarks.blind_arm.arms import ARMS, LinkError, apply_errors, link_parameters, moving_links
-from drake_tc.benchmarks.blind_arm.cases import (
+from drake_tc.effects.base import Context
+from drake_tc.effects.library import effect
+from drake_tc.logs.readers import read_table
+from drake_tc.logs.rig import load_rig
+from drake_tc.robot.plant import make_plant
+from drake_tc.robot.rigid_regressor import link_tree, regressor
+from drake_tc.robot.robot import load_robot
+from tests.benchmarks.arm_rigs import BASE_INTERVALS, ArmScore, arm_benchmark, arm_rows, base_intervals
+from tests.benchmarks.blind_arm.arms import ARMS, LinkError, apply_errors, link_parameters, moving_links
+from tests.benchmarks.blind_arm.cases import (
     MASS_TOLERANCE,
     ROUND,
     SENSORS,
@@ -20,16 +27,9 @@ from drake_tc.benchmarks.blind_arm.cases import (
     record_case,
     rig_file,
 )
-from drake_tc.benchmarks.blind_arm.physics import TORQUES, JointMotion, JointTruth, effort
-from drake_tc.benchmarks.blind_arm.recorder import MOST_ACCELERATION, MOST_TRAVEL, fourier
-from drake_tc.benchmarks.robot_rigs import RobotScore
-from drake_tc.effects.base import Context
-from drake_tc.effects.library import effect
-from drake_tc.logs.readers import read_table
-from drake_tc.logs.rig import load_rig
-from drake_tc.robot.plant import make_plant
-from drake_tc.robot.rigid_regressor import link_tree, regressor
-from drake_tc.robot.robot import load_robot
+from tests.benchmarks.blind_arm.physics import TORQUES, JointMotion, JointTruth, effort
+from tests.benchmarks.blind_arm.recorder import MOST_ACCELERATION, MOST_TRAVEL, fourier
+from tests.benchmarks.robot_rigs import RobotScore
 
 PLAIN = JointTruth(viscous=2.0, coulomb=3.0, rotor_inertia=0.5, gain=0.1)
 

@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drake_tc.benchmarks import blind_rigs
-from drake_tc.benchmarks.blind.catalogue import catalogue
-from drake_tc.benchmarks.blind.score import score_outcomes
-from drake_tc.benchmarks.blind.spec import BlindError
-from drake_tc.benchmarks.blind_rigs import BlindOptions, blind_benchmark, diagnose_folder
-from drake_tc.cli.bench_command import bench_app
-from drake_tc.cli.bench_diagnosis_command import scores_json
 from drake_tc.errors import DrakeTcError
+from drake_tc.joint_simulator.spec import BlindError
+from tests.benchmarks import blind_rigs
+from tests.benchmarks.__main__ import app, scores_json
+from tests.benchmarks.blind.catalogue import catalogue
+from tests.benchmarks.blind.score import score_outcomes
+from tests.benchmarks.blind_rigs import BlindOptions, blind_benchmark, diagnose_folder
 
 SILENT = lambda text, share: None  # noqa: E731
 
@@ -98,7 +97,7 @@ def test_seeds_are_pooled_and_kept_apart(tmp_path: Path, made: list[str]) -> Non
 
 
 def test_command_line_offers_parts_and_seeds() -> None:
-    text = CliRunner().invoke(bench_app, ["diagnosis", "--help"], env={"COLUMNS": "160"}).output
+    text = CliRunner().invoke(app, ["diagnosis", "--help"], env={"COLUMNS": "160"}).output
     assert all(option in text for option in ("--group", "--kind", "--seed", "--scale", "--json"))
-    refused = CliRunner().invoke(bench_app, ["diagnosis", "--scale", "tiny"])
+    refused = CliRunner().invoke(app, ["diagnosis", "--scale", "tiny"])
     assert refused.exit_code == 2

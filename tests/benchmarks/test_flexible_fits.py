@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.flexible_fits import LogRows, evaluated_errors, offset_of, repeatability, smallest
+from tests.benchmarks.flexible_fits import LogRows, evaluated_errors, offset_of, repeatability, smallest
 
 NOISE = 0.1
 OFFSET = 0.3

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks import floor_contact as floor_bench
-from drake_tc.benchmarks.floor_contact import (
+from drake_tc.loops.whole_body.ground import touching_points
+from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
+from tests.benchmarks import floor_contact as floor_bench
+from tests.benchmarks.floor_contact import (
     FRICTION,
     GRAVITY,
     GYRATION,
@@ -22,8 +24,6 @@ from drake_tc.benchmarks.floor_contact import (
     rocking_error,
     stopping_distance,
 )
-from drake_tc.loops.whole_body.ground import touching_points
-from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
 
 HARD = GroundSpec(friction=FRICTION)
 SOFT_SOLE = GroundSpec(friction=FRICTION, sole=SOFT)

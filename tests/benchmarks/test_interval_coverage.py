@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from drake_tc.benchmarks.interval_coverage import friction_intervals, holds, own_intervals
-from drake_tc.benchmarks.robot_rigs import INTERVALS, score_report, summary_rows
+from tests.benchmarks.interval_coverage import friction_intervals, holds, own_intervals
+from tests.benchmarks.robot_rigs import INTERVALS, score_report, summary_rows
 
 TRUTH = {
     "id": "link_mass",

@@ -8,18 +8,18 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
-from drake_tc.benchmarks.arm_rigs import known_arm_benchmark
-from drake_tc.benchmarks.blind_arm.arms import Body, arm_named, attach, moving_links
-from drake_tc.benchmarks.blind_arm.known_links import (
+from drake_tc.logs.rig import load_rig
+from drake_tc.robot.plant import make_plant
+from drake_tc.robot.robot import load_robot
+from tests.benchmarks.arm_rigs import known_arm_benchmark
+from tests.benchmarks.blind_arm.arms import Body, arm_named, attach, moving_links
+from tests.benchmarks.blind_arm.known_links import (
     KNOWN_ROUND,
     known_case,
     known_rig_file,
     named_set_up,
     record_known_case,
 )
-from drake_tc.logs.rig import load_rig
-from drake_tc.robot.plant import make_plant
-from drake_tc.robot.robot import load_robot
 
 
 def weights(plant, context, q):
@@ -70,14 +70,14 @@ def test_files_do_not_tell(tmp_path, number):
 def test_a_record_has_the_wrong_zero_and_nothing_else(tmp_path, monkeypatch):
     """Against the same case without an offset, whose draws are the same."""
     skip_without_robots()
-    monkeypatch.setattr("drake_tc.benchmarks.blind_arm.known_links.SECONDS", 2.0)
+    monkeypatch.setattr("tests.benchmarks.blind_arm.known_links.SECONDS", 2.0)
     number = KNOWN_ROUND.index("encoder_offset")
     case = known_case(number, 3)
     truth = record_known_case(case, tmp_path / "wrong")
     assert (truth["id"], truth["where"]) == ("encoder_offset", case.where)
     assert np.deg2rad(2.0) <= abs(truth["estimated"]["offset"]) <= np.deg2rad(5.0)
     case.offsets.clear()
-    monkeypatch.setattr("drake_tc.benchmarks.blind_arm.known_links.OF_THE_ARM", ())
+    monkeypatch.setattr("tests.benchmarks.blind_arm.known_links.OF_THE_ARM", ())
     object.__setattr__(case, "kind", "")
     record_known_case(case, tmp_path / "right")
     wrong, right = (np.load(tmp_path / side / "run_2.npz") for side in ("wrong", "right"))

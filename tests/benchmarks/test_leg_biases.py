@@ -8,10 +8,10 @@ import yaml
 from numpy.testing import assert_allclose
 from scipy.stats import truncnorm
 
-from drake_tc.benchmarks.blind_leg import cases
-from drake_tc.benchmarks.blind_leg.biases import LIMIT, SensorBiases, Tolerances, declared_sensors
-from drake_tc.benchmarks.blind_leg.cases import ROBOT, ROUND, leg_case, record_case, zeroed_suite
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.blind_leg import cases
+from tests.benchmarks.blind_leg.biases import LIMIT, SensorBiases, Tolerances, declared_sensors
+from tests.benchmarks.blind_leg.cases import ROBOT, ROUND, leg_case, record_case, zeroed_suite
 
 
 def test_draws_are_normal_within_the_limit() -> None:

@@ -5,15 +5,15 @@ import sys
 
 import pytest
 
-from drake_tc.benchmarks.close_loop_speed import RUNS, command_cost, write_runs
 from drake_tc.errors import DrakeTcError
+from tests.benchmarks.close_loop_speed import RUNS, command_cost, write_runs
 
 BURN = "import time\nwhile time.process_time() < 0.4: pass"
 ORPHAN = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {BURN!r}])"
 
 
 def measured(code: str) -> subprocess.CompletedProcess[str]:
-    call = [sys.executable, "-m", "drake_tc.benchmarks.process_usage", sys.executable, "-c", code]
+    call = [sys.executable, "-m", "tests.benchmarks.process_usage", sys.executable, "-c", code]
     return subprocess.run(call, capture_output=True, text=True, timeout=60, check=False)
 
 

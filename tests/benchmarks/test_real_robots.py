@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.pooled_least_squares import PlainRows, fit_and_predict, fit_each_run, fit_scaled
-from drake_tc.benchmarks.real_logs import chosen_sets
-from drake_tc.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, ratio_interval, rows, table_rows
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import ParamsError
+from tests.benchmarks.pooled_least_squares import PlainRows, fit_and_predict, fit_each_run, fit_scaled
+from tests.benchmarks.real_logs import chosen_sets
+from tests.benchmarks.real_robots import CASES, HeldOut, RobotCase, payload_rows, ratio_interval, rows, table_rows
 
 
 def made_up(rng: np.random.Generator, size: int, noise: tuple[float, float]) -> dict[str, PlainRows]:

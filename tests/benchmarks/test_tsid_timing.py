@@ -6,11 +6,11 @@ from types import SimpleNamespace
 from numpy.testing import assert_array_equal
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from drake_tc.benchmarks import tsid_parts as parts
-from drake_tc.benchmarks import tsid_timing as timing
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.registry import tsid_entry
+from tests.benchmarks import tsid_parts as parts
+from tests.benchmarks import tsid_timing as timing
 
 PERIOD, SLOW = 2e-3, 4e-3
 

@@ -9,8 +9,6 @@ import pandas as pd
 import pytest
 import yaml
 
-from drake_tc.benchmarks.blind_leg.cases import ROBOT, leg_case, zeroed_suite
-from drake_tc.benchmarks.blind_leg.recorder import random_motion, record_leg
 from drake_tc.cli.main import run
 from drake_tc.estimation.off_line import OffLineFilter, estimate_log
 from drake_tc.estimation.robot_loads import robot_logs
@@ -20,6 +18,8 @@ from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log
 from drake_tc.loops.torque.recording import log_columns
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.blind_leg.cases import ROBOT, leg_case, zeroed_suite
+from tests.benchmarks.blind_leg.recorder import random_motion, record_leg
 
 OLD = OffLineFilter(Window(31, 2), Window(31, 2), Window(31, 2))
 """The 31 ms that held for every log before the windows were chosen from it."""

@@ -8,7 +8,7 @@ import typer
 import drake_tc
 from drake_tc.cli.main import app
 
-COMMANDS = ["close-loop", "check", "design", "rehearse", "identify", "import", "schema", "bench"]
+COMMANDS = ["close-loop", "check", "design", "rehearse", "identify", "import", "schema"]
 
 
 def test_version(invoke):
@@ -37,16 +37,12 @@ def test_each_command_explains_itself(invoke, monkeypatch, name, columns):
 def test_a_narrow_terminal_cuts_no_name_of_an_option(invoke, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     group = typer.main.get_command(app)
-    bench = group.commands["bench"]
-    every = {(name,): command for name, command in group.commands.items() if command is not bench}
-    every |= {("bench", name): command for name, command in bench.commands.items()}
-    for names, command in every.items():
-        text = invoke(*names, "--help").out
-        assert max(map(len, text.splitlines())) <= 60, names
+    for name, command in group.commands.items():
+        text = invoke(name, "--help").out
+        assert max(map(len, text.splitlines())) <= 60, name
         options = {option for p in command.params for option in p.opts if option.startswith("--")}
-        assert options <= set(re.findall(r"--[a-z-]+", text)), names
+        assert options <= set(re.findall(r"--[a-z-]+", text)), name
     assert "..." not in invoke("--help").out.partition("Commands:")[2]
-    assert "..." not in invoke("bench", "--help").out.partition("Commands:")[2]
 
 
 def test_an_unknown_data_set_lists_those_there_are(invoke, tmp_path):

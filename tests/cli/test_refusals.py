@@ -100,7 +100,6 @@ def test_a_rig_file_that_says_too_little_or_wrong(invoke, bench, tmp_path, docum
         ["import", "atlas", "here", "--out", "there"],
         ["import", "bam"],
         ["identify"],
-        ["bench", "nothing"],
     ],
 )
 def test_a_slip_of_the_keyboard_is_one_line(invoke, arguments):

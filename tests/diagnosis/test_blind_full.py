@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 from readme_tables import assert_quoted, row
 
-from drake_tc.benchmarks.blind.catalogue import catalogue
-from drake_tc.benchmarks.blind.generate import generate
-from drake_tc.benchmarks.blind.outcome import read_outcome
-from drake_tc.benchmarks.blind.score import score_outcomes, score_reports
-from drake_tc.benchmarks.blind.scoreboard import print_score
-from drake_tc.benchmarks.blind_rigs import diagnose_folder
+from tests.benchmarks.blind.catalogue import catalogue
+from tests.benchmarks.blind.generate import generate
+from tests.benchmarks.blind.outcome import read_outcome
+from tests.benchmarks.blind.score import score_outcomes, score_reports
+from tests.benchmarks.blind.scoreboard import print_score
+from tests.benchmarks.blind_rigs import diagnose_folder
 
 SEED = 220
 """Untouched until the thresholds were frozen (drake_tc/diagnosis/README.md says on which seeds they were set)."""

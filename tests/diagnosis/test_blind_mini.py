@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from drake_tc.benchmarks.blind.catalogue import catalogue, caused_rig
-from drake_tc.benchmarks.blind.generate import generate
-from drake_tc.benchmarks.blind.nulls import null_rig
-from drake_tc.benchmarks.blind.outcome import Outcome, read_outcome
-from drake_tc.benchmarks.blind.score import score_outcomes
-from drake_tc.benchmarks.blind.spec import RUNS, RigSpec
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.joint_simulator.spec import RUNS, RigSpec
 from drake_tc.report.report_json import result_json
+from tests.benchmarks.blind.catalogue import catalogue, caused_rig
+from tests.benchmarks.blind.generate import generate
+from tests.benchmarks.blind.nulls import null_rig
+from tests.benchmarks.blind.outcome import Outcome, read_outcome
+from tests.benchmarks.blind.score import score_outcomes
 
 
 def single(effect: str, k: int) -> RigSpec:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.interval_coverage import friction_intervals
 from drake_tc.diagnosis import searches as module
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.notes import ZeroOfEffort
@@ -25,6 +24,7 @@ from drake_tc.effects.library import effect
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from drake_tc.report.report_json import joint_json
+from tests.benchmarks.interval_coverage import friction_intervals
 
 from . import pendulum_rig
 from .log_files import write_logs

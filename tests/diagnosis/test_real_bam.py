@@ -12,9 +12,6 @@ from readme_quotes_real import differing_cells
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.recorded_run import in_plant
-from drake_tc.benchmarks import real_bam
-from drake_tc.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
-from drake_tc.benchmarks.real_log_cases import RIGS
 from drake_tc.diagnosis.data.recordings import longest_stretch, loop_of, recording_of
 from drake_tc.errors import IdentificationError, LogError
 from drake_tc.logs.importers.bam import JOINT, convert
@@ -23,6 +20,9 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks import real_bam
+from tests.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
+from tests.benchmarks.real_log_cases import RIGS
 
 FAST, SLOW = "sin_time_square", "up_and_down"
 

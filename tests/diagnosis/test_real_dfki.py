@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.benchmarks.real_dfki import (
+from drake_tc.filtering.common_kernel import CommonKernel
+from tests.benchmarks.real_dfki import (
     GOAL,
     GOOD,
     TORQUE_PER_AMPERE,
@@ -17,7 +18,6 @@ from drake_tc.benchmarks.real_dfki import (
     rows,
     run_fits,
 )
-from drake_tc.filtering.common_kernel import CommonKernel
 
 MOTOR_TURNS = 6.0  # the gear's ratio: the encoder is on the motor's side
 

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.real_log_cases import RealLogCase, RealLogSet, case_files, import_set, load_set, load_sets
-from drake_tc.benchmarks.real_log_claims import CaseClaims, claims_of
-from drake_tc.benchmarks.real_logs import chosen_sets
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.real_log_cases import RealLogCase, RealLogSet, case_files, import_set, load_set, load_sets
+from tests.benchmarks.real_log_claims import CaseClaims, claims_of
+from tests.benchmarks.real_logs import chosen_sets
 
 SETS = load_sets()
 RIGS = sorted({s.folder / case.rig for s in SETS.values() for case in s.cases if not case.rig_in_data})

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.benchmarks.real_uart import rows, stand_reports
 from drake_tc.identification.backlash_test import BacklashReport
 from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.real_uart import rows, stand_reports
 
 STEP = 360.0 / 4096.0
 

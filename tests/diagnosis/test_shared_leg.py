@@ -8,11 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.benchmarks.blind_leg.cases import DECLARED, ROBOT, ROUND, leg_case, zeroed_suite
-from drake_tc.benchmarks.blind_leg.recorder import Wrong, random_motion, record_leg
-from drake_tc.benchmarks.robot_rigs import SHARED, robot_benchmark, score_report, summary_rows
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.suite import SensorSuiteSpec
+from tests.benchmarks.blind_leg.cases import DECLARED, ROBOT, ROUND, leg_case, zeroed_suite
+from tests.benchmarks.blind_leg.recorder import Wrong, random_motion, record_leg
+from tests.benchmarks.robot_rigs import SHARED, robot_benchmark, score_report, summary_rows
 
 TIE = [{"id": "link_com", "where": "thigh"}]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.benchmarks.blind_leg.cases import ROBOT, ROUND, leg_case, record_case
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.blind_leg.cases import ROBOT, ROUND, leg_case, record_case
 
 DATA_SHEET = {"force": 0.1, "torque": 5e-3, "accel": 0.01, "gyro": 1e-3}
 """Standard deviations of the drawn biases [N, N m, m/s^2, rad/s]; twice and three times that is drawn too."""

@@ -8,8 +8,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from optional import skip_without_robots
 
-from drake_tc.benchmarks.floor_contact import cone_miss
-from drake_tc.benchmarks.tsid_timing import FORMS
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.readers import read_table
@@ -24,6 +22,9 @@ from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.rotors import file_rotors
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.robust.torque_error import TorqueError
+from tests.benchmarks.__main__ import run as benchmark
+from tests.benchmarks.floor_contact import cone_miss
+from tests.benchmarks.tsid_timing import FORMS
 
 ROOT = Path(__file__).resolve().parents[2]
 OTHERS = ROOT / "diagrams" / "humanoid_tsid_other_robots.scenario.yaml"
@@ -321,7 +322,7 @@ def test_simulate_prints_what_a_run_comes_to(capsys):
 
 
 def test_bench_tick_has_a_row_for_every_measure(capsys):
-    assert run(["bench", "tick", "--duration", "0.04", "--json"]) == 0
+    assert benchmark(["tick", "--duration", "0.04", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["name"] == "tick"
     names = [row["name"] for row in told["rows"]]

@@ -3,12 +3,16 @@
 import json
 
 import pytest
+import typer
 import yaml
+
+from tests.benchmarks.__main__ import PROGRAM, app
 
 from .conftest import DOCS
 
 benchmarks = pytest.importorskip("site_pages.benchmarks")
 COMMANDS = yaml.safe_load((DOCS / "benchmarks" / "commands.yaml").read_text("utf-8"))
+KNOWN = typer.main.get_command(app).commands
 STORED = sorted((DOCS / "benchmarks").glob("*.json"))
 
 
@@ -21,26 +25,21 @@ def test_a_stored_result_is_of_a_known_command(path):
 
 
 def test_every_command_is_one_of_the_program():
-    from site_pages.commands import arguments_of, commands
-
-    known = commands()
     for said in COMMANDS.values():
-        words = arguments_of(said["command"])
-        known[" ".join(words[:2])].make_context("bench", words[2:])
+        program, name, *options = said["command"].removeprefix(PROGRAM).split(" ")
+        assert not program
+        KNOWN[name].make_context(name, options)
 
 
 def test_the_page_knows_every_benchmark_of_the_program():
-    from site_pages.commands import commands
-
-    listed = {" ".join(said["command"].split()[1:3]) for said in COMMANDS.values()}
-    assert listed == {name for name in commands() if name.startswith("bench ")}
+    assert {said["command"].removeprefix(PROGRAM).split()[0] for said in COMMANDS.values()} == set(KNOWN)
 
 
 def test_the_table_shows_every_stored_row(monkeypatch, tmp_path):
     stored = {
         "title": "Time of a tick",
         "about": "",
-        "command": "drake-tc bench leg --json",
+        "command": "python -m tests.benchmarks leg --json",
         "commit": "a" * 40,
         "date": "2026-01-02",
         "machine": {"CPUs": 2},
@@ -56,17 +55,18 @@ def test_the_table_shows_every_stored_row(monkeypatch, tmp_path):
     text = benchmarks.overview()
     assert "| tick | 0.000125 s | 0.0002 s | 40 |  |  |" in text
     assert "| whole | 50 % |  |  | >= 90 % | NO |" in text
-    assert "`aaaaaaaaaaaa`" in text and "2026-01-02" in text and "drake-tc bench leg" in text
+    assert "`aaaaaaaaaaaa`" in text and "2026-01-02" in text and "python -m tests.benchmarks leg" in text
 
 
 def test_the_page_names_the_benchmarks_without_a_result(monkeypatch, tmp_path):
     listed = tmp_path / "commands.yaml"
-    listed.write_text("qp: {title: Programs, about: '', command: drake-tc bench qp --json}\n", encoding="utf-8")
+    said = "qp: {title: Programs, about: '', command: python -m tests.benchmarks qp --json}\n"
+    listed.write_text(said, encoding="utf-8")
     monkeypatch.setattr(benchmarks, "STORE", tmp_path)
     monkeypatch.setattr(benchmarks, "COMMANDS", listed)
     text = benchmarks.overview()
-    assert "1 of the 1 benchmarks" in text and "| qp | Programs | `drake-tc bench qp --json` |" in text
-    stored = {"title": "Programs", "about": "", "command": "drake-tc bench qp --json", "commit": "a" * 40}
+    assert "1 of the 1 benchmarks" in text and "| qp | Programs | `python -m tests.benchmarks qp --json` |" in text
+    stored = {"title": "Programs", "about": "", "command": "python -m tests.benchmarks qp --json", "commit": "a" * 40}
     stored |= {"date": "2026-01-02", "machine": {"CPUs": 2}}
     stored |= {"result": {"rows": [{"name": "a", "unit": "s", "median": 1e-3, "p99": 2e-3, "n": 3}]}}
     (tmp_path / "qp.json").write_text(json.dumps(stored), encoding="utf-8")

@@ -5,20 +5,21 @@ import pytest
 from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
-from drake_tc.benchmarks.blind_arm.arms import ARMS, REFERENCE, arm_named
-from drake_tc.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
-from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_motion
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.experiments.design.expected import Expected
 from drake_tc.experiments.design.robot import RobotDesign
-from drake_tc.experiments.evidence import arm_intervals
-from drake_tc.experiments.evidence.arm_intervals import (
+from drake_tc.robot.rigid_regressor import link_tree, regressor
+from tests.benchmarks.blind_arm.arms import ARMS, REFERENCE, arm_named
+from tests.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
+from tests.benchmarks.blind_arm.recorder import EVERY, STEP, record_motion
+from tests.benchmarks.evidence import arm_intervals
+from tests.benchmarks.evidence.arm_intervals import (
     arm_comparison,
     compared,
     comparison_rows,
     intervals_of,
 )
-from drake_tc.experiments.evidence.arm_runs import (
+from tests.benchmarks.evidence.arm_runs import (
     MOTIONS,
     ArmRuns,
     compared_motions,
@@ -26,7 +27,6 @@ from drake_tc.experiments.evidence.arm_runs import (
     resampled,
     true_values,
 )
-from drake_tc.robot.rigid_regressor import link_tree, regressor
 
 TRUTH = {
     "links": {"link/m": 2.0, "link/mx": 0.5},

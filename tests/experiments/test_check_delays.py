@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.benchmarks.blind.balance import clean_log
-from drake_tc.benchmarks.blind.files import rig_yaml
-from drake_tc.benchmarks.blind.joints import draw_joint
-from drake_tc.benchmarks.blind.measurement import measured, sample_clean
-from drake_tc.benchmarks.blind.physics import simulate
-from drake_tc.benchmarks.blind.spec import RigSpec, Sensors
 from drake_tc.experiments.check.consistency import LATE_VELOCITY
 from drake_tc.experiments.check.run import check_rig
+from drake_tc.joint_simulator.balance import clean_log
+from drake_tc.joint_simulator.measurement import measured, sample_clean
+from drake_tc.joint_simulator.physics import simulate
+from drake_tc.joint_simulator.spec import RigSpec, Sensors
+from tests.benchmarks.blind.files import rig_yaml
+from tests.benchmarks.blind.joints import draw_joint
 
 TRAIN = ("static", "sine")
 RATE_HZ = 50

@@ -23,10 +23,10 @@ from drake_tc.experiments.check.contributions import Contribution, ContributionB
 from drake_tc.experiments.check.joint import joint_effects, joint_numbers
 from drake_tc.experiments.check.reasons import Evidence, sentence
 from drake_tc.experiments.check.visibility import SEPARABLE_WITHIN, Noise, Visibility, confused_with, smallest_sizes
-from drake_tc.experiments.evidence.predicted import compared, predictions, weakened_rigs
 from drake_tc.experiments.sizes import Size, size_of
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
+from tests.benchmarks.evidence.predicted import compared, predictions, weakened_rigs
 
 
 def linear(values, span=None):
@@ -229,7 +229,7 @@ def test_the_effects_of_blind_rigs_are_as_weak_as_asked_for():
 
 @pytest.mark.slow
 def test_what_is_predicted_to_be_seen_is_found_on_blind_rigs(tmp_path):
-    """A small version of `drake-tc bench check`: two effects at three strengths each."""
+    """A small version of `python -m tests.benchmarks check`: two effects at three strengths each."""
     with processes(2) as pool:
         found = predictions(tmp_path, ("load_dependent_friction", "cable_spring"), 5, pool, lambda text, share: None)
     assert len(found) == 6

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from drake_tc.experiments.evidence.loop import LoopCase, answer_of, decided_rows
-from drake_tc.experiments.evidence.pairs import Pair, drawn_joint
+from tests.benchmarks.evidence.loop import LoopCase, answer_of, decided_rows
+from tests.benchmarks.evidence.pairs import Pair, drawn_joint
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.experiments.design.known_loads import KnownLoad
-from drake_tc.experiments.evidence.load_loop import LoadCase, hung, load_rows, run_load_cases
-from drake_tc.experiments.evidence.pairs import LOAD_PAIRS, drawn_joint
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock
 from drake_tc.gravity import GRAVITY
+from tests.benchmarks.evidence.load_loop import LoadCase, hung, load_rows, run_load_cases
+from tests.benchmarks.evidence.pairs import LOAD_PAIRS, drawn_joint
 
 
 def test_a_case_counts_where_the_first_logs_leave_it_open_and_the_loads_promise_to_decide_it():

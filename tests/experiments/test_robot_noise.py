@@ -8,9 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
-from drake_tc.benchmarks.blind_arm.arms import REFERENCE, arm_named
-from drake_tc.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
-from drake_tc.benchmarks.blind_arm.recorder import EVERY, STEP, record_run
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.experiments.design import request as requests
@@ -22,6 +19,9 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.blind_arm.arms import REFERENCE, arm_named
+from tests.benchmarks.blind_arm.cases import rig_file, simulated_arm, sound_case, write_files
+from tests.benchmarks.blind_arm.recorder import EVERY, STEP, record_run
 
 SECONDS = 20.0
 

@@ -4,21 +4,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drake_tc.benchmarks.blind.balance import clean_log
-from drake_tc.benchmarks.blind.files import rig_yaml
-from drake_tc.benchmarks.blind.joints import draw_joint
-from drake_tc.benchmarks.blind.measurement import measured
-from drake_tc.benchmarks.blind.spec import RigSpec, Sensors
 from drake_tc.diagnosis.joint import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.run import DesignOptions, design_joint
-from drake_tc.experiments.evidence.loop import LIMITS, twin_run
 from drake_tc.experiments.rehearsal.twin_runs import integrated
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
+from drake_tc.joint_simulator.balance import clean_log
+from drake_tc.joint_simulator.measurement import measured
+from drake_tc.joint_simulator.spec import RigSpec, Sensors
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
+from tests.benchmarks.blind.files import rig_yaml
+from tests.benchmarks.blind.joints import draw_joint
+from tests.benchmarks.evidence.loop import LIMITS, twin_run
 
 PER_SECOND = 1000.0
 SECONDS = 14.0

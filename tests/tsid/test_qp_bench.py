@@ -6,12 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drake_tc.benchmarks.qp import MOTIONS, record, residual, timed
-from drake_tc.cli.bench_qp_command import humanoid_controller
-from drake_tc.cli.main import run
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
+from tests.benchmarks.__main__ import run
+from tests.benchmarks.qp import MOTIONS, humanoid_controller, record, residual, timed
 
 from .quadratic import Residuals
 
@@ -45,9 +44,9 @@ def test_timings_and_residuals(law):
 
 
 def test_the_command_prints_rows(capsys):
-    assert run(["bench", "qp", "--solver", "daqp", "--ticks", "20", "--json"]) == 0
+    assert run(["qp", "--solver", "daqp", "--ticks", "20", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["name"] == "qp" and len(printed["rows"]) == 2 * 3 * len(MOTIONS)
     assert {"name", "unit", "median", "p99", "n"} == set(printed["rows"][0])
-    assert run(["bench", "qp", "--solver", "simplex", "--ticks", "20"]) == 2
+    assert run(["qp", "--solver", "simplex", "--ticks", "20"]) == 2
     assert "expected one of" in capsys.readouterr().err

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.benchmarks.qp import MOTIONS, record
-from drake_tc.cli.bench_qp_command import humanoid_controller
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.qp.choose import solver, unavailable
 from drake_tc.tsid.qp.common import refused, unsolved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution
 from drake_tc.tsid.qp.proximal import solve_scaled
 from drake_tc.tsid.qp.scaling import scaled
+from tests.benchmarks.qp import MOTIONS, humanoid_controller, record
 
 qpsolvers = pytest.importorskip("qpsolvers")
 TIGHT = {

@@ -11,10 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from drake_tc.benchmarks.blind.balance import clean_log
-from drake_tc.benchmarks.blind.measurement import CLEAN_COLUMNS, coloured_noise, measured
-from drake_tc.benchmarks.blind.physics import Record
-from drake_tc.benchmarks.blind.spec import Joint, RigSpec, Sensors
 from drake_tc.config.joint_units import JointType
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.errors import ParamsError
@@ -22,6 +18,10 @@ from drake_tc.experiments.check.joint import JointEffects, joint_effects
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock
 from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.joint_simulator.balance import clean_log
+from drake_tc.joint_simulator.measurement import CLEAN_COLUMNS, coloured_noise, measured
+from drake_tc.joint_simulator.physics import Record
+from drake_tc.joint_simulator.spec import Joint, RigSpec, Sensors
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig

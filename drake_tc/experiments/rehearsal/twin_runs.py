@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.benchmarks.blind.physics import CHANNELS, Batch, Record
-from drake_tc.benchmarks.blind.reference import LOG_PERIOD, Motion
-from drake_tc.benchmarks.blind.spec import RigSpec
 from drake_tc.errors import SimulationError
+from drake_tc.joint_simulator.physics import CHANNELS, Batch, Record
+from drake_tc.joint_simulator.reference import LOG_PERIOD, Motion
+from drake_tc.joint_simulator.spec import RigSpec
 from drake_tc.types import FloatArray
 
 STEP = 2e-4

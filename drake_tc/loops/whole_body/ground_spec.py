@@ -8,7 +8,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ObjectSpec
 
 Approximation = Literal["lagged", "sap", "similar"]
-"""How Drake's discrete plant solves for contact forces; `drake-tc bench floor` compares them."""
+"""How Drake's discrete plant solves for contact forces; `python -m tests.benchmarks floor` compares them."""
 APPROXIMATIONS: tuple[Approximation, ...] = get_args(Approximation)
 LONG = 0.1
 """The largest sphere under a sole, and how far soles may reach beyond what the controller takes for them [m]."""
@@ -54,7 +54,7 @@ class GroundSpec:
         margin: Distance by which the soles are larger than the controller assumes [m], at most `LONG`; negative:
             smaller.
         approximation: How the discrete plant solves for contact forces. None: "sap" for hard soles, which stand best
-            on it, and "lagged" for soft ones, which rock and slide best on it (`drake-tc bench floor`).
+            on it, and "lagged" for soft ones, which rock and slide best on it (`python -m tests.benchmarks floor`).
         stiction_tolerance: Speed v_s [m/s] of the regularised friction mu f_n v/sqrt(v^2 + v_s^2): a sticking foot
             creeps more slowly than this. Used by "lagged" and "similar"; "sap" has a tolerance of its own.
         sole: Soft layer under each sole in place of the spheres at the corners; None: no layer.

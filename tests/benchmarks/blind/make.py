@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.benchmarks.blind.spec import Drive, Joint, RigSpec
+from drake_tc.joint_simulator.spec import Drive, Joint, RigSpec
 
 SERVO = Joint(
     drive="position_servo",

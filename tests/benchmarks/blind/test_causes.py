@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drake_tc.benchmarks.blind.amplitudes import AMPLITUDES
-from drake_tc.benchmarks.blind.balance import CleanLog, clean_log, unmodelled_torque
-from drake_tc.benchmarks.blind.calibrate import calibrate
-from drake_tc.benchmarks.blind.catalogue import caused_rig
-from drake_tc.benchmarks.blind.physics import Record, simulate
-from drake_tc.benchmarks.blind.registry import TERMS
+from drake_tc.joint_simulator.amplitudes import AMPLITUDES
+from drake_tc.joint_simulator.balance import CleanLog, clean_log, unmodelled_torque
+from drake_tc.joint_simulator.physics import Record, simulate
+from drake_tc.joint_simulator.registry import TERMS
+from tests.benchmarks.blind.calibrate import calibrate
+from tests.benchmarks.blind.catalogue import caused_rig
 
 from .make import rig
 

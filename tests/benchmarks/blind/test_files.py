@@ -11,12 +11,13 @@ import pytest
 import yaml
 from scipy.signal import savgol_filter
 
-import drake_tc.benchmarks.blind
-from drake_tc.benchmarks.blind.catalogue import PAIRS, SETTINGS, catalogue
-from drake_tc.benchmarks.blind.files import rig_yaml, write_rig
-from drake_tc.benchmarks.blind.measurement import coloured_noise
-from drake_tc.benchmarks.blind.physics import simulate
-from drake_tc.benchmarks.blind.spec import RUNS, BlindError, RigSpec, Sensors
+import drake_tc.joint_simulator
+import tests.benchmarks.blind
+from drake_tc.joint_simulator.measurement import coloured_noise
+from drake_tc.joint_simulator.physics import simulate
+from drake_tc.joint_simulator.spec import RUNS, BlindError, RigSpec, Sensors
+from tests.benchmarks.blind.catalogue import PAIRS, SETTINGS, catalogue
+from tests.benchmarks.blind.files import rig_yaml, write_rig
 
 from .make import rig
 
@@ -115,7 +116,8 @@ def test_catalogue_is_complete_and_its_names_tell_nothing() -> None:
 
 def test_generator_imports_nothing_of_what_it_tests() -> None:
     forbidden = ("effects", "diagnosis", "actuation", "identification", "filtering", "report", "cli")
-    for path in Path(drake_tc.benchmarks.blind.__file__).parent.glob("*.py"):
+    folders = [Path(module.__file__).parent for module in (tests.benchmarks.blind, drake_tc.joint_simulator)]
+    for path in (path for folder in folders for path in folder.glob("*.py") if not path.name.startswith("test_")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import | ast.ImportFrom):
                 names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_tc.benchmarks.blind.physics import Batch
-from drake_tc.benchmarks.blind.reference import Motion
-from drake_tc.benchmarks.blind.terms_friction import step_bristle
+from drake_tc.joint_simulator.physics import Batch
+from drake_tc.joint_simulator.reference import Motion
+from drake_tc.joint_simulator.terms_friction import step_bristle
 
 from .make import rig
 

@@ -9,17 +9,17 @@ import pytest
 import yaml
 from scipy.ndimage import gaussian_filter1d
 
-from drake_tc.benchmarks.blind.balance import clean_log, unmodelled_torque
-from drake_tc.benchmarks.blind.catalogue import caused_rig
-from drake_tc.benchmarks.blind.files import rig_yaml
-from drake_tc.benchmarks.blind.measurement import measured, sample_clean
-from drake_tc.benchmarks.blind.noise import torque_left_by_noise, torque_of_position
-from drake_tc.benchmarks.blind.nulls import FULL_NULLS, SMOKE_NULLS, TORQUE_BIAS, null_rig
-from drake_tc.benchmarks.blind.oracle import differences
-from drake_tc.benchmarks.blind.physics import simulate
-from drake_tc.benchmarks.blind.reference import make_motion
-from drake_tc.benchmarks.blind.registry import right_verdicts
-from drake_tc.benchmarks.blind.spec import RUNS, BlindError, RigSpec
+from drake_tc.joint_simulator.balance import clean_log, unmodelled_torque
+from drake_tc.joint_simulator.measurement import measured, sample_clean
+from drake_tc.joint_simulator.physics import simulate
+from drake_tc.joint_simulator.reference import make_motion
+from drake_tc.joint_simulator.registry import right_verdicts
+from drake_tc.joint_simulator.spec import RUNS, BlindError, RigSpec
+from tests.benchmarks.blind.catalogue import caused_rig
+from tests.benchmarks.blind.files import rig_yaml
+from tests.benchmarks.blind.noise import torque_left_by_noise, torque_of_position
+from tests.benchmarks.blind.nulls import FULL_NULLS, SMOKE_NULLS, TORQUE_BIAS, null_rig
+from tests.benchmarks.blind.oracle import differences
 
 from .make import rig
 

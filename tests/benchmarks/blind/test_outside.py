@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from drake_tc.benchmarks.blind.balance import CleanLog, clean_log, unmodelled_torque
-from drake_tc.benchmarks.blind.catalogue import caused_rig
-from drake_tc.benchmarks.blind.physics import Record, simulate
-from drake_tc.benchmarks.blind.random_signals import BandNoise, random_instants, random_walk
-from drake_tc.benchmarks.blind.registry import OUTSIDE, RIGHT_VERDICTS, right_verdicts
+from drake_tc.joint_simulator.balance import CleanLog, clean_log, unmodelled_torque
+from drake_tc.joint_simulator.physics import Record, simulate
+from drake_tc.joint_simulator.random_signals import BandNoise, random_instants, random_walk
+from drake_tc.joint_simulator.registry import OUTSIDE, RIGHT_VERDICTS, right_verdicts
+from tests.benchmarks.blind.catalogue import caused_rig
 
 from .make import rig
 

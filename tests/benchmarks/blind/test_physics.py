@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from drake_tc.benchmarks.blind.balance import clean_log, unmodelled_torque
-from drake_tc.benchmarks.blind.physics import simulate
-from drake_tc.benchmarks.blind.reference import make_motion
-from drake_tc.benchmarks.blind.spec import BlindError, DivergedError
+from drake_tc.joint_simulator.balance import clean_log, unmodelled_torque
+from drake_tc.joint_simulator.physics import simulate
+from drake_tc.joint_simulator.reference import make_motion
+from drake_tc.joint_simulator.spec import BlindError, DivergedError
 
 from .make import rig
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from drake_tc.benchmarks.blind.outcome import read_outcome
-from drake_tc.benchmarks.blind.score import score_reports
-from drake_tc.benchmarks.blind.score_kinds import kind_table
-from drake_tc.benchmarks.blind.scoreboard import print_score
-from drake_tc.benchmarks.blind.spec import BlindError
+from drake_tc.joint_simulator.spec import BlindError
+from tests.benchmarks.blind.outcome import read_outcome
+from tests.benchmarks.blind.score import score_reports
+from tests.benchmarks.blind.score_kinds import kind_table
+from tests.benchmarks.blind.scoreboard import print_score
 
 
 def put(root: Path, name: str, truth: dict[str, Any], report: dict[str, Any] | None) -> None:

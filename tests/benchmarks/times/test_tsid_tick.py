@@ -2,8 +2,8 @@
 
 import pytest
 
-from drake_tc.benchmarks.tsid_timing import tick_timings
 from drake_tc.registry import tsid_entry
+from tests.benchmarks.tsid_timing import tick_timings
 
 from .machine import slowness
 

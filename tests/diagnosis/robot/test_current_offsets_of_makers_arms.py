@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
-from drake_tc.benchmarks.blind_arm.arms import ARMS
-from drake_tc.benchmarks.blind_arm.cases import record_case, sound_case
-from drake_tc.benchmarks.interval_coverage import final_parameters, friction_intervals
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from tests.benchmarks.blind_arm.arms import ARMS
+from tests.benchmarks.blind_arm.cases import record_case, sound_case
+from tests.benchmarks.interval_coverage import final_parameters, friction_intervals
 
 SEED = 940
 OF_RATED = 0.01

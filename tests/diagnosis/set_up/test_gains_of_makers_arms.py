@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import yaml
 
-from drake_tc.benchmarks.blind_arm.cases import arm_case, record_case
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.robot import fitted_links
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
+from tests.benchmarks.blind_arm.cases import arm_case, record_case
 
 SEED = 901
 WITHOUT_AN_EFFECT = (15, 46, 47)

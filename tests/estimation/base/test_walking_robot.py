@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from readme_quotes_real import differing_cells
 
-from drake_tc.benchmarks import real_icub
 from drake_tc.errors import LogError
+from tests.benchmarks import real_icub
 
 pytestmark = pytest.mark.slow
 

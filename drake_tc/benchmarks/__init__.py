@@ -1,1 +1,0 @@
-"""Benchmarks that print rows: the blind rigs, real data, speed."""
