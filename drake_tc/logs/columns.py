@@ -3,7 +3,7 @@
 import difflib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from drake_tc.config.is_file import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.column_hints import column_hints
 from drake_tc.logs.csv_file import ENDINGS, first_line
+from drake_tc.logs.inspection.names import stated_unit
 from drake_tc.logs.joint_types import require_own_unit
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.unit_names import is_unit, unit_named
@@ -39,6 +40,7 @@ class RawLog:
         notes: What was done so far.
         hints: Those of them that point out a column which seems to be meant and is not used.
         speed_only: Joints of which the file has the velocity and no position.
+        units: By canonical name, the SI units that the file states and the rig file does not.
     """
 
     path: Path
@@ -50,6 +52,7 @@ class RawLog:
     notes: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
     speed_only: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def file_row(path: Path, index: int) -> str:
@@ -183,20 +186,25 @@ def _valid(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
     return holds
 
 
-def _refuse_other_unit(canonical: str, name: str, stated: str, path: Path) -> None:
-    """Refuse a column whose file states a unit that is not SI where the rig file states none.
+def _unit_of_file(canonical: str, name: str, table: pd.DataFrame, path: Path) -> str:
+    """The SI unit that the file states for a column of which the rig file states none; empty if it states none.
 
     Raises:
-        LogError: names the column and the unit.
+        LogError: It states another one: names the column and the unit.
     """
-    unit = unit_named(stated, canonical.rpartition("/")[2])
+    suffix = canonical.rpartition("/")[2]
+    below = str(table.attrs.get("units", {}).get(name, ""))
+    in_name = "" if name == canonical else stated_unit(name, suffix)
+    unit = in_name or unit_named(below, suffix)
+    where, stated = ("its name", in_name) if in_name else ("line 2 of the file", below)
     scale = parse_unit(canonical, unit) if unit else None
     if stated and (scale.factor != 1.0 or scale.offset != 0.0 if scale else is_unit(stated)):
         remedy = f"{{{canonical}: {unit}}}" if unit else f"{{{canonical}: FACTOR}}, the factor to SI units"
         raise LogError(
-            f"{path}: column {name!r} ({canonical}): line 2 of the file states the unit {stated!r}, and the rig file"
+            f"{path}: column {name!r} ({canonical}): {where} states the unit {stated!r}, and the rig file"
             f" states none, which means SI; write units: {remedy}"
         )
+    return unit
 
 
 def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
@@ -224,6 +232,7 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
                 raise LogError(f"{refusal}; {_why_not_speed_only(joint, rig)}")
             raise refusal
     columns: dict[str, FloatArray] = {}
+    stated: dict[str, str] = {}
     notes = []
     for canonical, name in found.items():
         values = _numeric(table, name, canonical, path)
@@ -241,7 +250,8 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
                 raise LogError(f"{path}: {error}") from None
         scale = scale_of(canonical, rig.units)
         if not scale.stated:
-            _refuse_other_unit(canonical, name, table.attrs.get("units", {}).get(name, ""), path)
+            unit = _unit_of_file(canonical, name, table, path)
+            stated |= {canonical: unit} if unit else {}
         if scale.factor != 1.0 or scale.offset != 0.0:
             values = values * scale.factor + scale.offset
         columns[canonical] = values
@@ -251,4 +261,4 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     switches += [condition.column for condition in rig.valid]
     hints = column_hints(list(map(str, table.columns)), found, rig, switches)
     told = (*table.attrs.get("notes", ()), *notes, *hints)
-    return RawLog(path, rows, time, columns, enabled, _valid(table, rig, path), told, hints, speed_only)
+    return RawLog(path, rows, time, columns, enabled, _valid(table, rig, path), told, hints, speed_only, stated)

@@ -1,26 +1,31 @@
-"""CSV files to tables: separators, decimal commas, encodings, and a line of units below the names."""
+"""CSV files to tables: separators, decimal commas, encodings, comments, and a line of units below the names."""
 
 import csv
 import io
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import pandas as pd
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.csv_header import (
+    COMMENT_MARKS,
     LONGEST_LINE,
     SEPARATORS,
     cells,
     check_encoding,
     check_header_is_first,
     check_names_are_words,
+    commented_names,
+    comments_above,
     decoded,
+    is_comment,
     stated_units,
 )
+from drake_tc.logs.csv_pairs import of_pairs, pairs_of
 from drake_tc.logs.decimal_comma import with_decimal_points
 from drake_tc.logs.sizes import unpacked_gzip
 
@@ -28,12 +33,55 @@ Opener = Callable[[], IO[bytes]]
 ENDINGS = (".csv", ".csv.gz", ".tsv")
 
 
-def first_line(path: Path) -> int:
-    """The line of the first row of data in a text file: 2, or 3 below a line of units."""
+class _Content(NamedTuple):
+    """The content of a CSV file from the names of its columns on.
+
+    Attributes:
+        opened: Opens it.
+        above: Lines above the names.
+        notes: What was not read.
+    """
+
+    opened: Opener
+    above: int
+    notes: tuple[str, ...]
+
+
+def _content(path: Path) -> _Content:
+    """The content without comments and without empty lines above the names.
+
+    Where the last comment above the numbers holds the names, it is the header.
+    """
     opened = _opener(path)
-    separator = _separator(opened)
     with opened() as file:
-        return 3 if stated_units(cells(file, separator, 3)) else 2
+        content = file.read()
+    check_encoding(path, content[:4])
+    above = comments_above(opened)
+    below = content[sum(map(len, above)) :]
+    within = [line for line in below.splitlines(keepends=True) if is_comment(line)] if _may_hold_comments(below) else []
+    if not above and not within:
+        return _Content(opened, 0, ())
+    if within:
+        below = b"".join(line for line in below.splitlines(keepends=True) if not is_comment(line) or not line.strip())
+    names = commented_names(above, below[:LONGEST_LINE].splitlines()[0])
+    whole = names.encode() + b"\n" + below if names else below
+    left_out = len(above) - bool(names) + sum(1 for line in within if line.strip())
+    notes = (f"{left_out} lines of comments, or empty ones above the names, were not read.",) if left_out else ()
+    return _Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes)
+
+
+def _may_hold_comments(content: bytes) -> bool:
+    return any(b"\n" + mark in content for mark in COMMENT_MARKS)
+
+
+def first_line(path: Path) -> int:
+    """The line of the first row of data in a text file: 2, or further down below comments and a line of units."""
+    content = _content(path)
+    separator = _separator(content.opened)
+    with content.opened() as file:
+        rows = cells(file, separator, 3)
+    pairs = pairs_of(rows)
+    return content.above + (pairs.lines + 1 if pairs else 3 if stated_units(rows) else 2)
 
 
 def _separator(opened: Opener) -> str:
@@ -115,14 +163,22 @@ def read_csv(path: Path) -> pd.DataFrame:
     Raises:
         LogError: no text, no names, or rows of uneven length.
     """
-    opened = _opener(path)
-    with opened() as file:
-        check_encoding(path, file.read(4))
+    opened, above, notes = _content(path)
     separator = _separator(opened)
-    return with_decimal_points(_cells(path, opened, separator), separator)
+    with opened() as file:
+        pairs = pairs_of(cells(file, separator, 3))
+    if pairs is None:
+        table = with_decimal_points(_cells(path, opened, separator, above), separator)
+    else:
+        body = _without_lines(opened, pairs.lines)
+        with body() as file:
+            table = of_pairs(with_decimal_points(pd.read_csv(file, sep=separator, header=None), separator), pairs)
+    if notes:
+        table.attrs["notes"] = [*notes, *table.attrs.get("notes", ())]
+    return table
 
 
-def _cells(path: Path, opened: Opener, separator: str) -> pd.DataFrame:
+def _cells(path: Path, opened: Opener, separator: str, above: int) -> pd.DataFrame:
     """The cells below the header as they are, with names in the encoding of the file."""
     names, units = _header(path, opened, separator)
     table = _rows(path, _without_second_line(opened) if units else opened, separator)
@@ -130,8 +186,17 @@ def _cells(path: Path, opened: Opener, separator: str) -> pd.DataFrame:
     table.columns = pd.Index(own)
     if units:
         table.attrs["units"] = units
-        table.attrs["notes"] = ["Line 2 of the file states units and was not read as a sample."]
+        note = f"Line {above + 2} of the file states units and was not read as a sample."
+        table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table
+
+
+def _without_lines(opened: Opener, lines: int) -> Opener:
+    with opened() as file:
+        for _ in range(lines):
+            file.readline(LONGEST_LINE)
+        rest = file.read()
+    return lambda: io.BytesIO(rest)
 
 
 def _without_second_line(opened: Opener) -> Opener:

@@ -1,5 +1,6 @@
 """What the beginning of a CSV file must be: text, a line of names, and perhaps a line of their units."""
 
+import codecs
 import csv
 import io
 from collections.abc import Callable, Sequence
@@ -16,6 +17,45 @@ SEPARATORS = (",", ";", "\t")
 """Of cells; the first of them that the header has."""
 LINES_ABOVE = 50
 """Lines among which a header is looked for that is not the first line."""
+COMMENT_MARKS = (b"#", b"%", b"//")
+"""What a line of a comment begins with."""
+
+
+def is_comment(line: bytes) -> bool:
+    """Whether a line of a CSV file is a comment or empty."""
+    text = line.strip().lstrip(b'"')
+    return not text or text.startswith(COMMENT_MARKS)
+
+
+def comments_above(opened: Callable[[], IO[bytes]]) -> list[bytes]:
+    """The comments and empty lines above the names and the data."""
+    found: list[bytes] = []
+    with opened() as file:
+        while (line := file.readline(LONGEST_LINE)) and is_comment(line.removeprefix(codecs.BOM_UTF8)):
+            found.append(line)
+    return found if line else []
+
+
+def commented_names(comments: Sequence[bytes], below: bytes) -> str:
+    """The names of the columns that the last comment above a row of numbers holds; empty where it holds none.
+
+    `numpy.savetxt` writes its header so: `# time,position` above `0.0,0.1`.
+
+    Args:
+        comments: The lines above the first row.
+        below: The first row.
+    """
+    cells = _cells_of(decoded(below))
+    if not comments or not all(_is_number(cell) for cell in cells if cell):
+        return ""
+    text = decoded(comments[-1]).strip().strip('"').lstrip("#%/ ")
+    names = _cells_of(text)
+    return text if len(names) == len(cells) > 1 and not any(map(_is_number, names)) else ""
+
+
+def _cells_of(line: str) -> list[str]:
+    separator = next((mark for mark in SEPARATORS if mark in line), ",")
+    return [cell.strip() for cell in next(csv.reader([line.strip()], delimiter=separator), [])]
 
 
 def check_encoding(path: Path, beginning: bytes) -> None:

@@ -2,10 +2,14 @@
 
     armature -> rotor_inertia      damping, frictionloss -> viscous, coulomb      quadratic -> quadratic_viscous
     delay -> delay                 backlash -> backlash                           kp -> drive_gain 1/kp
+    stiffness -> cable_spring      lag -> current_lag, of a servo's command       integral_rate -> servo_integrator
     torque_limit/kp -> saturation  kv -> derivative_gain                          friction_stribeck ... -> stribeck
+    ripple -> torque_ripple        compliance -> elasticity
 
-Gain, limit and damping of the drive are taken where the file's drive is of the rig's kind. What the rig file itself
-says stays. A term that is 0 is not declared: the file's model lacks it.
+Gain, limit, filter, integral action and damping of the drive are taken where the file's drive is of the rig's kind.
+A limit is a part of the declared model as every other effect: that of a servo with damping is the form
+`saturation.servo`, which limits kp (q_d - q) - kv v as a whole. What the rig file itself says stays. A term that is 0
+is not declared: the file's model lacks it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +21,7 @@ from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.errors import RigError
 from drake_tc.logs.rig_document.declared import Declared
 from drake_tc.simulator_files.read import ANY_JOINT, read_joints
-from drake_tc.simulator_files.terms import ReadJoint
+from drake_tc.simulator_files.terms import ReadJoint, Terms
 
 if TYPE_CHECKING:
     from drake_tc.logs.rig import Rig
@@ -29,6 +33,15 @@ UNITS: Mapping[str, str] = {
     "quadratic_viscous": "N m s^2/rad^2",
     "delay": "s",
     "backlash": "rad",
+    "current_lag": "s",
+    "current_lag.command": "s",
+    "servo_integrator": "1/s",
+    "cable_spring.spring_stiffness": "N m/rad",
+    "cable_spring.spring_preload": "N m",
+    "torque_ripple.ripple_cosine": "N m",
+    "torque_ripple.ripple_sine": "N m",
+    "torque_ripple.cycles_per_turn": "1/turn",
+    "elasticity": "rad/(N m)",
 }
 EFFORT: Mapping[str, str] = {"position_servo": "rad", "current": "A", "voltage": "V", "torque": "N m"}
 
@@ -55,8 +68,11 @@ class DeclaredTerms:
 
     def line(self, drive: str, joint_type: JointType = "revolute") -> str:
         """What was taken, as a text for people."""
-        parts = [f"{name} {value:.4g} {UNITS.get(name, '')}".rstrip() for name, value in self.declared.items() if value]
-        parts += [name for name, value in self.declared.items() if value is None]
+        limits = ("saturation", "saturation.servo", "saturation.servo.derivative_time")  # stated below, in this drive's unit
+        told = {name: value for name, value in self.declared.items() if name not in limits}
+        parts = [f"{name} {value:.4g} {UNITS.get(name, '')}".rstrip() for name, value in told.items() if value]
+        open_ids = [name for name, value in self.declared.items() if value is None]
+        parts += [name for name in open_ids if not any(key.startswith(f"{name}.") for key in self.declared)]
         unit = EFFORT[drive]
         parts += [f"drive_gain {self.drive_gain:.4g} {unit} for 1 N m"] if self.drive_gain else []
         parts += [f"saturation {self.saturation:.4g} {unit}"] if self.saturation else []
@@ -116,7 +132,7 @@ ALWAYS = ("viscous", "coulomb")
 def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
     if read is None:
         raise RigError(f"no joint {joint}")
-    terms = read.terms
+    terms, same = read.terms, read.driven and read.terms.drive == drive
     values = {
         "rotor_inertia": terms.armature,
         "viscous": terms.damping,
@@ -124,20 +140,45 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
         "quadratic_viscous": terms.quadratic,
         "delay": terms.delay,
         "backlash": terms.backlash,
+        "elasticity": terms.compliance,
     }
     declared: dict[str, float | None] = {name: value for name, value in values.items() if value > 0.0}
+    declared |= _springs(terms)
     for effect, parameters in read.effects.items():
         declared[effect] = None
         declared |= {f"{effect}.{name}": value for name, value in (parameters or {}).items()}
-    if not read.driven or terms.drive != drive:
-        unused = (*read.unused, *([f"its drive ({terms.drive})"] if read.driven else []))
-        return DeclaredTerms(joint, declared, unused=unused)
-    limit = terms.torque_limit
+    if not same:
+        unused = [f"its drive ({terms.drive})"] if read.driven else []
+        unused += [f"its limit of the torque ({terms.torque_limit:.4g} N m)"] if terms.torque_limit is not None else []
+        return DeclaredTerms(joint, declared, unused=(*read.unused, *unused))
+    limit = terms.torque_limit / terms.kp if terms.torque_limit is not None and terms.kp > 0.0 else None
+    damping = read.derivative_gain if read.derivative_gain > 0.0 else None
+    if terms.lag:
+        declared["current_lag.command" if drive == "position_servo" else "current_lag"] = terms.lag
+    if terms.integral_rate:
+        declared["servo_integrator"] = terms.integral_rate
+    if limit is not None and damping is not None:
+        declared |= {"saturation.servo": limit, "saturation.servo.derivative_time": damping / terms.kp}
+    elif limit is not None:
+        declared["saturation"] = limit
     return DeclaredTerms(
         joint,
         declared,
         drive_gain=1.0 / terms.kp if terms.kp > 0.0 else None,
-        saturation=limit / terms.kp if limit is not None and terms.kp > 0.0 else None,
-        derivative_gain=read.derivative_gain if read.derivative_gain > 0.0 else None,
+        saturation=limit,
+        derivative_gain=damping,
         unused=read.unused,
     )
+
+
+def _springs(terms: Terms) -> dict[str, float | None]:
+    """Declared torques over the position and the peak of dry friction."""
+    found: dict[str, float | None] = {}
+    if terms.stiffness or terms.preload:
+        found |= {"cable_spring": None, "cable_spring.spring_stiffness": terms.stiffness}
+        found["cable_spring.spring_preload"] = terms.preload
+    if terms.ripple is not None:
+        found |= {"torque_ripple": None, "torque_ripple.ripple_cosine": terms.ripple.cosine}
+        found |= {"torque_ripple.ripple_sine": terms.ripple.sine}
+        found |= {"torque_ripple.cycles_per_turn": terms.ripple.cycles}
+    return found

@@ -24,8 +24,6 @@ SMOOTHING_SECONDS = 0.04
 FASTEST_UNSTATED = 50.0
 """Speed [rad/s] above which a velocity is believed only with a stated unit."""
 TWO_TURNS = 4.0 * np.pi
-WIDEST_DEGREES = 1000.0
-"""Span that no joint has in degrees: cables allow two turns, seldom more."""
 LONGEST_AXIS, FASTEST_AXIS = 30.0, 20.0
 """Travel [m] and speed [m/s] that no joint which slides reaches: numbers in m above are rather mm."""
 
@@ -55,15 +53,12 @@ def top_speed(position: FloatArray, period: float, usable: BoolArray | None = No
     return float(np.percentile(np.abs(position[rows[w:]] - position[rows[:-w]])[together], 99.9) / (w * period))
 
 
-def _looks_like_degrees(span: float, speed: float, *, servo: bool, stated: bool) -> bool:
-    """Whether numbers taken as radians are more likely degrees.
+def _looks_like_degrees(span: float, speed: float, *, servo: bool) -> bool:
+    """Whether numbers of an angle without a stated unit, which are taken for radians, are more likely degrees.
 
     A joint of a position servo that turns more than twice around, or any geared joint that turns many times around
-    fast, is rarer than a forgotten unit. A rig file that states `rad` is believed unless the speed is absurd, and even
-    then for a wheel that turns further than any joint does in degrees.
+    fast, is rarer than a forgotten unit. A stated unit is believed.
     """
-    if stated:
-        return span <= WIDEST_DEGREES and (speed > 200.0 or (span > 50.0 and speed > 40.0))
     if servo:
         return span > TWO_TURNS or speed > 50.0
     return speed > 100.0 or (span > 50.0 and speed > 15.0) or (span > TWO_TURNS and speed > 25.0)
@@ -88,15 +83,12 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
             if rig.units_of(joint).slides:
                 _check_length(span, speed, rig, name, path)
                 continue
-            unit = rig.units.get(name, rig.units.get(suffix))
-            if isinstance(unit, float | int):
-                continue
-            if _looks_like_degrees(span, speed, servo=servo, stated=stated):
+            if not stated and _looks_like_degrees(span, speed, servo=servo):
                 what = f"spans {span:.4g} rad" + (f" at up to {speed:.4g} rad/s" if speed else "")
                 raise LogError(
                     f"{path}: column {rig.columns.get(name, name)!r} {what}, which the joints of robots do not: "
                     f"it looks like degrees; set units: {{{suffix}: deg}} in the rig file "
-                    f"(or {suffix}: {'1.0, the factor to rad,' if stated else 'rad'} if it is right, as for a wheel)"
+                    f"(or {suffix}: rad if it is right, as for a wheel)"
                 )
         if servo:
             _check_command_scale(columns, usable, rig, joint, path)

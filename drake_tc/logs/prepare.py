@@ -174,6 +174,7 @@ def _prepare(path: Path, rig: Rig) -> Run:
     raw = on_rows_of_positions(map_columns(table, rig, path), rig)
     rows = len(table)
     del table
+    rig = replace(rig, units={**raw.units, **rig.units})  # the checks below believe a unit that the file states
     raw = without_outliers(
         with_positions(_in_order(raw)), rig.joints, [j for j in rig.joints if rig.units_of(j).slides]
     )

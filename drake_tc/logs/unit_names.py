@@ -17,7 +17,7 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "deg/s": ("degs", "deg_s", "degs_s", "deg_per_s", "dps", "°/s", "deg/sec"),
         "rad/s": ("rads", "rad_s", "rads_s", "rad_per_s", "rad/sec"),
         "rpm": ("1/min", "min-1", "rev/min", "u/min", "r/min"),
-        "rev/s": ("rev_s", "revs_s", "rev_per_s", "rps", "1/s"),
+        "rev/s": ("rev_s", "revs_s", "rev_per_s", "rps", "1/s", "hz"),
         "N*m": ("nm", "n_m"),
         "mN*m": ("mnm",),
         "N*mm": ("nmm", "n_mm"),
@@ -37,7 +37,24 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """Units of rig files to how others write them; small letters, and without the dots and stars of products."""
-_ONLY_IN_BRACKETS = ("m", "a", "v", "k", "g", "c", "f", "s", "amp", "amps", "volt", "volts", "rot", "1/s", "ampere")
+_ONLY_IN_BRACKETS = (
+    "m",
+    "a",
+    "v",
+    "k",
+    "g",
+    "c",
+    "f",
+    "s",
+    "amp",
+    "amps",
+    "volt",
+    "volts",
+    "rot",
+    "1/s",
+    "ampere",
+    "hz",
+)
 """At the end of a name without brackets these are parts of names: `theta_m` is the angle of a motor."""
 
 

@@ -117,7 +117,7 @@ def test_names_keep_their_degree_sign(tmp_path, encoding):
     assert units["joint/position"] == "deg" and units["joint/torque"] == "N*mm"
 
 
-@pytest.mark.parametrize(("above", "lines"), [("# recorder\n", "line 1"), ("Recorder\nMotor;XY\n\n", "lines 1 to 3")])
+@pytest.mark.parametrize(("above", "lines"), [("recorder\n", "line 1"), ("Recorder\nMotor;XY\n\n", "lines 1 to 3")])
 def test_lines_above_the_names_are_refused_with_their_numbers(tmp_path, above, lines):
     (tmp_path / "run.csv").write_text(above + mine().to_csv(index=False, sep=";"))
     with pytest.raises(LogError, match=rf"4 cells: remove {lines}, so that the names come first"):

@@ -57,7 +57,7 @@ def test_names(name, joint, quantity):
         ("tau [N m]", "", "torque", "N*m"),
         ("q (3)", "joint_3", "position", ""),
         ("q_ma", "ma", "position", ""),
-        ("t_ms", "", "time", ""),
+        ("t_ms", "", "time", "ms"),
         ("z_pos_mm", "z", "position", "mm"),
         ("z_vel [mm/s]", "z", "velocity", "mm/s"),
         ("z_pos_cm", "z", "position", "cm"),
@@ -67,7 +67,7 @@ def test_names(name, joint, quantity):
     ],
 )
 def test_units_in_names(name, joint, quantity, unit):
-    """A number in brackets and a unit of another quantity belong to the joint; the rate tells that of time."""
+    """A number in brackets and a unit of another quantity belong to the joint."""
     told = meaning(name)
     assert told is not None and (told.joint, told.quantity, told.unit) == (joint, quantity, unit)
 

@@ -105,7 +105,11 @@ def describe(
         unit, why = (
             ("rpm", "") if "rpm" in told.by else _unit(told.quantity, float(both.min()), float(both.max()), whole=whole)
         )
+    if told.quantity == "enabled":
+        unit, why = "", "0 while the drive is off"
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
+    if told.quantity == "enabled" and not told.joint:
+        canonical = "enabled"
     by = "canonical name" if name == canonical else f"called {told.by}"
     return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)
 

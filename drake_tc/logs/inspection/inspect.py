@@ -13,6 +13,7 @@ from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.inspection.column import NAMELESS, Column, describe
 from drake_tc.logs.inspection.column import numbers as in_numbers
 from drake_tc.logs.inspection.names import Meaning, meaning, with_unit
+from drake_tc.logs.inspection.rates import with_units_of_rates
 from drake_tc.logs.inspection.suggestion import suggested_rig
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.readers import read_table
@@ -80,14 +81,17 @@ def inspect_log(path: Path) -> Inspection:
         name: with_unit(meaning(name), below.get(name, "")) for name, values in numbers.items() if values is not None
     }
     found |= _dates_as_time(table, found)
-    meanings = _distinct(_of_the_only_joint(_of_one_joint(found, notes)), notes)
+    meanings = _distinct(_of_the_only_joint(_of_one_joint(_with_whole_names(found), notes)), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
-    unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name])
+    stated = "" if time_name is None else meanings[time_name].unit
+    unit, period, gaps, duration = _clock(None if time_name is None else numbers[time_name], stated)
     columns = tuple(
         describe(name, values, meanings.get(name), unit, _beside(name, meanings, numbers))
         for name, values in numbers.items()
     )
     columns = _in_units_of_their_joints(columns, meanings)
+    if time_name is not None and (time := numbers[time_name]) is not None:
+        columns = with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
     if time_name is None:
         notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
     rig, comment = suggested_rig(columns, meanings, notes)
@@ -187,8 +191,18 @@ def _beside(name: str, meanings: Mapping[str, Meaning], numbers: Mapping[str, Fl
     return None if partner is None else numbers[partner]
 
 
-def _clock(time: FloatArray | None) -> tuple[str, float, int, float]:
-    """Unit, period [s], gaps and duration [s] of a time (T,) in its own unit."""
+def _with_whole_names(found: Mapping[str, Meaning | None]) -> dict[str, Meaning | None]:
+    """The meanings, where a joint that other columns call `NAME_joint` is the same as `NAME`."""
+    joints = {told.joint for told in found.values() if told is not None}
+    whole = {joint: f"{joint}_joint" for joint in joints if joint and f"{joint}_joint" in joints}
+    return {
+        name: replace(told, joint=whole[told.joint]) if told is not None and told.joint in whole else told
+        for name, told in found.items()
+    }
+
+
+def _clock(time: FloatArray | None, stated: str = "") -> tuple[str, float, int, float]:
+    """Unit, period [s], gaps and duration [s] of a time (T,) in its own unit; a stated unit goes first."""
     if time is None:
         return "s", float("nan"), 0, float("nan")
     finite = time[np.isfinite(time)]
@@ -197,7 +211,8 @@ def _clock(time: FloatArray | None) -> tuple[str, float, int, float]:
     if steps.size == 0:
         return "s", float("nan"), 0, 0.0
     median = float(np.median(steps))
-    unit, scale = next(((u, s) for u, s in SECONDS if RATES[0] <= 1.0 / (median * s) <= RATES[1]), SECONDS[0])
+    possible = ((u, s) for u, s in SECONDS if RATES[0] <= 1.0 / (median * s) <= RATES[1])
+    unit, scale = (stated, dict(SECONDS)[stated]) if stated else next(possible, SECONDS[0])
     return unit, median * scale, int((steps > 5.0 * median).sum()), float(finite[-1] - finite[0]) * scale
 
 

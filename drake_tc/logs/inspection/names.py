@@ -1,12 +1,12 @@
 """From the name of a column to the quantity and the joint that it seems to be of."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from drake_tc.logs.unit_names import at_the_end, is_unit, unit_named
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME
 
 DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
 """Names of a voltage that is stated as a share of the supply voltage."""
@@ -15,7 +15,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "position": (
             *("position", "pos", "q", "qpos", "angle", "ang", "theta", "actual_q", "present_position", "encoder"),
             *("joint_position", "joint_pos", "q_actual", "q_meas", "measured_position", "state_position", "phi"),
-            *("present_pos", "actual_pos", "enc", "encoder_position", "encoder_pos", "encoder_angle"),
+            *("present_pos", "actual_pos", "enc", "encoder_position", "encoder_pos", "encoder_angle", "posn"),
         ),
         "position_command": (
             *(
@@ -37,11 +37,12 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "velocity": (
             *("velocity", "vel", "dq", "qd", "speed", "omega", "actual_qd", "present_velocity", "q_dot", "qvel"),
-            *("joint_velocity", "rpm", "dtheta", "theta_dot", "qdot"),
+            *("joint_velocity", "joint_vel", "rpm", "dtheta", "theta_dot", "qdot", "spd", "velo", "ang_vel"),
+            *("angular_velocity", "motor_velocity", "motor_speed", "motor_vel"),
         ),
         "current": (
             *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
-            *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i"),
+            *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i", "curr", "q_axis", "q_axis_current"),
         ),
         "voltage": (
             *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor"),
@@ -49,13 +50,17 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "torque": (
             *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
-            *("load_torque", "tau_ext", "torque_meas", "torque_nm"),
+            *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured"),
             *("force", "load_cell", "loadcell", "force_sensor", "measured_force", "load_force", "axial_force"),
         ),
         "torque_command": (
             *("torque_command", "torque_cmd", "tau_cmd", "tau_des", "tau_d", "desired_torque", "target_torque"),
             *("force_command", "force_cmd", "force_des", "force_ref", "commanded_force", "desired_force"),
             *("effort_command", "effort", "eff", "commanded_torque", "tau_ref", "torque_des", "torque_ref"),
+        ),
+        "enabled": (
+            *("enabled", "enable", "torque_enable", "torque_enabled", "motor_enabled", "motor_on", "servo_on"),
+            *("torque_on", "drive_enabled", "servo_enabled", "is_enabled", "motors_on"),
         ),
         "current_command": ("current_des", "current_cmd", "current_command", "current_ref", "i_des", "i_ref", "i_cmd"),
         "velocity_command": ("velocity_command", "vel_cmd", "cmd_vel", "dq_ref", "dq_des", "velocity_ref", "qd_des"),
@@ -70,24 +75,37 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Quantity to the words, joined by '_' in small letters, that columns of it are called."""
 _BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names}
-_NOISE = (
-    "joint",
-    "joints",
-    "state",
-    "states",
-    "actual",
-    "meas",
-    "measured",
-    "data",
-    "observation",
-    "value",
-    "link",
-    "ticks",
-    "counts",
-    "raw",
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "position": "position_command",
+        "velocity": "velocity_command",
+        "torque": "torque_command",
+        "current": "current_command",
+        "voltage": "voltage",
+    }
 )
+"""What is measured, and what is commanded of it; the command of a voltage is the voltage."""
+_BASE = {command: quantity for quantity, command in COMMANDS.items() if command not in JOINT_SUFFIXES}
+"""Commands that are no columns of a rig file, and what they command."""
+_COMMANDED = (
+    *("cmd", "command", "commanded", "des", "desired", "ref", "reference", "target", "tgt", "goal", "setpoint"),
+    *("set", "soll", "requested", "demand", "action"),
+)
+"""Words that turn a quantity into its command, as in `tau_command` and `posDes`."""
+_MEASURED = ("act", "actual", "meas", "measured", "present", "feedback", "fb", "fbk", "ist")
+"""Words that say only that a quantity was measured, as in `torAct`."""
+_NOISE = ("joint", "joints", "state", "states", "data", "observation", "value", "link", "ticks", "counts", "raw")
 """Words that name neither a joint nor a quantity, where others do."""
-_IN_BRACKETS = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")
+_NO_JOINT = (
+    *("ee", "eef", "tcp", "endeffector", "effector", "cartesian", "pose"),  # coordinates of a tool
+    *("error", "err", "diff", "limit", "lim", "min", "max", "std", "var", "cov"),  # made from signals
+)
+"""Words of columns that hold no signal of a joint although they have a word of a quantity."""
+_D_AXIS = ("d_axis", "i_d", "id")
+"""Names of the current that makes no torque."""
+_BY_UNIT = ("current", "voltage", "torque", "velocity", "position", "temperature")
+"""Quantities that a unit may tell where the name does not, or tells another one."""
+_IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
 _AT_THE_END = at_the_end()
 
 
@@ -124,20 +142,84 @@ def words(name: str) -> list[str]:
 def meaning(name: str) -> Meaning | None:
     """What a column seems to be; None where nothing tells.
 
-    A canonical name means itself, and so does the owner before a slash. Otherwise the longest run of words that is
-    called like a quantity tells it, at the end of the name before the beginning; what is left names the joint. A unit
-    of that quantity at the end of a name, as in `knee_deg` or `current [mA]`, is no part of the joint's name.
+    A canonical name means itself, and so does the owner before a slash or a dot (`elbow_joint.pos`). Otherwise the
+    longest run of words that is called like a quantity tells it, at the end of the name before the beginning; what is
+    left names the joint. A unit that the name states is no part of the joint's name, and it decides where the words
+    tell another quantity: `q-axis [A]` is a current.
     """
-    for form in (_IN_BRACKETS, _AT_THE_END):
-        found = form.fullmatch(name)
-        told = None if found is None else _meaning(found[1])
-        if found is not None and told is not None and told.quantity != "time":
-            unit = unit_named(found[2], told.quantity)
-            if unit:
-                return replace(told, unit=unit)
-            if form is _IN_BRACKETS and is_unit(found[2]):
-                return replace(told, unknown_unit=found[2])
-    return _meaning(name)
+    found = _IN_BRACKETS.fullmatch(name)
+    if found is not None:
+        told = _meaning(found[1])
+        unit = "" if told is None else _unit(found[3], told.quantity)
+        if told is not None and unit:
+            return replace(told, unit=unit)
+        if found[2] == "[" or is_unit(found[3]):
+            by_unit = _of_unit(found[1], told, found[3])
+            if by_unit is not None:
+                return by_unit
+        if told is not None and is_unit(found[3]):
+            return replace(told, unknown_unit=found[3])
+    found = _AT_THE_END.fullmatch(name)
+    if found is not None:
+        told = _meaning(found[1])
+        unit = "" if told is None else _unit(found[2], told.quantity)
+        if told is not None and unit:
+            return replace(told, unit=unit)
+        if told is None and len(found[2]) > 1 and (by_unit := _of_unit(found[1], told, found[2])) is not None:
+            return by_unit
+    told = _meaning(name)
+    last = words(name)[-1:]
+    if told is not None and told.quantity == "time" and last and len(words(name)) > 1 and last[0].lower() in TIME:
+        return replace(told, unit=last[0].lower())
+    return told
+
+
+def _unit(text: str, quantity: str) -> str:
+    """The unit of a quantity, or of what it commands, that a text states; empty where it states none of it."""
+    return unit_named(text, _BASE.get(quantity, quantity))
+
+
+def stated_unit(name: str, suffix: str) -> str:
+    """The unit of the channel `suffix` that the name of a column states, as rig files write it; empty if none.
+
+    Example:
+        >>> stated_unit("knee angle [deg]", "position"), stated_unit("i_mA", "current"), stated_unit("tau", "torque")
+        ('deg', 'mA', '')
+    """
+    found = _IN_BRACKETS.fullmatch(name)
+    if found is not None and (unit := unit_named(found[3], suffix)):
+        return unit
+    found = _AT_THE_END.fullmatch(name)
+    return "" if found is None else unit_named(found[2], suffix)
+
+
+def _of_unit(name: str, told: Meaning | None, stated: str) -> Meaning | None:
+    """What a column seems to be by the unit that its name states; None where the unit tells no quantity.
+
+    Args:
+        name: Without the unit.
+        told: What the rest of the name tells, which is of another unit.
+        stated: Unit in the name.
+    """
+    parts = [word.lower() for word in words(name)]
+    if not parts or any(word in _NO_JOINT for word in parts) or _is_d_axis(parts):
+        return None
+    if stated.lower() == "hz":  # a rate, unless the name says that it is a velocity
+        return None
+    quantity = next((each for each in _BY_UNIT if unit_named(stated, each)), None)
+    if quantity is None or quantity == (told.quantity if told else ""):
+        return None
+    unit = unit_named(stated, quantity)
+    if any(word in _COMMANDED for word in parts):
+        quantity = COMMANDS.get(quantity, quantity)
+    known = set(told.by.split("_")) if told else set()
+    rest = [word for word in words(name) if word.lower() not in known]
+    return Meaning(_joint(_naming(rest)), quantity, "the unit", unit)
+
+
+def _is_d_axis(parts: Sequence[str]) -> bool:
+    text = f"_{'_'.join(parts)}_"
+    return any(f"_{each}_" in text for each in _D_AXIS)
 
 
 def with_unit(told: Meaning | None, stated: str) -> Meaning | None:
@@ -154,21 +236,64 @@ def _meaning(name: str) -> Meaning | None:
     owner, _, suffix = name.rpartition("/")
     if owner and (suffix in JOINT_SUFFIXES or (suffix in SENSOR_SUFFIXES and owner.startswith(("imu_", "ft_")))):
         return Meaning(owner, suffix, suffix)
-    if owner and (quantity := _BY_WORDS.get("_".join(words(suffix)).lower())) is not None:
-        return Meaning(owner, quantity, suffix)
-    parts = _split_numbers(words(name))
-    best: tuple[int, int, int] | None = None
-    for first in range(len(parts)):
-        for end in range(first + 1, len(parts) + 1):
-            if "_".join(parts[first:end]).lower() in _BY_WORDS and (best is None or (end - first, end) > best[:2]):
-                best = (end - first, end, first)
-    if best is None:
+    if not owner:
+        owner, _, suffix = name.rpartition(".")
+    if owner and (told := _of_words(words(suffix))) is not None and not told.joint and told.quantity != "time":
+        parts = [owner] if "/" in name else [part for part in owner.split(".") if part.lower() not in _NOISE]
+        named = [part for part in parts if part.lower() not in _COMMANDED]
+        quantity = COMMANDS.get(told.quantity, told.quantity) if named != parts else told.quantity
+        return replace(told, joint="/".join(named), by=suffix, quantity=quantity)
+    return _of_words(words(name))
+
+
+def _of_words(said: Sequence[str]) -> Meaning | None:
+    """What the words of a name seem to mean."""
+    parts = _split_numbers(said)
+    lower = [part.lower() for part in parts]
+    if any(word in _NO_JOINT for word in lower) or _is_d_axis(lower):
         return None
-    _, end, first = best
-    told = "_".join(parts[first:end]).lower()
+    span = _longest(lower, _BY_WORDS)
+    if span is None:
+        return None
+    if "_".join(lower[slice(*span)]) in _COMMANDED:  # a command of what another word tells, or of a position
+        rest = [word if not span[0] <= at < span[1] else "" for at, word in enumerate(lower)]
+        span = _longest(rest, {by: quantity for by, quantity in _BY_WORDS.items() if quantity in COMMANDS}) or span
+    first, end = span
+    told = "_".join(lower[first:end])
+    quantity = _BY_WORDS[told]
+    if told.startswith("joint_") and first > 0 and end == len(parts) and "joint" in parts:
+        first += 1  # `elbow_joint_pos` is the position of `elbow_joint`
     rest = parts[:first] + parts[end:]
-    named = [word for word in rest if word.lower() not in _NOISE] or rest
-    return Meaning("" if _BY_WORDS[told] == "time" else _joint(named, rest), _BY_WORDS[told], told)
+    if quantity in COMMANDS and any(word.lower() in _COMMANDED for word in rest):
+        quantity = COMMANDS[quantity]
+        words_of_command = [word for word in rest if word.lower() in _COMMANDED]
+        told = "_".join([told, *(word.lower() for word in words_of_command)])
+        rest = [word for word in rest if word not in words_of_command]
+    if quantity == "time":
+        return Meaning("", quantity, told)
+    rest = [word for word in rest if word.lower() not in _MEASURED]
+    return Meaning(_joint(_naming(rest)), quantity, told)
+
+
+def _naming(rest: Sequence[str]) -> list[str]:
+    """The words that name a joint; a `joint` behind a name belongs to it, as in `elbow_joint`."""
+    kept = [
+        word
+        for at, word in enumerate(rest)
+        if word.lower() not in _NOISE or (word == "joint" and at and rest[at - 1].lower() not in _NOISE)
+    ]
+    return kept or list(rest)
+
+
+def _longest(lower: Sequence[str], known: Collection[str]) -> tuple[int, int] | None:
+    """The longest run of words that is known, the last one of those."""
+    best: tuple[int, int] | None = None
+    for first in range(len(lower)):
+        for end in range(first + 1, len(lower) + 1):
+            longer = best is None or (end - first, end) > (best[1] - best[0], best[1])
+            if longer and "_".join(lower[first:end]) in known:
+                best = (first, end)
+    return best
 
 
 def _split_numbers(parts: Iterable[str]) -> list[str]:
@@ -180,8 +305,8 @@ def _split_numbers(parts: Iterable[str]) -> list[str]:
     return result
 
 
-def _joint(named: list[str], rest: list[str]) -> str:
+def _joint(named: Sequence[str]) -> str:
     """`1` of `joint 1` is `joint_1`; words are joined by '_'."""
     if named and all(word.isdigit() for word in named):
         return "joint_" + "_".join(named)
-    return "_".join(named if named != rest or not rest else rest)
+    return "_".join(named)

@@ -35,11 +35,17 @@ def suggested_rig(
         told = meanings.get(column.name)
         if told is not None and column.canonical and not told.joint.startswith(("imu_", "ft_")):
             by_joint.setdefault(column.canonical.rpartition("/")[0], {})[told.quantity] = column
-    time = by_joint.pop("", {}).get("time")
-    for has in by_joint.values():
+    of_all = by_joint.pop("", {})
+    time, enabled = of_all.get("time"), of_all.get("enabled")
+    for joint, has in by_joint.items():
         if "current" not in has and "current_command" in has:
-            commanded = has["current_command"]
-            has["current"] = replace(commanded, canonical=f"{commanded.canonical.rpartition('/')[0]}/current")
+            has["current"] = replace(has["current_command"], canonical=f"{joint}/current")
+        if "position" not in has and "motor_position" in has:
+            has["position"] = replace(has.pop("motor_position"), canonical=f"{joint}/position")
+            notes.append(
+                f"Joint {joint} has only the position of its motor, {has['position'].name!r}, which is taken for the"
+                " joint's. With a gear, divide it by the gear ratio: write the factor under `units:`."
+            )
     drives: dict[str, str] = {}
     chosen = effort_drive(by_joint, meanings)
     order = DRIVES if chosen is None else sorted(DRIVES, key=lambda each: each[0] != chosen[0])
@@ -67,6 +73,8 @@ def suggested_rig(
         requested = [motion, commands[drive], "torque", *OPTIONAL]
         requested += [] if chosen is None else ["position_command"]  # for a user who changes the drive
         used += [by_joint[joint][name] for name in dict.fromkeys(requested) if name in by_joint[joint]]
+    switches = [by_joint[joint]["enabled"] for joint in drives if "enabled" in by_joint[joint]]
+    switches = [each for each in switches if _is_switch(each)]
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
         notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")
@@ -87,7 +95,9 @@ def suggested_rig(
             " constant force to each one that slides. With a URDF, `robot: FILE` and `load: {robot: fitted}` fit the"
             " links of the whole robot instead."
         )
-    renamed = {column.canonical: column.name for column in used if column.canonical != column.name}
+    if enabled is not None and _is_switch(enabled):
+        document["enabled"] = enabled.name
+    renamed = {column.canonical: column.name for column in [*used, *switches] if column.canonical != column.name}
     units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}
     document |= ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
     return document, "" if chosen is None else comment_on(*chosen)
@@ -97,7 +107,8 @@ def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str,
     """Efforts that were recorded beside the command that is suggested, and how a rig file makes use of them."""
     told = []
     for kind, command in DRIVES[1:]:
-        found = {joint: by_joint[joint][command] for joint in drives if command in by_joint[joint]}
+        recorded = {joint: by_joint[joint][command] for joint in drives if command in by_joint[joint]}
+        found = {joint: column for joint, column in recorded.items() if column.low < column.high}
         columns = {joint: column for joint, column in found.items() if drives[joint] != kind}
         if columns:
             renamed = [f"{each.canonical}: {each.name}" for each in columns.values() if each.canonical != each.name]
@@ -112,6 +123,11 @@ def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str,
 
 def _velocity_will_do(drive: str, has: Mapping[str, Column]) -> bool:
     return drive != "position_servo" and "velocity" in has and "torque" in has
+
+
+def _is_switch(column: Column) -> bool:
+    """Whether a column that is called like a switch of the drive is one: 0 or 1, and on at least once."""
+    return column.low in (0.0, 1.0) and column.high == 1.0
 
 
 def _left_out(joint: str) -> str:
