@@ -1,0 +1,25 @@
+"""Every row of the table, by the public entry `close_loop`."""
+
+from pathlib import Path
+
+import pytest
+
+from .case import Case, run_case
+from .table import CASES, ENGINES
+
+ROWS = [
+    pytest.param(case, seed, id=f"{case.name}[{seed}]", marks=[pytest.mark.slow] if case.slow else [])
+    for case in CASES
+    for seed in case.seeds
+]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("case", "seed"), ROWS)
+def test_the_answer_is_right(case: Case, seed: int, engine: str, tmp_path: Path) -> None:
+    outcome = run_case(case, seed, tmp_path, engine)
+    assert outcome.is_right, "\n".join([outcome.case, str(outcome.answer), *outcome.problems])
+
+
+def test_names_are_unique() -> None:
+    assert len({case.name for case in CASES}) == len(CASES)
