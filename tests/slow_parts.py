@@ -109,6 +109,7 @@ PARTS = {
             "benchmarks/test_known_arms.py::*",
             "diagnosis/set_up/test_gains_of_makers_arms.py::*",
             "diagnosis/robot/test_current_offsets_of_makers_arms.py::*",
+            "diagnosis/cases/test_cases.py::*",
             "diagnosis/test_blind_mini.py::*",
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",

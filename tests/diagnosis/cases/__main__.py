@@ -1,6 +1,6 @@
-"""`python -m tests.diagnosis.cases [--engine NAME] [--only PATTERN] [--json]`: every case, found, verdict, right or wrong.
+"""`python -m tests.diagnosis.cases [--engine NAME] [--only PATTERN] [--json]` prints found, verdict, right or wrong.
 
-A failing case does not end the table; the last line counts.
+Seconds are those of the processor. A failing case does not end the table; the last line counts.
 """
 
 import argparse
@@ -22,14 +22,14 @@ from .table import CASES
 
 def outcome_of(case: Case, seed: int, engine: str | None) -> Outcome:
     """The outcome; a crash is a wrong answer."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     with TemporaryDirectory() as folder:
         try:
             return run_case(case, seed, Path(folder), engine)
         except Exception as crash:
             where = traceback.extract_tb(crash.__traceback__)[-1]
             told = f"crash: {type(crash).__name__}: {crash} ({Path(where.filename).name}:{where.lineno})"
-            return Outcome(f"{case.name}[{seed}]", Answer(), [told], time.perf_counter() - begin)
+            return Outcome(f"{case.name}[{seed}]", Answer(), [told], time.process_time() - begin)
 
 
 def main() -> None:

@@ -143,11 +143,11 @@ class Outcome:
 
 
 def run_case(case: Case, seed: int, folder: Path, engine: str | None) -> Outcome:
-    """Record, diagnose and judge; the seconds are those of the diagnosis alone."""
+    """Record, diagnose and judge; the seconds are those of the processor in the diagnosis alone."""
     recorded = case.record(_made(folder / "case"), seed)
-    begin = time.perf_counter()
+    begin = time.process_time()
     answer = answer_of(recorded, engine)
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     problems = list(objections(case, answer))
     if case.twin is not None and not answer.refusal:
         other = answer_of(case.twin(_made(folder / "twin"), seed), engine)

@@ -101,8 +101,8 @@ def commanded(true: Servo, waves: object = WAVES, *, held: bool = True, late: fl
 
 
 FITTED = {"declared": ["rotor_inertia"]}
-VISCOUS = Is(0.25, 0.0, HELD.stiffness * FINE + 2e-3)
-"""The integrator's first-order step costs up to K h."""
+VISCOUS = Is(0.25, 0.0, HELD.stiffness * FINE + 2e-3, interval=True)
+"""The integrator's first-order step costs up to K h; what the logs leave of the age is in the interval."""
 LATE = replace(HELD, coulomb=0.12)
 LATE_WAVES = ((0.15, 0.45, 0.0), (0.37, 0.45, 1.1), (0.61, 0.25, 2.3), (0.93, 0.12, 0.4))
 COMMANDS = [
