@@ -68,7 +68,11 @@ class DeclaredTerms:
 
     def line(self, drive: str, joint_type: JointType = "revolute") -> str:
         """What was taken, as a text for people."""
-        limits = ("saturation", "saturation.servo", "saturation.servo.derivative_time")  # stated below, in this drive's unit
+        limits = (
+            "saturation",
+            "saturation.servo",
+            "saturation.servo.derivative_time",
+        )  # stated below, in this drive's unit
         told = {name: value for name, value in self.declared.items() if name not in limits}
         parts = [f"{name} {value:.4g} {UNITS.get(name, '')}".rstrip() for name, value in told.items() if value]
         open_ids = [name for name, value in self.declared.items() if value is None]
@@ -157,8 +161,9 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
         declared["current_lag.command" if drive == "position_servo" else "current_lag"] = terms.lag
     if terms.integral_rate:
         declared["servo_integrator"] = terms.integral_rate
-    if limit is not None and damping is not None:
-        declared |= {"saturation.servo": limit, "saturation.servo.derivative_time": damping / terms.kp}
+    inside = (read.derivative_gain + terms.derivative_gain) / terms.kp if terms.kp else 0.0
+    if limit is not None and inside > 0.0:
+        declared |= {"saturation.servo": limit, "saturation.servo.derivative_time": inside}
     elif limit is not None:
         declared["saturation"] = limit
     return DeclaredTerms(

@@ -14,6 +14,7 @@ from drake_tc.logs import channels
 from drake_tc.logs.clock import GAP_PERIODS, MIN_ROWS, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
 from drake_tc.logs.exchanged import refuse_exchanged
+from drake_tc.logs.instants import sampling_instants
 from drake_tc.logs.jumps import find_jumps
 from drake_tc.logs.live import require_commands, require_live
 from drake_tc.logs.loads import Pendulum
@@ -41,7 +42,11 @@ _MAY_FREEZE = ("torque", "position", "motor_position")
 
 
 def _in_order(raw: RawLog) -> RawLog:
-    """The log without rows that have no time of their own; an epoch's time starts at 0."""
+    """The log at the instants of its samples, without rows that have no time of their own; an epoch starts at 0."""
+    positions = [values for name, values in raw.columns.items() if name.endswith("/position")]
+    others = [values for name, values in raw.columns.items() if not name.endswith("/position")]
+    instants = sampling_instants(raw.time, positions, others)
+    raw = replace(raw, time=instants.time, notes=raw.notes + instants.notes)
     keep, notes = rows_in_order(raw.time, raw.path)
     time = raw.time if keep.all() else raw.time[keep]
     if abs(time[0]) > 1e6:
