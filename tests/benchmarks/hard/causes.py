@@ -323,10 +323,10 @@ CAUSES: dict[str, Cause] = {
         ),
         Cause(
             "saturation",
-            0.2,
-            0.6,
+            0.15,
+            0.7,
             _none,
-            _joint(limit=lambda s, p, x, j: (1.0 - x) * 1.2 * s.effort),
+            _joint(limit=lambda s, p, x, j: (1.0 - x) * s.effort),
             lambda v, w, p: stack(v.saturation_part),
             _of_joint(limit="limit"),
             in_effort=True,

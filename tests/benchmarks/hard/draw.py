@@ -43,15 +43,28 @@ class Drawn:
 
 
 def draw(seed: int, number: int) -> Drawn:
-    """Rig `number` of a seed; it does not depend on the other rigs."""
-    rng = np.random.default_rng([seed, number])
-    drive, load, ids = _kind(seed, number, rng)
-    rig = _rig(f"rig_{number:03d}", drive, load, ids, rng)
-    world = _calibrated(rig, rng)
-    recordings = {run.name: record_run(rig, world, run) for run in rig.runs}
-    task, view = problem(rig, world, recordings)
+    """Rig `number` of a seed; it does not depend on the other rigs.
+
+    A rig is drawn anew where a cause cannot reach its size, because it is at its bound or another one hides it.
+    """
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([seed, number, attempt])
+        drive, load, ids = _kind(seed, number, rng)
+        rig = _rig(f"rig_{number:03d}", drive, load, ids, rng)
+        world = _calibrated(rig, rng)
+        recordings = {run.name: record_run(rig, world, run) for run in rig.training}
+        task, view = problem(rig, world, recordings)
+        judgements = oracle.judge(task, {})
+        if all(ACCEPTED[0] <= found.floors <= ACCEPTED[1] for found in judgements.values()):
+            break
     judgements = oracle.judge(task, alternatives(rig, world, view)) if ids else {}
+    recordings |= {run.name: record_run(rig, world, run) for run in rig.runs if run.held_out}
     return Drawn(rig, world, recordings, judgements, oracle.floor(task))
+
+
+ATTEMPTS = 6
+ACCEPTED = (1.3, 13.0)
+"""Floors with which a cause is accepted beside the others; alone it was set to 1.5 to 10."""
 
 
 def _kind(seed: int, number: int, rng: Generator) -> tuple[str, str, tuple[str, ...]]:
@@ -196,7 +209,7 @@ def _measured(rig: Rig, rng: Generator) -> Rig:
     speed = max(float(np.abs(t.v).max()) for t in traces)
     share = _log_uniform(rng, 0.004, 0.03)
     rms = {"effort": float(np.std(effort)), "torque": float(np.std(np.concatenate([t.torque for t in traces])))}
-    scales = replace(rig.scales, speed=0.7 * speed, effort=float(np.quantile(np.abs(effort), 0.99)))
+    scales = replace(rig.scales, speed=0.7 * speed, effort=float(np.abs(effort).max()))
     names = ["position", EFFORT_COLUMN[rig.drive]]
     names += ["torque"] if rig.load == "torque" else []
     names += ["velocity"] if rng.random() < 0.3 else []
@@ -220,7 +233,7 @@ def _with_tolerances(rig: Rig, ids: tuple[str, ...], rng: Generator) -> Rig:
     """Half of the rigs state tolerances, and their sensors err within them; the errors of the others are small."""
     stated, torque, effort = rng.random() < 0.5, rig.scales.torque, rig.scales.effort
     sizes: dict[str, float] = {}
-    if rig.load == "torque" and not {"torque_sensor_bias", "torque_sensor_gain"} & set(ids):
+    if rig.load == "torque" and not {"torque_sensor_bias", "torque_sensor_gain", "asymmetric_friction"} & set(ids):
         sizes |= {"torque.bias": torque * rng.uniform(0.005, 0.04), "torque.gain": rng.uniform(0.003, 0.02)}
     if rig.drive != "position_servo" and "asymmetric_friction" not in ids:
         sizes["effort.bias"] = effort * rng.uniform(0.003, 0.02)

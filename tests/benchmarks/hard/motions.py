@@ -10,13 +10,22 @@ Generator = np.random.Generator
 
 
 def motion(kind: str, duration: float, size: float, fastest_hz: float, rng: Generator) -> tuple[Array, Array]:
-    """Position [rad] and rate [rad/s] of a motion around zero; `size` is its largest deflection [rad]."""
+    """Position [rad] and rate [rad/s] of a motion around zero; `size` is its largest deflection [rad].
+
+    It is smoothed until it is nowhere faster, and accelerates nowhere more, than a sine of this size and `fastest_hz`.
+    """
     time = np.arange(0.0, duration, STEP)
-    q = KINDS[kind](time, fastest_hz, rng)
-    q = _smooth(q, 0.5 / (2.0 * np.pi * fastest_hz))
-    q *= size / np.abs(q).max()
-    q = q * np.minimum(time / 0.5, 1.0) ** 2 * (3.0 - 2.0 * np.minimum(time / 0.5, 1.0))
-    return q, np.gradient(q, STEP)
+    raw = KINDS[kind](time, fastest_hz, rng)
+    raw = raw * np.minimum(time / 0.5, 1.0) ** 2 * (3.0 - 2.0 * np.minimum(time / 0.5, 1.0))
+    omega = 2.0 * np.pi * fastest_hz
+    width = 0.5 / omega
+    while True:
+        q = _smooth(raw, width)
+        q *= size / np.abs(q).max()
+        rate = np.gradient(q, STEP)
+        if max(np.abs(rate).max() / omega, np.abs(np.gradient(rate, STEP)).max() / omega**2) < 1.05 * size:
+            return q, rate
+        width *= 1.3
 
 
 def _smooth(q: Array, seconds: float) -> Array:

@@ -51,67 +51,81 @@ class Judgement:
     allowed: tuple[str, ...]
 
 
+class _Fits:
+    """Least-squares fits of subsets of columns, from one matrix of products."""
+
+    def __init__(self, problem: Problem, more: Array | None = None) -> None:
+        """Products of all columns: base, causes, `more`, nuisances. `full` has the base and all causes."""
+        blocks = [problem.base, *problem.causes.values(), *([] if more is None else [more])]
+        ends = np.cumsum([block.shape[1] for block in blocks])
+        self.base, *others = (np.arange(end - block.shape[1], end) for end, block in zip(ends, blocks, strict=True))
+        self.causes = dict(zip(problem.causes, others, strict=False))
+        self.more = np.arange(ends[len(problem.causes)], ends[-1])
+        self.full = np.concatenate([self.base, *self.causes.values()])
+        size = [np.sqrt(np.mean(block**2, axis=0)) for block in blocks]
+        scaled = [block / np.where(s > 0.0, s, 1.0) for block, s in zip(blocks, size, strict=True)]
+        self._design = np.hstack([*scaled, problem.nuisance * problem.spread])
+        self._nuisance = np.arange(ends[-1], self._design.shape[1])
+        self._normal = self._design.T @ self._design + 1e-9 * np.eye(self._design.shape[1])
+        self._right = self._design.T @ problem.target
+        self._target, self._power = problem.target, float(problem.target @ problem.target)
+
+        first = self.residual(self.full, 0.0)
+        self.sigma = float(np.sqrt(np.mean(first**2)))
+        self.weight = self.sigma**2 * first.size / _independent(first, problem.run)
+        self.independent = _independent(self.residual(self.full, self.weight), problem.run)
+
+    def _solution(self, columns: Array, weight: float) -> tuple[Array, Array]:
+        used = np.concatenate([columns, self._nuisance])
+        penalty = np.concatenate([np.zeros(columns.size), np.full(self._nuisance.size, weight)])
+        normal = self._normal[np.ix_(used, used)] + np.diag(penalty)
+        solution = np.linalg.lstsq(normal, self._right[used], rcond=1e-13)[0]
+        return used, solution
+
+    def residual(self, columns: Array, weight: float) -> Array:
+        """(rows,) what a fit leaves; a nuisance of one standard deviation costs as much as `weight`."""
+        used, solution = self._solution(columns, weight)
+        return self._target - self._design[:, used] @ solution
+
+    def cost(self, columns: Array) -> tuple[float, float]:
+        """Sum of squares with the nuisances' penalties, and without."""
+        used, solution = self._solution(columns, self.weight)
+        left = self._power - 2.0 * solution @ self._right[used]
+        squares = float(left + solution @ self._normal[np.ix_(used, used)] @ solution)
+        return squares + self.weight * float(np.sum(solution[columns.size :] ** 2)), squares
+
+    def odds(self, without: Array, columns: Array) -> float:
+        """Log odds of the model with both sets of columns against the one with the first."""
+        costs = self.cost(without)[0], self.cost(np.concatenate([without, columns]))[0]
+        return 0.5 * self.independent * np.log(costs[0] / costs[1]) - 0.5 * columns.size * np.log(self.independent)
+
+
 def floor(problem: Problem) -> float:
     """RMS of what the true model leaves, in the unit of the effort."""
-    columns = np.hstack([problem.base, *problem.causes.values()])
-    return float(np.sqrt(np.mean(_fit(problem, columns, 0.0)[1] ** 2)))
+    return _Fits(problem).sigma
 
 
 def judge(problem: Problem, alternatives: Mapping[str, Sequence[Array]]) -> dict[str, Judgement]:
-    """Every cause of the problem, by id. `alternatives` has columns of other ids."""
-    full = np.hstack([problem.base, *problem.causes.values()])
-    sigma = floor(problem)
-    weight = _weight(problem, full, sigma)
-    cost, residual = _fit(problem, full, weight)
-    independent = _independent(residual, problem.run)
+    """Every cause of the problem, by id. `alternatives` has columns of other ids, in one or more forms."""
+    forms = [(name, form) for name, several in alternatives.items() for form in several]
+    fits = _Fits(problem, np.hstack([form for _, form in forms]) if forms else None)
+    places = np.split(fits.more, np.cumsum([form.shape[1] for _, form in forms])[:-1]) if forms else []
+    rows = problem.target.size
     found = {}
-    for cause, columns in problem.causes.items():
-        rest = np.hstack([problem.base, *(c for name, c in problem.causes.items() if name != cause)])
-        without, left = _fit(problem, rest, weight)
-        more = max(float(np.mean(left**2) - np.mean(residual**2)), 0.0)
-
-        def odds(cost_with: float, count: int, without: float = without) -> float:
-            return 0.5 * independent * np.log(without / cost_with) - 0.5 * count * np.log(independent)
-
-        own = odds(cost, columns.shape[1])
-        allowed = []
-        for name, forms in alternatives.items():
-            if name == cause or name in problem.causes:
-                continue
-            best = max(odds(_fit(problem, np.hstack([rest, form]), weight)[0], form.shape[1]) for form in forms)
-            if best > max(own - ALIKE, 0.0):
-                allowed.append(name)
-        found[cause] = Judgement(float(np.sqrt(more)) / sigma, float(own), tuple(sorted(allowed)))
+    for cause, columns in fits.causes.items():
+        rest = np.setdiff1d(fits.full, columns)
+        more = max(fits.cost(rest)[1] - fits.cost(fits.full)[1], 0.0) / rows
+        own = fits.odds(rest, columns)
+        least = max(own - ALIKE, 0.0)
+        allowed = {name for (name, _), place in zip(forms, places, strict=True) if fits.odds(rest, place) > least}
+        found[cause] = Judgement(float(np.sqrt(more)) / fits.sigma, float(own), tuple(sorted(allowed)))
     return found
 
 
 def gain(problem: Problem, columns: Array) -> float:
     """Log odds of columns that are not a cause of the problem."""
-    full = np.hstack([problem.base, *problem.causes.values()])
-    weight = _weight(problem, full, floor(problem))
-    without, residual = _fit(problem, full, weight)
-    independent = _independent(residual, problem.run)
-    cost, _ = _fit(problem, np.hstack([full, columns]), weight)
-    return float(0.5 * independent * np.log(without / cost) - 0.5 * columns.shape[1] * np.log(independent))
-
-
-def _weight(problem: Problem, columns: Array, sigma: float) -> float:
-    """Weight of a nuisance of one standard deviation against one row: sigma^2 rows / independent rows."""
-    residual = _fit(problem, columns, 0.0)[1]
-    return sigma**2 * residual.size / _independent(residual, problem.run)
-
-
-def _fit(problem: Problem, columns: Array, weight: float) -> tuple[float, Array]:
-    """Cost (sum of squares and of the nuisances' penalties) and residual (rows,)."""
-    size = np.sqrt(np.mean(columns**2, axis=0))
-    scaled = columns / np.where(size > 0.0, size, 1.0)
-    nuisance = problem.nuisance * problem.spread
-    design = np.hstack([scaled, nuisance])
-    penalty = np.concatenate([np.zeros(scaled.shape[1]), np.full(nuisance.shape[1], weight)])
-    normal = design.T @ design + np.diag(penalty + 1e-9)
-    solution = np.linalg.lstsq(normal, design.T @ problem.target, rcond=1e-13)[0]
-    residual = problem.target - design @ solution
-    return float(residual @ residual + penalty @ solution**2), residual
+    fits = _Fits(problem, columns)
+    return float(fits.odds(fits.full, fits.more))
 
 
 def _independent(residual: Array, run: Array) -> float:

@@ -7,6 +7,7 @@ where j is the last update of the channel before row k, and the instants are lat
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from tests.benchmarks.hard.physics import Array
@@ -77,9 +78,13 @@ def _sampled(channel: Channel, instant: Array, trace_time: Array, signal: Array)
 def _wander(time: Array, seconds: float, rng: Generator) -> Array:
     """Slow noise of standard deviation 1: a first-order Gauss-Markov process."""
     keep = np.exp(-np.diff(time, prepend=time[0] - seconds) / seconds)
-    drive = np.sqrt(1.0 - keep**2) * rng.standard_normal(time.size)
-    value, out = float(rng.standard_normal()), np.empty(time.size)
-    for k in range(time.size):
+    return _recursion(keep, np.sqrt(1.0 - keep**2) * rng.standard_normal(time.size), float(rng.standard_normal()))
+
+
+@numba.njit(cache=True)
+def _recursion(keep: Array, drive: Array, value: float) -> Array:
+    out = np.empty(keep.size)
+    for k in range(keep.size):
         value = keep[k] * value + drive[k]
         out[k] = value
     return out
