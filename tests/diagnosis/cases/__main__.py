@@ -52,7 +52,7 @@ def main() -> None:
             told = {
                 "found": sorted(outcome.answer.found),
                 "verdict": outcome.answer.verdict,
-                "refusal": outcome.answer.refusal,
+                "answer": str(outcome.answer),
             }
             print(json.dumps(row | told | {"seconds": round(outcome.seconds, 2)}), flush=True)
             continue

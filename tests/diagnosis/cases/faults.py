@@ -13,7 +13,7 @@ from drake_tc.logs.record import Run
 from ..log_files import Change
 from ..rigs import Joint, Logged, record, servo
 from .case import ANY, Case, Is, Record, Recorded
-from .recorders import SHIFTS, changed, logs_of, recorder, rig_of, scaled, written
+from .recorders import SHIFTS, logs_of, recorder, rig_of, scaled, written
 
 NOISY = Joint(duration=12.0, torque_noise=0.25, encoder_step=1e-4, extra=lambda m: 1.2 * m.v * np.abs(m.v))
 QUIET = Joint(duration=24.0, torque_noise=0.05, encoder_step=1e-5)
@@ -135,8 +135,15 @@ def moving(q: Callable[[np.ndarray], np.ndarray], noise: float = 1e-4) -> Record
 
 def steady(number: int, seed: int) -> Run:
     """One constant speed: viscous and Coulomb friction are the same column."""
-    made = record(NOISY, f"run_{number}", SHIFTS[number], number)
-    return changed(made, position=0.3 * made.time)
+    log = Logged(duration=12.0)
+    time, rng = log.times(), np.random.default_rng([seed, number])
+    load = 4.0 * np.sin(2.0 * np.pi * 0.29 * time + number)
+    columns = {
+        POSITION: 0.3 * time + 1e-5 * rng.standard_normal(time.size),
+        CURRENT: 0.08 * (load + 6.0 * 0.3 + 3.0),
+        TORQUE: load + 0.1 * rng.standard_normal(time.size),
+    }
+    return log.run(f"run_{number}", columns)
 
 
 def with_held(of: Callable[[Recorded], list[Path]]) -> Record:

@@ -14,6 +14,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.robot.robot import Robot, load_robot
 
+from .. import small_robot
 from .case import ANY, NULL, RED, Case, Is, Record, Recorded
 
 Columns = dict[str, np.ndarray]
@@ -174,6 +175,41 @@ FITTED = [
     Case("robots: an unknown payload of a run that is not there is refused",
          armed(load=fitted_arm.RIG["load"] | {"unknown_payload": ["run_7"]}), refusal="no log 'run_7'"),
     Case("robots: a negative tolerance of the links is refused", armed(load={"robot": "fitted", "tolerance": -0.1}), refusal="tolerance"),
+]  # fmt: skip
+
+# ---- a small arm with a sliding joint, a floating base, an F/T sensor and an IMU: what its rig file is refused for
+
+
+def small(rig: str, without: str = "") -> Record:
+    """The small arm hangs still; the logs lack one column."""
+
+    def write(folder: Path, seed: int) -> Recorded:
+        small_robot.write_robot(folder)
+        (folder / "rig.yaml").write_text(rig, encoding="utf-8")
+        names = [f"{joint}/{what}" for joint in ("turn", "push", "bend") for what in ("position", "position_command")]
+        names += [f"imu_chest/{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+        names += [f"ft_wrist/{axis}" for axis in ("fx", "fy", "fz", "tx", "ty", "tz")]
+        logs = [folder / f"run_{number}.npz" for number in range(3)]
+        for number, path in enumerate(logs):
+            rng = np.random.default_rng([seed, number])
+            columns = {name: 1e-3 * rng.standard_normal(400) for name in names if name != without}
+            np.savez(path, time=1e-3 * np.arange(400), **columns)
+        return Recorded(folder / "rig.yaml", logs[:2], logs[2:])
+
+    return write
+
+
+SMALL = [
+    Case(f"robots: {name} is refused", small(rig, without), refusal=refusal) for name, rig, without, refusal in (
+        ("a robot file that is not there", "{robot: nothing.yaml, drive: current}", "", "no such robot file"),
+        ("a robot's load without a robot", "{joint: turn, drive: current, load: {robot: estimate}}", "", "requires the key `robot: FILE`"),
+        ("an unknown kind of a robot's load", "{robot: arm.yaml, drive: current, load: {robot: guess}}", "", "expected one of estimate, inverse_dynamics"),
+        ("a robot's load of some joints", "{robot: arm.yaml, drive: current, load: {turn: torque, push: {robot: estimate}}}", "", "of all joints"),
+        ("a robot without a column of its F/T sensor", "{robot: arm.yaml, drive: position_servo}", "ft_wrist/ty", "no column 'ft_wrist/ty'"),
+        ("a stretch without samples for zeroing", "{robot: arm.yaml, drive: position_servo, sensors: {ft_wrist: {tare: [2.0, 4.0]}}}", "",
+         "ft_wrist: tare: no usable stretch of more than .* 2 and 4 s"),
+        ("a floating base whose links are fitted", "{robot: arm.yaml, drive: position_servo, load: {robot: fitted}}", "", "got a floating one"),
+    )
 ]  # fmt: skip
 
 # ---- links that are taken as the file has them
@@ -366,4 +402,4 @@ SET_UPS = [
          never=frozenset({"set_up.payload@run_1"})),
 ]  # fmt: skip
 
-CASES = [*FITTED, *KNOWN_LINKS, *FELT, *SET_UPS]
+CASES = [*FITTED, *SMALL, *KNOWN_LINKS, *FELT, *SET_UPS]
