@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from drake_tc.errors import DrakeTcError
 from tests.benchmarks.hard import score
 from tests.benchmarks.hard.run import CloseLoop, hard_benchmark
 
@@ -33,7 +34,7 @@ def main() -> None:
             context = multiprocessing.get_context("spawn")
             with ProcessPoolExecutor(given.processes, mp_context=context) as pool:
                 results = hard_benchmark(given.folder, given.seed, given.count, pool, diagnose, given.only)
-        except ValueError as error:
+        except (ValueError, DrakeTcError) as error:
             parser.error(str(error))
     if given.json:
         counts = [asdict(row) | {"share": row.share} for row in (*score.rows(results), *score.by_cause(results))]

@@ -73,6 +73,7 @@ class View:
     switched: Array
     lag_part: Array
     celsius: Array
+    pressed: Array
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ CAUSES: dict[str, Cause] = {
             0.4,
             _none,
             _joint(load_friction=lambda s, p, x, j: x),
-            lambda v, w, p: stack(np.abs(v.torque) * v.slide),
+            lambda v, w, p: stack(np.abs(v.pressed) * v.slide),
             _of_joint(load_friction="load_friction"),
             loads=("torque", "pendulum"),
         ),

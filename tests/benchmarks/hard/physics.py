@@ -101,6 +101,7 @@ class Traces(NamedTuple):
     switched: Array
     lag_part: Array
     celsius: Array
+    pressed: Array  # load torque that load-dependent friction follows: that of the step before
 
     def at(self, name: str, time: Array) -> Array:
         """A trace at other times, linear in between."""
@@ -213,6 +214,7 @@ def _run(j: Joint, reference: Array, rate: Array, external: Array, celsius: Arra
             acting += loop_share * (target - acting)
         # the joint
         torque = acting / j.gain
+        pressed = load
         resist = _friction(j, vm, qm, s, soft, load, celsius[i])
         resist += j.spring_stiffness * qm + j.spring_preload + j.payload_moment * np.sin(qm)
         resist += j.ripple_cosine * np.cos(j.ripple_cycles * qm) + j.ripple_sine * np.sin(j.ripple_cycles * qm)
@@ -231,7 +233,7 @@ def _run(j: Joint, reference: Array, rate: Array, external: Array, celsius: Arra
             out[4, k], out[5, k], out[6, k], out[7, k], out[8, k] = vm, am, load, s, soft
             out[9, k], out[10, k], out[11, k], out[12, k] = reference[i], sent[i], acting, qm - ql
             out[13, k], out[14, k], out[15, k], out[16, k] = delay_part, integral, deadzone_part, saturation_part
-            out[17, k], out[18, k], out[19, k] = switched, lag_part, celsius[i]
+            out[17, k], out[18, k], out[19, k], out[20, k] = switched, lag_part, celsius[i], pressed
         vm += h * am
         qm += h * vm
         if two:

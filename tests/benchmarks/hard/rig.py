@@ -85,7 +85,7 @@ class Recording:
     traces: Traces
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _inputs(run: Run, travel: float, fastest: float, hertz: float, push: float) -> tuple[Array, Array, Array, Array]:
     rng = np.random.default_rng([run.seed, 1])
     q, rate = motion(run.kind, run.duration, travel, fastest, rng)
@@ -164,7 +164,9 @@ def _rows(rig: Rig, world: World, recording: Recording, number: int) -> dict[str
     else:
         observed = np.zeros_like(time)
     rows = {name: at[name] for name in ("q", "torque", "slide", "soft", "after_gap", "delay_part", "integral")}
-    rows |= {name: at[name] for name in ("deadzone_part", "saturation_part", "switched", "lag_part", "celsius")}
+    rows |= {
+        name: at[name] for name in ("deadzone_part", "saturation_part", "switched", "lag_part", "celsius", "pressed")
+    }
     rows |= {"time": time, "run": np.full(time.size, float(number)), "v": at["rotor_v"], "a": at["rotor_a"]}
     return rows | {"observed_torque": observed, "effort": effort}
 

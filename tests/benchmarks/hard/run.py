@@ -3,14 +3,17 @@
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tests.benchmarks.hard import score
 from tests.benchmarks.hard.draw import draw
 from tests.benchmarks.hard.files import write
+
+if TYPE_CHECKING:
+    from drake_tc.diagnosis.options import DiagnosisOptions
 
 Diagnose = Callable[[Path, Path], None]
 
@@ -57,22 +60,23 @@ class CloseLoop:
     engine: str | None = None
 
     def __post_init__(self) -> None:
+        """Raises ParamsError for an engine that does not exist."""
+        self._options()
+
+    def _options(self) -> "DiagnosisOptions":
         from drake_tc.diagnosis.options import DiagnosisOptions
 
-        if self.engine is not None and "engine" not in {field.name for field in fields(DiagnosisOptions)}:
-            raise ValueError(f"--engine {self.engine}: this version has one engine; leave --engine out")
+        given: dict[str, Any] = {} if self.engine is None else {"engine": self.engine}
+        return DiagnosisOptions(**given)
 
     def __call__(self, rig: Path, reports: Path) -> None:
-        """Write the report, and the intervals of the final model's parameters beside it under `final_parameters`."""
-        from drake_tc.diagnosis.options import DiagnosisOptions
+        """Write the report, and in it the intervals of the final model's parameters under `final_parameters`."""
         from drake_tc.diagnosis.run import close_loop
         from drake_tc.report.report_json import result_json
 
-        given: dict[str, Any] = {} if self.engine is None else {"engine": self.engine}
-        options = DiagnosisOptions(**given)
         logs = sorted(rig.glob("run_*.csv"))
         holdout = [path for path in logs if path.name.startswith("run_held_")]
-        result = close_loop(rig / "rig.yaml", [path for path in logs if path not in holdout], holdout, options)
+        result = close_loop(rig / "rig.yaml", [path for path in logs if path not in holdout], holdout, self._options())
         document = result_json(result)
         for name, joint in result.joints.items():
             document["joints"][name]["final_parameters"] = {
