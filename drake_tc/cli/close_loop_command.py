@@ -42,6 +42,13 @@ LOADED_BY_WORKERS = (
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
 
+class Engine(StrEnum):
+    """Ways to choose effects."""
+
+    rules = "rules"
+    evidence = "evidence"
+
+
 class ExportTarget(StrEnum):
     """Simulators in which an export can be tried."""
 
@@ -86,6 +93,9 @@ def close_loop_command(
             " and of the file of --declared, and says what is lost."
         ),
     ] = None,
+    engine: Annotated[
+        Engine, typer.Option(help="How effects are chosen: by posterior odds (evidence), or by the former rules.")
+    ] = Engine.rules,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -128,7 +138,7 @@ def close_loop_command(
             from drake_tc.experiments.check.run import check_rig
 
             write_check(check_rig(rig, log or [], progress), folder)
-        options = replace(DiagnosisOptions(), seed=seed)
+        options = DiagnosisOptions(seed=seed, engine=engine.value)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop and not result.has_wrong_set_up:
             found = compare_loops(result, seed, progress, pool)

@@ -13,6 +13,7 @@ from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.notes import ChargedIntegrator, GapCrossings, GearBetweenEncoders, Sticking
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
+from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_drive_gain, with_drive_gain
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
@@ -165,6 +166,7 @@ def diagnose_joint(
         final=chosen,
         baseline_parameters=parameters_of(columns, baseline, context.drive),
         final_parameters=final_parameters,
+        held=known_values(rig, joint),
         noise_floor=floor,
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),

@@ -1,12 +1,15 @@
 """What a diagnosis may be told to do otherwise."""
 
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.thresholds import JOINT, ResidualThresholds, SearchThresholds
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
+
+Engine = Literal["rules", "evidence"]
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,7 @@ class DiagnosisOptions:
     `command_held`: whether position servos hold their commands, decided for all joints; None: each joint decides.
     `effort_age`: age of the efforts of all joints beyond that of held commands [sampling periods]; negative: they are
     recorded late. `without`: ids of effects that are not looked for.
+    `engine`: "evidence" for the posterior odds of `diagnosis.search`.
 
     Raises:
         ParamsError: an effect that is neither of the library nor registered.
@@ -35,8 +39,11 @@ class DiagnosisOptions:
     command_held: bool | None = None
     effort_age: float = 0.0
     without: frozenset[str] = frozenset()
+    engine: Engine = "rules"
 
     def __post_init__(self) -> None:
+        if self.engine not in get_args(Engine):
+            raise ParamsError(f"engine: expected one of {', '.join(get_args(Engine))}, got {self.engine!r}")
         for given in self.effects or ():
             if type(effect(given.key)) is not type(given):
                 raise ParamsError(f"effects: the id {given.key!r} is taken by another effect; choose another id")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis import diagnose
+from drake_tc.diagnosis import joint as rules
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
@@ -108,7 +109,8 @@ def _close_loop(
         }
     for joint in rig.joints:
         if logs_of_robot is None:
-            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
+            one = diagnose.diagnose_joint if options.engine == "evidence" else rules.diagnose_joint
+            joints[joint] = one(train, held, rig, joint, options, progress, executor=executor)
         if free_run is not None and not wrong:
             result = joints[joint]
             own = [without_errors(runs, rig, joint, result.final) for runs in (train, held)]

@@ -22,6 +22,7 @@ VERDICTS: dict[Verdict, str] = {
     "no_missing_effect": "No missing effect found",
     "unexplained_structure": "Unexplained structure in the residual",
     "unexplained_residual": "Residual larger than the sensor noise",
+    "cannot_tell": "These logs cannot tell",
 }
 WRONG_SET_UP = "Wrong set-up"
 REASONS: dict[Withdrawal, str] = {

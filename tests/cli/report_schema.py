@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 Check = Callable[[str, Any], None]
-VERDICTS = ("effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual")
+VERDICTS = ("effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual", "cannot_tell")
 
 
 def number(where: str, value: Any) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.residual.unexplained import BeyondTraining, SharedBand, TimeStretch, Unexplained
+from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, SharedBand, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
@@ -235,7 +235,7 @@ def test_a_model_that_does_not_carry_over_is_said_to_be_larger_on_held_out_runs(
 
 
 def test_every_verdict_and_every_reason_has_words():
-    assert set(VERDICTS) == {"effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual"}
+    assert set(VERDICTS) == set(SEVERITY)
     assert set(REASONS) == set(get_args(Withdrawal))
     assert len({*VERDICTS.values()}) == len(VERDICTS)
     assert len({*REASONS.values()}) == len(REASONS)

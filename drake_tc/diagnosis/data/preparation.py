@@ -215,6 +215,8 @@ def build_samples(
         units=replace(rig.units_of(joint), torque_as_effort=scale.as_effort),
         position_late=position_late,
         torque_late=torque_late,
+        effort_period=channels.slowest([rig.command_column(joint)]),
+        torque_period=channels.slowest([f"{joint}/torque"]),
         centred=centred,
         open_within=0.0 if gap is None else gap.within,
         loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),

@@ -53,6 +53,7 @@ class Samples:
             all samples do.
         timing: (N, 3, 3) `timing_moments` of the rows; None where the sampling instants do not scatter.
         between: (N,) `between_samples` of the rows [N m]^2; None where the torque has the clock of the log.
+        effort_period, torque_period: At which the effort and a measured torque were sampled [s].
         loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 
@@ -82,6 +83,8 @@ class Samples:
     centred: bool = False
     timing: FloatArray | None = None
     between: FloatArray | None = None
+    effort_period: float = 0.0
+    torque_period: float = 0.0
 
     def __getstate__(self) -> dict[str, object]:
         """The fields alone, without what has been computed from them."""

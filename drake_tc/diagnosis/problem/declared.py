@@ -36,6 +36,14 @@ def on_joint(name: str, rig: Rig, joint: str) -> str:
     return form
 
 
+def effect_of(key: str) -> tuple[str, str]:
+    """(effect, parameter) of a key of `declared`: `id`, `id.form`, `id.parameter` or `id.form.parameter`."""
+    name, _, rest = key.partition(".")
+    form, _, parameter = rest.partition(".")
+    with_form = f"{name}.{form}"
+    return (with_form, parameter) if any(each.key == with_form for each in all_effects()) else (name, rest)
+
+
 def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
     """Declared effects whose values the owner gives: id to parameters. Not the inertia, which is part of the target,
     and not viscous and Coulomb friction, which every log tells better (they hold the drive's damping too).
@@ -45,7 +53,7 @@ def known_values(rig: Rig, joint: str) -> dict[str, dict[str, float]]:
     """
     out: dict[str, dict[str, float]] = {}
     for key, value in rig.declared[joint].items():
-        name, _, parameter = key.partition(".")
+        name, parameter = effect_of(key)
         if value is None or name in (*ALWAYS, "rotor_inertia"):
             continue
         name = on_joint(name, rig, joint)
@@ -100,7 +108,7 @@ def require_positions(rig: Rig, joint: str, context: Context) -> None:
     Raises:
         IdentificationError: Names the effect.
     """
-    names = {on_joint(key.partition(".")[0], rig, joint) for key in rig.declared[joint]}
+    names = {on_joint(effect_of(key)[0], rig, joint) for key in rig.declared[joint]}
     for name in sorted(names):
         if effect(name).depends_on_position and not context.position_recorded:
             raise IdentificationError(
@@ -113,7 +121,7 @@ def declared_terms(rig: Rig, joint: str) -> list[str]:
     """Ids fitted with the baseline: viscous, Coulomb, and what is declared without a value that can be held."""
     known = known_values(rig, joint)
     open_keys = [key for key, value in rig.declared[joint].items() if value is None or key not in known]
-    names = [on_joint(key.partition(".")[0], rig, joint) for key in open_keys]
+    names = [on_joint(effect_of(key)[0], rig, joint) for key in open_keys]
     in_load = unknown_form(rig.load[joint]) is not None  # an unknown load has an inertia of its own
     fitted = [
         n
@@ -142,17 +150,17 @@ def fit_declared(columns: Columns, names: Sequence[str], context: Context, loads
         declared = _declared_shape(member, context)
         shapes = declared if declared and context.load == "links" else [*member.shape_grid(context), *declared]
         tried = [fit(columns, [*best.terms, Term(member, shape)]) for shape in shapes]
-        best = min(tried, key=lambda f: f.cv_rms)
+        best = simplest([*tried[len(tried) - len(declared) :], min(tried, key=lambda f: f.cv_rms)])
     return best
 
 
 def _declared_shape(member: Effect, context: Context) -> list[dict[str, float]]:
-    """The declared value of an effect whose only parameter is its shape; none where there is no such value."""
-    value = context.declared.get(member.id)
-    if (
-        value is None
-        or [p.name for p in member.shapes] != [p.name for p in member.parameters]
-        or len(member.shapes) != 1
-    ):
+    """The declared values of an effect whose parameters are its shape; none where one of them is not declared."""
+    shapes = (*member.shapes, *member.given_shapes)
+    if not member.shapes or [p.name for p in shapes] != [p.name for p in member.parameters]:
         return []
-    return [{member.shapes[0].name: value}]
+    given = context.declared
+    own = {p.name: given.get(f"{member.key}.{p.name}", given.get(f"{member.id}.{p.name}")) for p in shapes}
+    first = shapes[0].name
+    own[first] = given.get(member.key, given.get(member.id, own[first]))
+    return [{name: value for name, value in own.items() if value is not None}] if None not in own.values() else []

@@ -6,13 +6,14 @@ from typing import Literal
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.types import FloatArray
 
-Verdict = Literal["effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual"]
+Verdict = Literal["effects_found", "no_missing_effect", "unexplained_structure", "unexplained_residual", "cannot_tell"]
 
 
 SEVERITY: tuple[Verdict, ...] = (
     "unexplained_structure",
     "unexplained_residual",
     "effects_found",
+    "cannot_tell",
     "no_missing_effect",
 )
 """Verdicts; that of a whole rig is the first of these that one of its joints has."""

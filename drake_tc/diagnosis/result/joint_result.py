@@ -175,6 +175,7 @@ class JointResult:
     set_up_wrong: bool = False
     links_fitted: bool = False
     units: JointUnits = TURNING
+    held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:

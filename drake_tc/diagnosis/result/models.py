@@ -15,12 +15,13 @@ MODEL_FILE = "model_refined.yaml"
 
 
 def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
-    """The joint's model without or with the missing effects; the declared inertia is part of both."""
+    """The joint's model without or with the missing effects; what is declared and held is part of both."""
     parameters = joint.final_parameters if final else joint.baseline_parameters
     effects = []
     inertia = joint.train.samples.signals.rotor_inertia
     if inertia > 0.0 and "rotor_inertia" not in parameters:
         effects.append(EffectValue("rotor_inertia", {"rotor_inertia": inertia}))
+    effects += [EffectValue(key, values) for key, values in joint.held.items() if key not in parameters]
     for key, group in parameters.items():
         if key == "drive":
             continue

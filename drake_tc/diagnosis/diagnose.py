@@ -1,0 +1,239 @@
+"""The main job for one joint, from top to bottom: declared model, missing effects, what is left, verdict."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.diagnosis.data.channels import notes_of_joint
+from drake_tc.diagnosis.data.link_prior import LinkPrior
+from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.evidence import Evidence, Scored, with_run_spread
+from drake_tc.diagnosis.held_out import confirmed
+from drake_tc.diagnosis.intervals import parameters_of
+from drake_tc.diagnosis.joint_errors import errors_in_joint_units
+from drake_tc.diagnosis.left import visible_share
+from drake_tc.diagnosis.model import JointModel, Split, rms, with_needed
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import CANNOT_TELL, NAMED_FLOORS
+from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
+from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
+from drake_tc.diagnosis.residual.band import shared_band
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
+from drake_tc.diagnosis.result.experiments import next_experiment
+from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
+from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
+from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
+from drake_tc.diagnosis.search import Found, Progress, find
+from drake_tc.diagnosis.selection.joint_problem import candidates
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold, LargerOnHeldOut
+from drake_tc.effects.base import Effect
+from drake_tc.effects.library import looked_for, uncommon
+from drake_tc.effects.obstacle import Obstacle
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import Rig
+
+
+@errors_in_joint_units
+def diagnose_joint(
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    progress: Progress = lambda text, share: None,
+    link_prior: LinkPrior | None = None,
+    executor: Executor | None = None,
+) -> JointResult:
+    """Diagnose one joint. The held-out runs are looked at only after every choice is made.
+
+    Args:
+        train_runs: To fit.
+        held_runs: Held-out runs.
+        rig: Says drive, load and what is declared.
+        joint: Which.
+        options: What to do otherwise.
+        progress: Told how far it is.
+        link_prior: Of the links' columns that the runs hold; None where they hold none.
+        executor: Assesses what is left in its workers; None does it here.
+
+    Raises:
+        IdentificationError: the training runs cannot identify even the declared model.
+    """
+    progress("filtering", 0.0)
+    prepared = prepare_joint(train_runs, held_runs, rig, joint, link_prior=link_prior, common=options.common)
+    model = _model(prepared)
+    context = model.context
+    first = Evidence(model).heard(model.declared)
+    first = with_run_spread(first, model.declared)
+    rare = uncommon(context) if options.effects is None else ()
+    library = [e for e in (*looked_for(context, options.effects), *rare) if e.id not in options.without]
+    usable, obstacles = candidates(library, context, prepared.declared)
+    found = find(first, usable, progress)
+    found = _relinearised(found)
+    best, dropped = confirmed(found.evidence, found.best)
+    model, evidence = found.evidence.model, found.evidence
+    floor = noise_floor(model.train.recorded, _fit(evidence, model.train, best))
+    best, small = _large_enough(evidence, best, floor)
+    declared = evidence.score(model.declared)
+    progress("what is left", 0.9)
+    baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
+    splits = (_split(evidence, model.train, declared, best), _split(evidence, model.held, declared, best))
+    unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
+    effects = _effects(evidence, best, found)
+    visible = visible_share(evidence, best, floor)
+    verdict = verdict_of(unexplained, found=bool(effects))
+    if verdict == "no_missing_effect" and visible > CANNOT_TELL:
+        verdict = "cannot_tell"
+    alternatives = _indistinguishable(found, best)
+    return JointResult(
+        joint=joint,
+        drive=context.drive,
+        unit=context.units.effort,
+        units=model.train.samples.units,
+        baseline=baseline,
+        final=chosen,
+        baseline_parameters=parameters_of(evidence, declared),
+        final_parameters=parameters_of(evidence, best),
+        noise_floor=floor,
+        before=Errors(rms(splits[0].before), rms(splits[1].before), None),
+        after=Errors(rms(splits[0].after), rms(splits[1].after), None),
+        effects=effects,
+        rejected=_rejected(evidence, best, usable, obstacles),
+        indistinguishable=alternatives,
+        next_experiment=next_experiment(alternatives, unexplained, among_joints=len(rig.joints) > 1),
+        unexplained=unexplained,
+        verdict=verdict,
+        train=splits[0],
+        heldout=splits[1],
+        did_not_hold=_did_not_hold((*dropped, *small)),
+        runs=tuple(run_errors(splits)),
+        plausible=plausible_ranges(chosen, context),
+        shared_band=shared_band(*splits),
+        load_notes=load_scale(rig, joint).notes,
+        notes=(
+            *load_scale(rig, joint).notes,
+            *notes_of_joint((*model.train.samples.notes, *model.held.samples.notes), joint, rig.joints),
+            *notes,
+            *without_rows((model.train.samples, model.held.samples)),
+        ),
+    )
+
+
+def _model(prepared: Prepared) -> JointModel:
+    """The joint's model, its needed effort that of the declared fit."""
+    columns = prepared.train
+    plain = fit(prepared.train, prepared.terms)
+    train, held = (with_needed(c, plain.terms, plain.beta) for c in (columns, prepared.held))
+    size = {t.effect.key: float(v[0]) for t, v in coefficients_by_term(plain.terms, plain.beta) if v.size}
+    return JointModel(
+        train,
+        held,
+        prepared.terms,
+        prepared.context,
+        columns.declared_gain,
+        max(size.get("coulomb", 0.0), 0.0),
+        max(size.get("viscous", 0.0), 0.0),
+    )
+
+
+def _relinearised(found: Found) -> Found:
+    """The same sets once the effort that the best one needs is known."""
+    model = found.evidence.model
+    best = found.best
+    gain = max(float(best.b[0]), 1e-300)
+    moved = model.relinearised(best.terms, best.b[1:] / gain, gain)
+    evidence = Evidence(moved, found.evidence.noise, found.evidence.spread).heard(best.terms)
+    return replace(found, evidence=evidence, best=evidence.refined(evidence.score(best.terms)),
+                   declared=evidence.score(model.declared))  # fmt: skip
+
+
+def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:
+    residual = evidence.residual(split, scored)
+    return Fit(scored.terms, scored.beta, residual, rms(residual), rms(residual), np.zeros(1))
+
+
+def _split(evidence: Evidence, split: Split, before: Scored, after: Scored) -> DataSplit:
+    return DataSplit(split.recorded.samples, *(evidence.residual(split, s) for s in (before, after)))
+
+
+def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Scored, tuple[Term, ...]]:
+    """The set without effects that contribute less than half a noise floor."""
+    small: list[Term] = []
+    while True:
+        sizes = contributions(evidence, evidence.model.train, scored)
+        weak = [(size, i) for i, (t, size) in enumerate(sizes) if size < NAMED_FLOORS * floor]
+        if not weak:
+            return scored, tuple(small)
+        worst = sizes[min(weak)[1]][0]
+        small.append(worst)
+        scored = evidence.refined(evidence.score([t for t in scored.terms if t is not worst]))
+
+
+def contributions(evidence: Evidence, split: Split, scored: Scored) -> list[tuple[Term, float]]:
+    """RMS [effort] by which the residual changes when each asked effect is left out and the rest is fitted again."""
+    out, after = [], evidence.residual(split, scored)
+    for term in scored.terms:
+        if evidence.model.is_declared(term.effect):
+            continue
+        rest = evidence.score([t for t in scored.terms if t is not term], scored.posterior.variance)
+        out.append((term, rms(evidence.residual(split, rest) - after)))
+    return out
+
+
+def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffect, ...]:
+    held = evidence.model.held
+    after, named = evidence.residual(held, best), parameters_of(evidence, best)
+    sizes = {t.effect.key: size for t, size in contributions(evidence, held, best)}
+    out = []
+    for term in best.terms:
+        if evidence.model.is_declared(term.effect):
+            continue
+        rest = evidence.score([t for t in best.terms if t is not term])
+        gain = 1.0 - rms(after) / max(rms(evidence.residual(held, rest)), 1e-300)
+        odds = best.log_odds - rest.log_odds
+        out.append(
+            FoundEffect(
+                key=term.effect.key,
+                id=term.effect.id,
+                title=term.effect.title,
+                parameters=named[term.effect.key],
+                heldout_gain=gain,
+                stability=float(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0)))),
+                contribution=sizes[term.effect.key],
+            )
+        )
+    return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def _rejected(
+    evidence: Evidence, best: Scored, usable: Sequence[Effect], obstacles: Sequence[tuple[str, Obstacle]]
+) -> tuple[RejectedEffect, ...]:
+    taken = {t.effect.id for t in best.terms}
+    out: dict[str, RejectedEffect] = {}
+    for effect in usable:
+        if effect.id not in taken and effect.id not in out:
+            out[effect.id] = RejectedEffect(effect.key, effect.id, 0.0, 0.0, "too_little_evidence")
+    for key, obstacle in obstacles:
+        name = key.split(".")[0]
+        if name not in out and name not in taken:
+            out[name] = RejectedEffect(key, name, 0.0, 0.0, obstacle.reason, obstacle.statement)
+    return tuple(out.values())
+
+
+def _did_not_hold(dropped: Sequence[Term]) -> tuple[DidNotHold, ...]:
+    return tuple(DidNotHold(t.effect.key, t.effect.id, t.effect.title, LargerOnHeldOut(None, 0.0)) for t in dropped)
+
+
+def _indistinguishable(found: Found, best: Scored) -> tuple[tuple[str, str], ...]:
+    """Pairs of ids: an effect of the best set, and one that takes its place in a set nearly as probable."""
+    out: dict[tuple[str, str], None] = {}
+    ids = {t.effect.id for t in best.terms}
+    for other in found.alternatives:
+        theirs = {t.effect.id for t in other.terms}
+        if len(ids - theirs) == 1 and len(theirs - ids) == 1:
+            out[next(iter(ids - theirs)), next(iter(theirs - ids))] = None
+    return tuple(out)

@@ -1,0 +1,278 @@
+"""Log odds of a set of terms on the training rows, and its posterior."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from drake_tc.diagnosis.linear import Posterior, Prior, Products, posterior
+from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
+from drake_tc.diagnosis.noise import NoiseModel, fitted_noise
+from drake_tc.diagnosis.priors import COMMON, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
+from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
+from drake_tc.types import FloatArray, IntArray
+
+STEP = 1e-3
+"""Relative step of a difference quotient over a shape parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A set of terms with its posterior.
+
+    Attributes:
+        terms: Declared ones first.
+        log_odds: log Z + log prior odds, comparable under one noise model.
+        posterior: Of [K, b ..., shapes ..., ages ..., runs ...].
+        coefficients: Number of [K, b ...]; shapes: number of shape parameters that follow.
+    """
+
+    terms: tuple[Term, ...]
+    log_odds: float
+    posterior: Posterior
+    coefficients: int
+    shapes: int = 0
+
+    @property
+    def b(self) -> FloatArray:
+        """(1 + k,) [K, K theta ...]."""
+        return self.posterior.beta[: self.coefficients]
+
+    @property
+    def beta(self) -> FloatArray:
+        """(1 + k,) [1/K, theta ...]."""
+        gain = max(float(self.b[0]), 1e-300)
+        return np.concatenate([[1.0 / gain], self.b[1:] / gain])
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Keys of the terms."""
+        return frozenset(t.effect.key for t in self.terms)
+
+
+@dataclass(eq=False)
+class Evidence:
+    """Scores sets of terms of one joint under one noise model.
+
+    Attributes:
+        model: The joint.
+        noise: Of its residual.
+        spread: From run to run.
+    """
+
+    model: JointModel
+    noise: NoiseModel = field(default_factory=NoiseModel)
+    spread: RunSpread = field(default_factory=RunSpread)
+    _whitened: dict[tuple[object, ...], FloatArray] = field(default_factory=dict)
+
+    def _white(self, split: Split, key: tuple[object, ...], values: FloatArray) -> FloatArray:
+        place = (split is self.model.train, *key)
+        if len(self._whitened) > 4000:
+            self._whitened.clear()
+        if place not in self._whitened:
+            self._whitened[place] = split.rows.whitened(values, self.noise)[0]
+        return self._whitened[place]
+
+    @cached_property
+    def _log_determinant(self) -> float:
+        rows = self.model.train.rows
+        return rows.whitened(np.zeros((rows.samples.rows.size, 1)), self.noise)[1]
+
+    def design(self, split: Split, terms: Sequence[Term]) -> tuple[FloatArray, Prior]:
+        """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior."""
+        parts, priors = [], []
+        keys = [("gain",), *(("term", *t.cache_key) for t in terms if t.effect.coefficients)]
+        for key, block in zip(keys, self.model.blocks(split, terms), strict=True):
+            parts.append(self._white(split, key, block.values))
+            priors.append(block.prior)
+        for number, block in enumerate(self._others(split)):
+            parts.append(self._white(split, ("other", number, self.spread), block.values))
+            priors.append(block.prior)
+        return np.concatenate(parts, axis=1), Prior.stacked(priors)
+
+    def _others(self, split: Split) -> list[Block]:
+        kept = self._other_blocks.get(split is self.model.train)
+        if kept is None:
+            kept = [*self.model.nuisances(split), *self.model.of_runs(split, self.spread)]
+            self._other_blocks[split is self.model.train] = kept
+        return kept
+
+    @cached_property
+    def _other_blocks(self) -> dict[bool, list[Block]]:
+        return {}
+
+    def target(self, split: Split, terms: Sequence[Term]) -> FloatArray:
+        """Whitened target (n,) of a set of terms."""
+        key = ("target", *(k for t in drives(terms) for k in t.cache_key))
+        return self._white(split, key, split.target(terms)[:, None])[:, 0]
+
+    def drive_offset(self, split: Split, term: Term) -> FloatArray:
+        """Whitened (n,) what one drive effect takes off the recorded effort."""
+        key = ("offset", *term.cache_key)
+        place = (split is self.model.train, *key)
+        if place not in self._whitened:
+            values = split.target([]) - split.target([term])
+            return self._white(split, key, values[:, None])[:, 0]
+        return self._whitened[place][:, 0]
+
+    def products(self, split: Split, terms: Sequence[Term]) -> tuple[Products, Prior]:
+        """Products of the whitened rows of a set of terms."""
+        design, prior = self.design(split, terms)
+        return Products.of(design, self.target(split, terms)), prior
+
+    def prior_odds(self, terms: Sequence[Term]) -> float:
+        """Log prior odds of a set of terms over the declared one."""
+        rare = {e.key for e in UNCOMMON_EFFECTS}
+        asked = [t for t in terms if not self.model.is_declared(t.effect)]
+        return sum(UNCOMMON if t.effect.key in rare else COMMON for t in asked)
+
+    def score(self, terms: Sequence[Term], variance: float | None = None) -> Scored:
+        """Log odds with the shapes held; each shape costs what its starting points count."""
+        products, prior = self.products(self.model.train, terms)
+        found = posterior(products, prior, variance)
+        size = 1 + sum(len(t.effect.coefficients) for t in terms)
+        return self._scored(terms, found, size, 0)
+
+    def _scored(self, terms: Sequence[Term], found: Posterior, size: int, shapes: int) -> Scored:
+        return Scored(tuple(terms), self.odds(terms, found), found, size, shapes)
+
+    def odds(self, terms: Sequence[Term], found: Posterior) -> float:
+        """Log odds of a posterior of the terms: the determinants of whitening and drive, and the prior odds."""
+        jacobian = self.model.train.log_jacobian(terms, float(np.sqrt(found.variance)))
+        return found.log_evidence - 0.5 * self._log_determinant + self.prior_odds(terms) + jacobian
+
+    def tangents(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
+        """Whitened (n, s) change of what the target lacks of the prediction with each shape parameter."""
+        where, values = shape_places(terms)
+        out = []
+        first = self._prediction(split, terms, b)
+        for j, value in enumerate(values):
+            step = STEP * abs(value) + 1e-9
+            moved = values.copy()
+            moved[j] += step
+            out.append((self._prediction(split, with_shapes(terms, where, moved), b) - first) / step)
+        if not out:
+            return np.zeros((split.rows.index.size, 0))
+        return split.rows.whitened(np.stack(out, axis=-1), self.noise)[0]
+
+    def _prediction(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
+        values = np.concatenate([block.values for block in self.model.blocks(split, terms)], axis=1)
+        return np.asarray(values @ b - split.target(terms))
+
+    def refined(self, scored: Scored, rounds: int = 6) -> Scored:
+        """The set at its most probable shapes, by Gauss-Newton steps, with the evidence of the shapes.
+
+        The shapes stand beside the coefficients as columns of their tangents, with a uniform prior over their range.
+        """
+        terms, where = scored.terms, shape_places(scored.terms)[0]
+        current = self._with_shapes(scored)
+        if not where:
+            return current
+        held = scored.log_odds
+        for _ in range(rounds):
+            b = current.posterior.beta
+            step = b[current.coefficients : current.coefficients + current.shapes]
+            values = shape_places(current.terms)[1]
+            if np.all(np.abs(step) <= 1e-3 * np.abs(values) + 1e-12):
+                break
+            better = None
+            for share in (1.0, 0.4, 0.1):
+                moved = self._bounded(terms, where, values, share * step)
+                trial = self.score(with_shapes(terms, where, moved))
+                if trial.log_odds > held + 1e-2:
+                    better, held = self._with_shapes(trial), trial.log_odds
+                    break
+            if better is None:
+                break
+            current = better
+        return current
+
+    def _bounded(
+        self, terms: Sequence[Term], where: Sequence[tuple[int, str]], values: FloatArray, step: FloatArray
+    ) -> FloatArray:
+        out = values + np.clip(step, -0.5 * np.abs(values), np.maximum(np.abs(values), 1e-9))
+        for j, (i, name) in enumerate(where):
+            p = next(p for p in terms[i].effect.shapes if p.name == name)
+            out[j] = np.clip(out[j], p.lower, p.upper)
+        return out
+
+    def _with_shapes(self, scored: Scored) -> Scored:
+        """The same set and shapes, the shapes' uncertainty among the posterior and the evidence."""
+        where, _ = shape_places(scored.terms)
+        if not where:
+            return scored
+        design, prior = self.design(self.model.train, scored.terms)
+        slopes = self.tangents(self.model.train, scored.terms, scored.b)
+        size, k = scored.coefficients, len(where)
+        ranges = np.array([self.model.shape_range(scored.terms[i].effect, name) for i, name in where])
+        deviation = ranges / np.sqrt(2.0 * np.pi)  # at the middle of a Gaussian, 1/range is the uniform's density
+        none = np.zeros(k, dtype=bool)
+        shaped = Prior(np.zeros(k), deviation, none)
+        parts = [Prior(*(getattr(prior, n)[s] for n in ("mean", "deviation", "positive")))
+                 for s in (slice(None, size), slice(size, None))]  # fmt: skip
+        joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
+        found = posterior(
+            Products.of(joined, self.target(self.model.train, scored.terms)),
+            Prior.stacked([parts[0], shaped, parts[1]]),
+            scored.posterior.variance,
+        )
+        return self._scored(scored.terms, found, size, k)
+
+    def heard(self, terms: Sequence[Term]) -> "Evidence":
+        """The evidence under the noise model of what these terms leave."""
+        residual = self.residual(self.model.train, self.score(terms))
+        return Evidence(self.model, fitted_noise(self.model.train.rows, residual), self.spread)
+
+    def residual(self, split: Split, scored: Scored, *, ages: bool = True) -> FloatArray:
+        """(N,) recorded effort less the prediction on all rows [effort]."""
+        blocks = self.model.blocks(split, scored.terms)
+        out = split.target(scored.terms) - np.concatenate([b.values for b in blocks], axis=1) @ scored.b
+        if ages:
+            at = scored.coefficients + scored.shapes
+            for block in self.model.nuisances(split):
+                out = out - block.values @ scored.posterior.beta[at : at + block.values.shape[1]]
+                at += block.values.shape[1]
+        return np.asarray(out)
+
+    def predictive(self, terms: Sequence[Term], variance: float) -> float:
+        """Log p(held-out rows | training rows, terms) under this noise; what differs between runs is each run's own."""
+        train, prior = self.products(self.model.train, terms)
+        held, _ = self.products(self.model.held, terms)
+        own = [sum(b.values.shape[1] for b in self.model.of_runs(s, self.spread)) for s in self._splits]
+        shared, size = train.moment.size - own[0], train.moment.size + own[1]
+        first, second = np.arange(train.moment.size), np.r_[np.arange(shared), size - own[1] + np.arange(own[1])]
+        more = self.design(self.model.held, terms)[1]
+        joined = Prior.stacked([prior, *([_last(more, own[1])] if own[1] else [])])
+        before, after = _placed(train, first, size), _placed(held, second, size)
+        jacobian = self.model.held.log_jacobian(terms, float(np.sqrt(variance)))
+        both = posterior(before + after, joined, variance).log_evidence
+        return both - posterior(before, joined, variance).log_evidence + jacobian
+
+    @property
+    def _splits(self) -> tuple[Split, Split]:
+        return self.model.train, self.model.held
+
+
+def _last(prior: Prior, count: int) -> Prior:
+    return Prior(prior.mean[-count:], prior.deviation[-count:], prior.positive[-count:])
+
+
+def _placed(products: Products, places: IntArray, size: int) -> Products:
+    """Products whose columns stand at these places among `size`."""
+    gram, moment = np.zeros((size, size)), np.zeros(size)
+    gram[np.ix_(places, places)], moment[places] = products.gram, products.moment
+    return replace(products, gram=gram, moment=moment)
+
+
+def with_run_spread(evidence: Evidence, terms: Sequence[Term]) -> Evidence:
+    """The evidence with what differs from run to run as these terms show it, most probable first."""
+    if len(evidence.model.train.samples.runs) < 2:
+        return evidence
+    best = evidence
+    for name in ("zero", "friction"):
+        tried = [Evidence(evidence.model, evidence.noise, replace(best.spread, **{name: size})) for size in RUN_SPREADS]
+        best = max(tried, key=lambda e: e.score(terms).log_odds)
+    return best

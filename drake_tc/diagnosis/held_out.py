@@ -1,0 +1,27 @@
+"""Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
+
+from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.problem.columns import Term
+
+
+def held_gain(evidence: Evidence, scored: Scored, term: Term) -> float:
+    """Log p(held-out | training) with a term less that without it, under the noise of the set with it."""
+    rest = [t for t in scored.terms if t is not term]
+    variance = scored.posterior.variance
+    return evidence.predictive(scored.terms, variance) - evidence.predictive(rest, variance)
+
+
+def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
+    """The set without the effects whose absence predicts the held-out runs better, the worst one first, and these.
+
+    All held-out runs count together: no run has a veto.
+    """
+    dropped: list[Term] = []
+    while True:
+        asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
+        gains = [(held_gain(evidence, scored, t), i) for i, t in enumerate(asked)]
+        if not gains or min(gains)[0] >= 0.0:
+            return scored, tuple(dropped)
+        worst = asked[min(gains)[1]]
+        dropped.append(worst)
+        scored = evidence.refined(evidence.score([t for t in scored.terms if t is not worst]))

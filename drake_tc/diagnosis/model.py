@@ -1,0 +1,284 @@
+"""One joint's log as a probabilistic model: the effort that motion and load need, recorded by imperfect channels.
+
+    u = K (tau + J qddot) + sum_k b_k phi_k + sum_i a_i (-dw/dt)_i + (what differs from run to run) + n + d
+
+u is the effort on which the drive acted, b_k = K theta_k, w the effort that the model needs, and a_i the ages of the
+channels (`nuisances`). The effort is the target: what is scored is the density of what was recorded, given motion and
+load. A drive effect without memory maps the recorded effort to u, and its Jacobian is part of the density; a filter of
+the effort (delay, lag) enters by its inverse, computed on w, which has no noise.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.linear import Prior
+from drake_tc.diagnosis.noise import Rows
+from drake_tc.diagnosis.priors import (
+    AGE_PERIODS,
+    CONTRIBUTION,
+    DECLARED_CONTRIBUTION,
+    DRIVE_LAG_S,
+    HELD_GAIN,
+    SERVO_LAG_S,
+    UNIFORM,
+)
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.effects.base import Context, DriveEffect, Effect
+from drake_tc.effects.plausibility import plausible_range
+from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.effects.within_tolerance import WithinTolerance
+from drake_tc.types import FloatArray
+
+INVERSE_ROUNDS = 3
+"""Of the fixed point x <- x + w - T(x) for the inverse of a filter T."""
+
+
+def rms(values: FloatArray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+@dataclass(frozen=True)
+class Block:
+    """Columns (N, k) in units of the effort for coefficients with a prior."""
+
+    values: FloatArray
+    prior: Prior
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """The rows of the training or of the held-out runs.
+
+    Attributes:
+        recorded: Columns computed from the recorded effort: the target.
+        clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
+        needed: (T,) w [effort].
+        gain: K of the fit that computed w [effort/(N m)].
+    """
+
+    recorded: Columns
+    clean: Columns
+    needed: FloatArray
+    gain: float
+
+    @property
+    def samples(self) -> Samples:
+        """Filtered signals and rows."""
+        return self.recorded.samples
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The rows that count."""
+        return Rows(self.samples)
+
+    def target(self, terms: Sequence[Term]) -> FloatArray:
+        """(N,) the recorded effort after the drive effects without memory, less what filters add to w."""
+        acting = drives(terms)
+        out = self.recorded.effort([t for t in acting if not is_filter(t)])
+        for term in acting:
+            if is_filter(term):
+                out = out - self._inverse(term)
+        return out
+
+    @cached_property
+    def _kept(self) -> dict[tuple[object, ...], Any]:
+        return {}
+
+    def _inverse(self, term: Term) -> FloatArray:
+        """(N,) T^-1(w) - w of a filter T."""
+        if term.cache_key not in self._kept:
+            x = self.needed
+            for _ in range(INVERSE_ROUNDS):
+                x = x + self.needed - self.samples.by_segment(term.effect, term.shape, x)
+            self._kept[term.cache_key] = self.samples.reduce(x - self.needed)
+        return np.asarray(self._kept[term.cache_key])
+
+    def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
+        """Sum over the rows that count of log |du*/du|, at least as much as noise of this deviation tells.
+
+        Where the drive does not pass the effort on, u is known up to its own range and nothing else.
+        """
+        static = [t for t in drives(terms) if not is_filter(t) and getattr(t.effect, "acts_on", "") == "effort"]
+        if not static:
+            return 0.0
+        key = ("slope", *(k for t in static for k in t.cache_key))
+        if key not in self._kept:
+            self._kept[key] = self._slope(static)
+        slope = self._kept[key]
+        span = float(np.ptp(self.samples.signals.effort[self.samples.rows]))
+        least = min(deviation * np.sqrt(2.0 * np.pi) / max(span, 1e-300), 1.0)
+        return float(np.sum(np.log(np.clip(slope, least, 1.0))))
+
+    def _slope(self, static: Sequence[Term]) -> FloatArray:
+        """(n,) |du*/du| of drive effects without memory on the rows that count."""
+        step = 1e-3 * max(rms(self.samples.signals.effort[self.samples.rows]), 1e-12)
+        up, down = (self.recorded.acting_effort(static, sign * step) for sign in (1.0, -1.0))
+        return np.asarray(np.abs(((up - down) / (2.0 * step))[self.samples.rows][self.rows.index]))
+
+
+def drives(terms: Sequence[Term]) -> list[Term]:
+    """Those that change the effort itself."""
+    return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
+
+
+def is_filter(term: Term) -> bool:
+    """Whether the term is a linear filter of the effort."""
+    return isinstance(term.effect, DriveEffect) and term.effect.filters
+
+
+@dataclass(frozen=True, eq=False)
+class JointModel:
+    """One joint: what is declared, what is asked, and the nuisances.
+
+    Attributes:
+        train, held: Splits.
+        declared: Terms of the declared model.
+        context: What the training logs offer to the effects.
+        held_gain: K at which the drive is held [effort/(N m)]; None where it is fitted.
+        friction: Fitted Coulomb friction of the declared model [N m].
+    """
+
+    train: Split
+    held: Split
+    declared: tuple[Term, ...]
+    context: Context
+    held_gain: float | None
+    friction: float
+    viscous: float
+
+    @cached_property
+    def scale(self) -> float:
+        """RMS of the recorded effort of the training rows."""
+        return max(rms(self.train.recorded.effort(())), 1e-300)
+
+    def blocks(self, split: Split, terms: Sequence[Term]) -> list[Block]:
+        """Columns of the drive gain and of the terms, in their order."""
+        return [self._gain(split, terms), *(self._term(split, t) for t in terms if t.effect.coefficients)]
+
+    def _gain(self, split: Split, terms: Sequence[Term]) -> Block:
+        values = split.recorded.target[:, None]
+        one, yes = np.ones(1), np.ones(1, dtype=bool)
+        free = self.held_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
+        if not free and self.held_gain is not None:
+            return Block(values, Prior(self.held_gain * one, HELD_GAIN * self.held_gain * one, yes))
+        size = max(rms(self.train.recorded.target), 1e-300)
+        return Block(values, Prior(0.0 * one, DECLARED_CONTRIBUTION * self.scale / size * one, yes))
+
+    def _term(self, split: Split, term: Term) -> Block:
+        values = split.clean.of(term)
+        effect = term.effect
+        train = values if split is self.train else self.train.clean.of(term)
+        size = np.sqrt(np.mean(train**2, axis=0))
+        wide = DECLARED_CONTRIBUTION if self.is_declared(effect) else CONTRIBUTION
+        deviation = wide * self.scale / np.maximum(size, 1e-9 * max(float(size.max(initial=0.0)), 1e-300))
+        if isinstance(effect, WithinTolerance):
+            deviation = self.train.gain * np.asarray(effect.tolerances, float)
+        positive = np.array([p.lower >= 0.0 for p in effect.coefficients])
+        return Block(values, Prior(np.zeros(size.size), deviation, positive))
+
+    def is_declared(self, effect: Effect) -> bool:
+        """Whether the effect is part of the declared model."""
+        return any(t.effect.key == effect.key for t in self.declared)
+
+    @cached_property
+    def ages(self) -> Mapping[str, tuple[float, float]]:
+        """By channel, mean and standard deviation of its age against the position's clock [s]."""
+        samples, drive = self.train.samples, self.context.drive
+        mean, spread = (x * samples.effort_period for x in AGE_PERIODS)
+        if samples.effort_age > 0.0 and drive == "position_servo":
+            mean = 0.0  # the mean over the hold is taken already
+        lag, unknown = SERVO_LAG_S if drive == "position_servo" else DRIVE_LAG_S
+        if drive == "position_servo":
+            out = {"command": (mean, spread), "inside": (lag, unknown), "rate": (0.0, unknown)}
+        else:
+            out = {"effort": (mean + lag, float(np.hypot(spread, unknown)))}
+        if self.context.load == "torque":
+            out["torque"] = (0.0, UNIFORM * samples.torque_period)
+        return out
+
+    def nuisances(self, split: Split) -> list[Block]:
+        """Columns of the ages: what a channel that is older than the position lacks."""
+        s, out = split.samples.signals, []
+        rate: dict[str, Callable[[], FloatArray]] = {
+            "command": lambda: np.gradient(s.command, s.period),
+            "effort": lambda: -np.gradient(split.needed, s.period),
+            "inside": lambda: np.gradient(split.needed, s.period),
+            "rate": lambda: split.gain * self.viscous * s.acceleration,
+            "torque": lambda: split.gain * np.gradient(s.slow_torque, s.period),
+        }
+        for channel, (mean, deviation) in self.ages.items():
+            values = split.samples.reduce(_inside(rate[channel](), split.samples))
+            prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
+            out.append(Block(values[:, None], prior))
+        return out
+
+    def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
+        """Columns of what differs from run to run: Coulomb friction and the zero of the effort."""
+        s, out = split.samples, []
+        direction = s.reduce(s.signals.direction, fresh=True)
+        sizes = (spread.friction * split.gain * self.friction, spread.zero * self.scale)
+        for values, deviation in zip((direction, np.ones_like(direction)), sizes, strict=True):
+            if deviation <= 0.0:
+                continue
+            columns = np.stack([np.where(s.run == k, values, 0.0) for k in range(len(s.runs))], axis=-1)
+            size = columns.shape[1]
+            out.append(Block(columns, Prior(np.zeros(size), np.full(size, deviation), np.zeros(size, dtype=bool))))
+        return out
+
+    def shape_range(self, effect: Effect, name: str) -> float:
+        """Width of the prior of a shape parameter: its plausible range on this rig, or that of the starting points."""
+        parameter = next(p for p in effect.shapes if p.name == name)
+        low, high = plausible_range(parameter, self.context)
+        low, high = max(low, parameter.lower), min(high, parameter.upper)
+        if np.isfinite(high - low):
+            return float(high - low)
+        grid = [shape[name] for shape in effect.shape_grid(self.context)]
+        return float(max(max(grid) - min(grid), abs(max(grid)), 1e-12))
+
+    def relinearised(self, terms: Sequence[Term], theta: FloatArray, gain: float) -> "JointModel":
+        """The model whose needed effort is that of a fit, `theta` (k,) of the terms and K."""
+        beta = np.concatenate([[1.0 / gain], theta])
+        return replace(
+            self,
+            train=with_needed(self.train.recorded, terms, beta),
+            held=with_needed(self.held.recorded, terms, beta),
+        )
+
+
+@dataclass(frozen=True)
+class RunSpread:
+    """Standard deviations from run to run: of Coulomb friction over its mean, of the effort's zero over its RMS."""
+
+    friction: float = 0.0
+    zero: float = 0.0
+
+
+def _inside(values: FloatArray, samples: Samples) -> FloatArray:
+    """Values (T,) without the jumps that a difference quotient leaves where two stretches meet."""
+    out = values.copy()
+    for s in samples.segments:
+        out[s.start : s.start + 2] = out[min(s.start + 2, s.stop - 1)]
+        out[max(s.stop - 2, s.start) : s.stop] = out[max(s.stop - 3, s.start)]
+    return out
+
+
+def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray) -> Split:
+    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit."""
+    samples = recorded.samples
+    s = samples.signals
+    torque = s.load_torque + s.rotor_inertia * s.acceleration + s.known_torque
+    if samples.load_unknown or samples.link_prior is not None:  # the load is among the terms
+        torque = s.rotor_inertia * s.acceleration + s.known_torque
+    for term, theta in coefficients_by_term(terms, beta):
+        if theta.size:
+            torque = torque + samples.by_segment(term.effect, term.shape) @ theta
+    gain = 1.0 / float(beta[0])
+    needed = gain * torque
+    clean = recorded.changed(samples=replace(samples, signals=replace(s, effort=needed)))
+    return Split(recorded, clean, needed, gain)

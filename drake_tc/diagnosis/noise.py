@@ -1,0 +1,85 @@
+"""Noise of the rows: white noise beside a slow discrepancy, and what the sensors' own noise leaves in them.
+
+The residual of a model on the rows is n + d: n white, from the sensors, of variance s^2; d what the model does not
+explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in each run. Both are
+estimated from the residual itself by maximum likelihood. Whitening by the Kalman filter of n + d is exact for gaps.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.priors import MEMORIES_S, RATIOS
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.types import FloatArray, IntArray
+
+_whiten = Kernel("whitening", "whiten")
+
+INDEPENDENT = 0.6
+"""Distance of the rows that count, over that at which white noise through the filters is independent."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Ratio r [-] and correlation time T [s] of the slow discrepancy."""
+
+    ratio: float = 0.0
+    memory: float = 1.0
+
+
+def independent_rows(samples: Samples) -> IntArray:
+    """Indices into the rows, so far apart that white noise of the sensors is nearly independent after the filters.
+
+    White noise through a kernel k is as loud as one independent sample every 1/sum(k^2) samples.
+    """
+    kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+    apart = INDEPENDENT / float(kernel @ kernel)
+    run, rows = samples.run_of_sample[samples.rows], samples.rows
+    kept, last, last_run = [], -np.inf, -1
+    for i, (row, own) in enumerate(zip(rows.tolist(), run.tolist(), strict=True)):
+        if own != last_run or row - last >= apart:
+            kept.append(i)
+            last, last_run = row, own
+    return np.asarray(kept, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of one split that count, and how they follow each other."""
+
+    samples: Samples
+
+    @cached_property
+    def index(self) -> IntArray:
+        """(n,) of the rows that count among all rows."""
+        return independent_rows(self.samples)
+
+    @cached_property
+    def apart(self) -> FloatArray:
+        """(n,) time since the row before [s]; infinite at the start of a run."""
+        rows = self.samples.rows[self.index]
+        time, run = self.samples.signals.time[rows], self.samples.run_of_sample[rows]
+        gap = np.diff(time, prepend=-np.inf)
+        gap[np.diff(run, prepend=-1) != 0] = np.inf
+        return np.asarray(np.maximum(gap, 0.0))
+
+    def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
+        """Values (N,) or (N, k) of all rows, whitened on those that count (n, k), and the log determinant."""
+        values = np.ascontiguousarray(values.reshape(values.shape[0], -1)[self.index])
+        out = np.empty_like(values)
+        return out, float(_whiten(values, self.apart, noise.ratio, noise.memory, out))
+
+
+def fitted_noise(rows: Rows, residual: FloatArray) -> NoiseModel:
+    """The noise model under which a residual (N,) is most likely."""
+    count, best, found = rows.index.size, -np.inf, NoiseModel()
+    for ratio in RATIOS:
+        for memory in MEMORIES_S if ratio > 0.0 else MEMORIES_S[:1]:
+            model = NoiseModel(ratio, memory)
+            white, log_determinant = rows.whitened(residual, model)
+            likelihood = -0.5 * count * np.log(max(float(np.mean(white**2)), 1e-300)) - 0.5 * log_determinant
+            if likelihood > best:
+                best, found = likelihood, model
+    return found

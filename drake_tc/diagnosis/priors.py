@@ -1,0 +1,52 @@
+"""Every number that decides in a diagnosis: priors of effects and nuisances, and the few levels of confidence.
+
+Sizes are in units of the rig, so that no number depends on a unit: a coefficient's contribution to the effort over the
+RMS of the effort, an age over the period of its channel, a friction over the Coulomb friction.
+"""
+
+import numpy as np
+
+COMMON = -5.0
+"""Log prior odds that a common effect acts: one of a hundred and fifty, as a joint lacks one or two of some forty."""
+UNCOMMON = -10.0
+"""The same of an uncommon effect."""
+CURVE = -12.0
+"""The same of a curve over a signal, which names no cause."""
+
+CONTRIBUTION = 0.2
+"""Standard deviation of an effect's contribution to the effort over the RMS of the effort."""
+DECLARED_CONTRIBUTION = 3.0
+"""The same of a declared term, about which the prior says nothing but its scale."""
+HELD_GAIN = 1e-6
+"""Relative standard deviation of a drive gain that is held at its declared value."""
+
+UNIFORM = 1.0 / np.sqrt(12.0)
+"""Standard deviation of a uniform prior over its range: an age over one period, a shape over its plausible range."""
+AGE_PERIODS = (0.25, 0.4)
+"""Mean and standard deviation of a channel's age over its period: an instant has 0, a hold or an average 1/2."""
+SERVO_LAG_S = (0.001, 0.001)
+"""Mean and standard deviation of the lag inside a position servo (rate filter, tick, current loop) [s]."""
+DRIVE_LAG_S = (0.0, 0.0003)
+"""The same of a drive that is commanded in current, voltage or torque [s]."""
+
+RUN_SPREADS = (0.0, 0.01, 0.03, 0.1)
+"""Tried standard deviations of what differs from run to run: friction over its mean, zeros over the effort's RMS."""
+RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""Tried variances of the slow discrepancy over that of the white noise."""
+MEMORIES_S = (0.03, 0.1, 0.3, 1.0, 3.0)
+"""Tried correlation times of the slow discrepancy [s]."""
+
+NAMED_FLOORS = 0.5
+"""RMS contribution in noise floors below which no effect is named, whatever its evidence."""
+ALTERNATIVE = 3.0
+"""Difference of log odds within which two sets of effects are indistinguishable."""
+SEEN = 8.0
+"""Log likelihood ratio from which an effect counts as visible in the logs."""
+CANNOT_TELL = 0.1
+"""Smallest visible torque error over the signal from which the logs cannot tell."""
+MORE_THAN_NOISE = 3.0
+"""Noise floors from which what is left is more than the sensors' noise explains."""
+MODEL_ACCURACY = 0.005
+"""Share of the effort below which what is left is no finding: no gain, clock or filter is more accurate."""
+MOST_EFFECTS = 6
+BEAM = 3

@@ -1,0 +1,195 @@
+"""Which set of effects: the largest log odds, by a beam over sets that grow, shrink and exchange effects."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.linear import Prior, Products, posterior
+from drake_tc.diagnosis.model import drives
+from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, MOST_EFFECTS
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.parameters import physical_parameters
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.selection.shapes import ShapeScreen
+from drake_tc.effects.base import Effect
+from drake_tc.effects.plausibility import implausible
+from drake_tc.types import FloatArray
+
+WIDE = 12.0
+"""Log odds by which the start of a set may be behind: what refining the shapes may gain."""
+SHAPES = 4
+"""Starting points of a long grid that are tried beside each set, those that correlate most with its residual."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search found.
+
+    Attributes:
+        evidence: Under the noise of what the best set leaves.
+        best: The best set.
+        alternatives: Sets nearly as probable, the most probable first.
+        declared: The declared model under the same noise.
+    """
+
+    evidence: Evidence
+    best: Scored
+    alternatives: tuple[Scored, ...]
+    declared: Scored
+
+
+class Sets:
+    """Scored sets of one joint under one noise, each computed once."""
+
+    def __init__(self, evidence: Evidence, effects: Sequence[Effect]) -> None:
+        """Sets of terms of these effects under this evidence."""
+        self.evidence, self.effects = evidence, effects
+        samples = evidence.model.train.samples
+        self._screen = ShapeScreen(samples.signals.take(samples.rows))
+        self._known: dict[tuple[object, ...], Scored] = {}
+        self._last: tuple[Scored, tuple[FloatArray, Prior, Products]] | None = None
+
+    def score(self, terms: Sequence[Term]) -> Scored:
+        """The set at its most probable shapes; impossible values have no odds."""
+        key = tuple(sorted(str(t.cache_key) for t in terms))
+        if key not in self._known:
+            found = self.evidence.refined(self.evidence.score(terms))
+            self._known[key] = found if self.possible(found) else _impossible(found)
+        return self._known[key]
+
+    def possible(self, scored: Scored) -> bool:
+        """Whether every asked parameter lies in its physically possible range."""
+        fit = as_fit(scored)
+        if not np.isfinite(fit.beta).all() or fit.beta[0] <= 0.0:
+            return False
+        named = physical_parameters(fit)
+        known = {"gain": named["drive"]["gain"]} | {
+            name: named[name][name] for name in ("viscous", "coulomb") if name in named
+        }
+        context = self.evidence.model.context.__class__(**{**vars(self.evidence.model.context), "fitted": known})
+        asked = [t for t in scored.terms if not self.evidence.model.is_declared(t.effect)]
+        return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
+
+    def children(self, parent: Scored) -> list[Scored]:
+        """The best sets with one effect more, by effect, as the linear fit of their starting points has them."""
+        residual = self.evidence.residual(self.evidence.model.train, parent)
+        ids = {t.effect.id for t in parent.terms}
+        trials = [
+            (odds, term)
+            for effect in self.effects
+            if effect.id not in ids
+            for odds, term in [self._best_start(parent, effect, residual)]
+            if np.isfinite(odds)
+        ]
+        trials.sort(key=lambda t: -t[0])
+        worth = [term for odds, term in trials[: 2 * BEAM] if odds > max(parent.log_odds, trials[0][0] - WIDE) - WIDE]
+        return [self.score([*parent.terms, term]) for term in worth]
+
+    def _best_start(self, parent: Scored, effect: Effect, residual: FloatArray) -> tuple[float, Term]:
+        grid = effect.shape_grid(self.evidence.model.context)
+        if not drives([Term(effect, grid[0])]):
+            grid = self._screen.best(effect, residual, grid, SHAPES)
+        tried = [(self._odds(parent, Term(effect, shape)), i) for i, shape in enumerate(grid)]
+        odds, number = max(tried)
+        return odds, Term(effect, grid[number])
+
+    def _odds(self, parent: Scored, term: Term) -> float:
+        """Log odds of a set and one term more, from the products of the set's own columns."""
+        evidence, split = self.evidence, self.evidence.model.train
+        if not drives([term]) and not term.effect.coefficients:
+            return evidence.score([*parent.terms, term]).log_odds
+        design, prior, products = self._parent(parent)
+        if drives([term]):  # two drive effects act as the sum of both, to first order
+            offset, target = evidence.drive_offset(split, term), evidence.target(split, parent.terms)
+            square = float(np.sum((target - offset) ** 2))
+            moved = Products(products.gram, products.moment - design.T @ offset, square, products.rows)
+            found = posterior(moved, prior)
+            jacobian = split.log_jacobian([term], float(np.sqrt(found.variance)))
+            return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
+        block = evidence.model._term(split, term)
+        columns = evidence._white(split, ("term", *term.cache_key), block.values)
+        target = evidence.target(split, parent.terms)
+        cross = design.T @ columns
+        gram = np.block([[products.gram, cross], [cross.T, columns.T @ columns]])
+        moment = np.concatenate([products.moment, columns.T @ target])
+        joined = Products(gram, moment, products.square, products.rows)
+        found = posterior(joined, Prior.stacked([prior, block.prior]))
+        return evidence.odds(parent.terms, found) + evidence.prior_odds([term])
+
+    def _parent(self, parent: Scored) -> tuple[FloatArray, Prior, Products]:
+        """Whitened columns of a set, their prior and products; those of the last set are kept."""
+        if self._last is None or self._last[0] is not parent:
+            split = self.evidence.model.train
+            design, prior = self.evidence.design(split, parent.terms)
+            self._last = parent, (design, prior, Products.of(design, self.evidence.target(split, parent.terms)))
+        return self._last[1]
+
+
+def as_fit(scored: Scored) -> Fit:
+    """The set in the form that reports and model files read; without residuals."""
+    empty = np.zeros(0)
+    return Fit(scored.terms, scored.beta, empty, 0.0, 0.0, empty)
+
+
+def _impossible(scored: Scored) -> Scored:
+    return Scored(scored.terms, -np.inf, scored.posterior, scored.coefficients, scored.shapes)
+
+
+def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lambda text, share: None) -> Found:
+    """The most probable set.
+
+    The noise of a model that lacks effects is too large, which hides weak ones: after the first search the noise is
+    that of what its best set leaves, and the search goes on from there.
+    """
+    declared = evidence.model.declared
+    sets, best = Sets(evidence, effects), None
+    for number in range(2):
+        progress("effects", 0.1 + 0.4 * number)
+        pool = _beam(sets, [sets.evidence.score(declared)] if best is None else _starts(sets, best))
+        best = max(pool, key=lambda s: s.log_odds)
+        if number == 0 and len(best.terms) > len(declared):
+            sets = Sets(evidence.heard(best.terms), effects)
+        else:
+            break
+    assert best is not None
+    near = [s for s in pool if s.ids != best.ids and s.log_odds > best.log_odds - ALTERNATIVE]
+    near.sort(key=lambda s: -s.log_odds)
+    return Found(sets.evidence, best, tuple(near), sets.evidence.score(declared))
+
+
+def _starts(sets: Sets, best: Scored) -> list[Scored]:
+    return [sets.score(best.terms), sets.evidence.score(sets.evidence.model.declared)]
+
+
+def _beam(sets: Sets, starts: Iterable[Scored]) -> list[Scored]:
+    """Every set that was scored: each round adds one effect to the best sets and drops what became superfluous."""
+    declared = {t.effect.key for t in sets.evidence.model.declared}
+    pool = {s.ids: s for s in starts}
+    beam, patience = list(pool.values()), 1
+    for _ in range(MOST_EFFECTS):
+        best = max(s.log_odds for s in pool.values())
+        grown: dict[frozenset[str], Scored] = {}
+        for parent in beam:
+            for child in sets.children(parent):
+                if child.ids not in pool and np.isfinite(child.log_odds):
+                    grown[child.ids] = child
+        for child in sorted(grown.values(), key=lambda s: -s.log_odds)[:BEAM]:
+            grown |= {s.ids: s for s in _smaller(sets, child, declared) if s.ids not in pool}
+        pool |= grown
+        beam = sorted(grown.values(), key=lambda s: -s.log_odds)[:BEAM]
+        reached = max((s.log_odds for s in grown.values()), default=-np.inf)
+        if reached <= best:
+            patience -= 1
+        if patience < 0 or not beam or reached < best - 2.0 * ALTERNATIVE:
+            break
+    return list(pool.values())
+
+
+def _smaller(sets: Sets, scored: Scored, declared: set[str]) -> list[Scored]:
+    """The set without each of its asked effects but the newest."""
+    asked = [t for t in scored.terms if t.effect.key not in declared][:-1]
+    return [sets.score([t for t in scored.terms if t is not each]) for each in asked]
