@@ -67,3 +67,35 @@ class CurrentLag(DriveEffect):
             return lagged(value, pole, new, old, memory, at)
 
         return DriveKernel(2, lambda value, effort: [value, value], step, kind=LAG, numbers=(pole, new, old))
+
+
+class CommandLag(CurrentLag):
+    """T d(y* + q)/dt + y* = y: a servo that filters its command q_d, y* + q, and not the position that it measures.
+
+    It is part of a model only where it is declared: a log tells it from a delay of the command by the corners of the
+    command alone.
+    """
+
+    form = "command"
+    title = "filter of the command"
+    filters = False
+    acts_on = "command"
+    equation = "lag * ddt(y_eff + q) + y_eff = y"
+    shapes = (
+        Parameter(
+            "lag",
+            "s",
+            0.0,
+            1.0,
+            description="time constant T",
+            plausible=Plausible(0.0, 1.0, "filters of commands take up to some 0.1 s"),
+        ),
+    )
+
+    def obstacle(self, context: Context) -> str:
+        """Only where it is declared."""
+        return "a filter of the command is known only where it is declared"
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """The effort with the filtered command in place of the command."""
+        return effort - signals.command + super().transform(signals.command, signals, shape)

@@ -10,7 +10,7 @@ from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.cable_spring import CableSpring, SpringBesideWeight
 from drake_tc.effects.check import checked_effect
 from drake_tc.effects.coulomb import Coulomb
-from drake_tc.effects.current_lag import CurrentLag
+from drake_tc.effects.current_lag import CommandLag, CurrentLag
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.delay import CommandDelay, Delay
 from drake_tc.effects.directional_efficiency import DirectionalEfficiency
@@ -33,7 +33,7 @@ from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis, Sliding
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
 from drake_tc.effects.run_in_friction import RunInFriction
-from drake_tc.effects.saturation import Saturation
+from drake_tc.effects.saturation import Saturation, ServoSaturation
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.servo_integrator import ServoIntegrator
 from drake_tc.effects.sliding_payload import SlidingPayload
@@ -121,7 +121,10 @@ UNCOMMON: tuple[Effect, ...] = (
 MULTI_JOINT: tuple[Effect, ...] = (ViscousPower(), RunInFriction())
 """Effects that are looked for only in a robot: with all others where its links are fitted, else as uncommon ones."""
 
-BUILT_IN: tuple[Effect, ...] = (*LIBRARY, *UNCOMMON, *MULTI_JOINT, *UNKNOWN_LOADS)
+DECLARED_ONLY: tuple[Effect, ...] = (CommandLag(), ServoSaturation())
+"""Effects that are part of a model only where they are declared: no search looks for them."""
+
+BUILT_IN: tuple[Effect, ...] = (*LIBRARY, *UNCOMMON, *MULTI_JOINT, *UNKNOWN_LOADS, *DECLARED_ONLY)
 """Every effect of this package."""
 
 PLACE = {effect.key: number for number, effect in enumerate((*LIBRARY, *UNCOMMON))}

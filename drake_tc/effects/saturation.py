@@ -47,3 +47,54 @@ class Saturation(DriveEffect):
         """No memory."""
         limit = parameters["limit"]
         return memoryless(lambda value, effort, direction: float(saturated(value, limit)), SATURATION, (limit,))
+
+
+class ServoSaturation(Saturation):
+    """y* = clip(y - T_d qdot, -L, L) + T_d qdot: a servo that limits its whole torque k (y - T_d qdot).
+
+    The damping k T_d of such a servo is a part of the viscous friction of the balance, so that the limit takes it out
+    of y and puts it back. It is part of a model only where it is declared: T_d is a setting of the servo.
+    """
+
+    form = "servo"
+    title = "saturation of the whole torque of the servo"
+    equation = "y_eff = min(max(y - derivative_time * qdot, -limit), limit) + derivative_time * qdot"
+    given_shapes = (
+        Parameter(
+            "derivative_time",
+            "s",
+            0.0,
+            default=0.0,
+            description="damping of the servo over its gain",
+            plausible=Plausible(0.0, 1.0, "it is a setting of the servo"),
+        ),
+    )
+
+    def obstacle(self, context: Context) -> str:
+        """Only where it is declared."""
+        return "the damping of the servo inside of its limit is known only where it is declared"
+
+    def shape_grid(self, context: Context) -> list[dict[str, float]]:
+        """The limits, with the declared setting."""
+        time = context.declared.get(f"{self.key}.derivative_time", 0.0)
+        return [shape | {"derivative_time": time} for shape in super().shape_grid(context)]
+
+    def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """Clip what the servo asks for."""
+        damping = shape["derivative_time"] * signals.velocity
+        return np.asarray(saturated(effort - damping, shape["limit"])) + damping
+
+    def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
+        """Memory is [the velocity now]."""
+        limit, time = parameters["limit"], parameters["derivative_time"]
+
+        def observe(
+            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
+        ) -> None:
+            memory[at] = velocity
+
+        def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
+            damping = time * memory[at]
+            return float(saturated(value - damping, limit)) + damping
+
+        return DriveKernel(1, lambda value, effort: [0.0], step, observe)

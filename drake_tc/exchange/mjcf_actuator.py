@@ -21,7 +21,7 @@ from drake_tc.exchange.dc_motor import dc_motor
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, number, put
 from drake_tc.exchange.xml_text import element as new_element
-from drake_tc.simulator_files.mjcf import ACTUATORS, actuators_of, servo_gains
+from drake_tc.simulator_files.mjcf import ACTUATORS, joints_of
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.simulator_files.xml_tree import xml_tree
 
@@ -48,7 +48,10 @@ def put_actuator(root: minidom.Element, projection: Projection, into: Path | Non
             f"{into}: {len(mine)} actuators drive joint {joint}: {names}; expected at most one,"
             " because the torques of the others would be added"
         )
-    (was,) = actuators_of(xml_tree(root.toxml()), joint) or [("", {})]
+    read = joints_of(xml_tree(root.toxml()))
+    before = read[joint].actuators if joint in read else ()
+    was = (before[0].kind, before[0].values) if before else ("", {})
+    servo = bool(before) and before[0].is_servo
     element = mine[0] if mine else append(child(root, "actuator"), "position")
     motor = None if was[1].get("forcerange") else dc_motor(terms)  # a dcmotor has no forcerange of its own
     kind = "position" if terms.drive == "position_servo" else "motor" if motor is None else "dcmotor"
@@ -71,11 +74,11 @@ def put_actuator(root: minidom.Element, projection: Projection, into: Path | Non
     _put_delay(element, terms, timestep(root), was[1])
     if motor is not None:
         return replace(terms, damping=motor.damping)
-    _put_limits(element, terms, *was)
+    _put_limits(element, terms, *was, servo=servo)
     return terms
 
 
-def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str]) -> None:
+def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str], *, servo: bool) -> None:
     """The identified limit of torque, or the limit of the file; and the file's limits of the command."""
     before = float((was.get("gear") or "1").split()[0])
     after = 1.0 if element.tagName == "position" else terms.kp
@@ -89,7 +92,6 @@ def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[
         put(element, forcerange=_scaled(was["forcerange"], before / after))
     if not was.get("ctrlrange"):
         return
-    servo = servo_gains(kind, was) is not None
     factor = 1.0 / before if servo else before / after
     if servo != (element.tagName == "position"):  # an angle in place of a torque, or the other way round
         put(element, ctrlrange=None, ctrllimited="false" if _has_defaults(element) else None)

@@ -230,6 +230,8 @@ LOST = {
     "torque_ripple": "the target's torque is smooth over the turn",
     "position_dependent_friction": "friction is the same over the turn there",
     "thermal_friction": "friction is that at 25 degrees Celsius there",
+    "current_lag.command": "the target's drive takes its command at once",
+    "saturation.servo": "the target limits the torque of the gain without that of the damping",
     "current_lag": "the target's drive answers at once; a first-order actuator dynamics can be added by hand",
     "velocity_sign_switch": "the servo's switch at reversals is not there",
     "servo_integrator": "the target's servo has no integrator",

@@ -68,14 +68,9 @@ class DeclaredTerms:
 
     def line(self, drive: str, joint_type: JointType = "revolute") -> str:
         """What was taken, as a text for people."""
-        limits = (
-            "saturation",
-            "saturation.servo",
-            "saturation.servo.derivative_time",
-        )  # stated below, in this drive's unit
-        told = {name: value for name, value in self.declared.items() if name not in limits}
+        told = {name: value for name, value in self.declared.items() if not name.startswith("saturation")}
         parts = [f"{name} {value:.4g} {UNITS.get(name, '')}".rstrip() for name, value in told.items() if value]
-        open_ids = [name for name, value in self.declared.items() if value is None]
+        open_ids = [name for name, value in told.items() if value is None]
         parts += [name for name in open_ids if not any(key.startswith(f"{name}.") for key in self.declared)]
         unit = EFFORT[drive]
         parts += [f"drive_gain {self.drive_gain:.4g} {unit} for 1 N m"] if self.drive_gain else []
@@ -163,7 +158,8 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
         declared["servo_integrator"] = terms.integral_rate
     inside = (read.derivative_gain + terms.derivative_gain) / terms.kp if terms.kp else 0.0
     if limit is not None and inside > 0.0:
-        declared |= {"saturation.servo": limit, "saturation.servo.derivative_time": inside}
+        declared |= {"saturation.servo": None, "saturation.servo.limit": limit}
+        declared["saturation.servo.derivative_time"] = inside
     elif limit is not None:
         declared["saturation"] = limit
     return DeclaredTerms(

@@ -12,6 +12,7 @@ EFFECT_IDS = (
     *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature", "servo_gain"),
     "static_friction",
     *("load_stribeck", "drive_compression", "winding_heat", "load_tilt", "gain_ripple"),
+    *("saturation.servo", "current_lag.command"),
 )
 
 ROBOT_CAUSES = ("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias")

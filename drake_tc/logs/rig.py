@@ -210,7 +210,7 @@ def _with_text_keys(value: object) -> Any:
 
 def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     joints = read.joint_names
-    sensors = read.sensors or SensorsKeys()
+    sensors, declared = read.sensors or SensorsKeys(), values_by_joint(read.declared, joints)
     gains, derivative_gains = declared_gains(read)
     stated = values_by_joint(read.joint_type, joints)
     types = joint_types(joints, stated, robot, read.units or {})
@@ -220,7 +220,7 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         joints=joints,
         drive=values_by_joint(read.drive, joints),
         load=load,
-        declared={joint: declared_of(entry) for joint, entry in values_by_joint(read.declared, joints).items()},
+        declared={joint: declared_of(entry) | _limit_of(read, joint) for joint, entry in declared.items()},
         columns={name: str(in_log) for name, in_log in (read.columns or {}).items()},
         units=read.units or {},
         enabled=read.enabled,
@@ -240,6 +240,18 @@ def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
         drive_gain=gains,
         derivative_gain=derivative_gains,
     )
+
+
+def _limit_of(read: RigDocument, joint: str) -> dict[str, float | None]:
+    """The stated limit of a position servo as a declared effect, with the servo's damping where that is stated."""
+    limit, drive = (values_by_joint(entry, read.joint_names)[joint] for entry in (read.saturation, read.drive))
+    if limit is None or drive != "position_servo":
+        return {}
+    gains, damping = declared_gains(read)
+    if joint not in damping or joint not in gains:
+        return {"saturation": limit}
+    time = damping[joint] * gains[joint]
+    return {"saturation.servo": None, "saturation.servo.limit": limit, "saturation.servo.derivative_time": time}
 
 
 def _with_declared_files(rig: Rig, read: RigDocument) -> Rig:

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from drake_tc.config.whole_file import write_whole
+from drake_tc.logs.effect_ids import EFFECT_IDS
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.rig_document.sensors import sensors_entry
@@ -45,8 +46,8 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         for joint, values in rig.declared.items()
     }
     for values in declared.values():  # `id.parameter` goes back under `id`
-        for key in [k for k in values if "." in k]:
-            effect, parameter = key.split(".", 1)
+        for key in [k for k in values if "." in k and k not in EFFECT_IDS]:
+            effect, _, parameter = key.rpartition(".")
             nested: Any = values.get(effect)
             values[effect] = (nested if isinstance(nested, dict) else {}) | {parameter: values.pop(key)}  # type: ignore[assignment]
     document: dict[str, Any] = {"joint": rig.joints[0]} if len(rig.joints) == 1 else {"joints": list(rig.joints)}

@@ -1,199 +1,498 @@
-"""Joints and actuators of an MJCF file, with the attributes that default classes give them.
+"""Joints and actuators of an MJCF file, with what it includes and the attributes that default classes give them.
 
-Read are a joint's armature, frictionloss and damping (d0 d1 d2: the force -(d0 + d1 |v| + d2 v^2) v), and of the first
-actuator of a joint its kind, gain, gear, delay and force limit. The torque of a position servo is gear^2 kp (q_d - q)
-where the command is the joint's position. A hinge `NAME_backlash` is the play of the gear of `NAME`.
+Read are of a joint armature, frictionloss, damping (d0 d1 d2: the force -(d0 + d1 |v| + d2 v^2) v), stiffness with
+springref, and actuatorfrcrange; of its actuators kind, gain, damping, gear, filter, delay and force limit. The torque
+of a position servo is gear^2 (kp (q_d - q) - kv v), clipped as a whole, where the command is the joint's position. A
+velocity actuator beside it adds its kv.
+
+A second hinge of the same body about the same axis, without an actuator, is the gear: its play where it is free within
+a small range, its compliance where it has a spring. Every other attribute that is physics is listed as not used.
 """
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
-from drake_tc.simulator_files.terms import ReadJoint, Terms
+from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuators
+from drake_tc.simulator_files.mjcf_tree import Attributes, Defaults, bodies, with_includes
+from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
+from drake_tc.simulator_files.xml_tree import finite, place
 
-Attributes = Mapping[str, str]
+__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "joints_of", "mjcf_joints"]
+
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
-ACTUATORS = ("position", "motor", "general", "velocity", "intvelocity", "damper", "cylinder", "dcmotor", "muscle")
-NO_TERMS = ("inductance", "cogging", "lugre", "thermal")
-"""Attributes of a dcmotor that are no terms."""
-SERVO_TOLERANCE = 1e-9
-SHARED = ("gear", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "delay", "nsample")
-"""Attributes that a default class hands on from an actuator of one kind to those of all kinds."""
+MOST_PLAY = {"hinge": 0.2, "slide": 0.02}
+"""Largest range of a joint that is taken for the play of a gear [rad], [m]."""
+JOINT_USED = {
+    *("name", "class", "type", "pos", "axis", "group", "user", "armature", "frictionloss", "damping", "stiffness"),
+    *("springref", "ref", "margin", "solreffriction", "solimpfriction", "solreflimit", "solimplimit", "limited"),
+    *("range", "actuatorfrcrange", "actuatorfrclimited", "springdamper"),
+}
+ACTUATOR_USED = {
+    *("name", "class", "joint", "jointinparent", "gear", "group", "user", "nsample", "interp", "forcerange"),
+    *("forcelimited", "ctrlrange", "ctrllimited", "delay", "damping", "armature", "kp", "kv", "dampratio", "timeconst"),
+    *("gainprm", "biasprm", "dynprm", "dyntype", "gaintype", "biastype", "actlimited", "actearly", "lengthrange"),
+    *("cranklength", "inheritrange", "actdim"),
+}
+DC_MOTOR_USED = {"motorconst", "resistance", "saturation", "inductance", "cogging", "lugre", "input"}
+PID_USED = {"ki", "input"}
+SYMMETRIC = 1e-6
 
 
-def mjcf_joints(root: ET.Element) -> dict[str, ReadJoint]:
+@dataclass(frozen=True)
+class MjcfJoint:
+    """A joint of an MJCF file.
+
+    Attributes:
+        element: Of the tree.
+        values: Its attributes, those of default classes among them.
+        body: The body that it moves.
+        actuators: Those that drive it, in the order of the file.
+    """
+
+    element: ET.Element
+    values: Attributes
+    body: ET.Element
+    actuators: tuple[Actuator, ...]
+
+    @property
+    def kind(self) -> str:
+        """hinge, slide, ball or free."""
+        return self.values.get("type", "hinge")
+
+    def numbers(self, name: str, absent: str = "0") -> list[float]:
+        """The numbers of an attribute."""
+        return finite(self.element, name, self.values.get(name) or absent)
+
+
+def joints_of(root: ET.Element) -> dict[str, MjcfJoint]:
+    """Named hinges and slides of a file, by name.
+
+    Args:
+        root: `<mujoco>` with its includes.
+    """
+    defaults = Defaults(root)
+    driving: dict[str, list[Actuator]] = {}
+    for each in actuators(root, defaults):
+        name = each.values.get("joint") or each.values.get("jointinparent") or ""
+        driving.setdefault(name, []).append(each)
+    found = {}
+    for body, own in bodies(root):
+        for element, around in own:
+            name, values = element.get("name", ""), defaults.attributes(element, around)
+            if name and values.get("type", "hinge") in ("hinge", "slide"):
+                found[name] = MjcfJoint(element, values, body, tuple(driving.get(name, ())))
+    return found
+
+
+def gears_of(joints: Mapping[str, MjcfJoint], *, degrees: bool) -> dict[str, str]:
+    """Joints that are the play or the spring of a gear, to the driven joint beside them.
+
+    Args:
+        joints: Of the file.
+        degrees: Whether its angles are in degrees.
+    """
+    found = {}
+    for name, joint in joints.items():
+        if joint.actuators:
+            continue
+        for other, driven in joints.items():
+            beside = driven.body is joint.body and driven is not joint and driven.kind == joint.kind
+            named = name == other + PLAY
+            if not beside or not (named or driven.actuators):
+                continue
+            if _same_axis(joint, driven) and (named or _play(joint, degrees=degrees) or _spring(joint)):
+                found[name] = other
+    return found
+
+
+def _same_axis(one: MjcfJoint, other: MjcfJoint) -> bool:
+    a, b = one.numbers("axis", "0 0 1"), other.numbers("axis", "0 0 1")
+    near = [abs(x * math.hypot(*b) - y * math.hypot(*a)) < 1e-9 for x, y in zip(a, b, strict=False)]
+    return all(near) and one.numbers("pos", "0 0 0") == other.numbers("pos", "0 0 0")
+
+
+def _play(joint: MjcfJoint, *, degrees: bool) -> float:
+    """Range of a free joint that is small; 0 where it is not such a joint."""
+    span = [*joint.numbers("range", ""), 0.0, 0.0]
+    if joint.values.get("limited") == "false" or any(joint.numbers("stiffness")):
+        return 0.0
+    width = (span[1] - span[0]) * (math.pi / 180.0 if degrees and joint.kind == "hinge" else 1.0)
+    return width if 0.0 < width <= MOST_PLAY[joint.kind] else 0.0
+
+
+def _spring(joint: MjcfJoint) -> float:
+    """Stiffness of a joint that has nothing else; 0 where it is not such a joint."""
+    stiffness = joint.numbers("stiffness")
+    return 0.0 if any(stiffness[1:]) or any(joint.numbers("frictionloss")) else stiffness[0]
+
+
+def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoint]:
     """What the file says of each named hinge or slide, by name.
 
     Args:
         root: `<mujoco>`.
+        path: Of the file, from which its includes are found; None: it has none.
 
     Raises:
-        ValueError: an attribute that is no number.
+        ValueError: an attribute that is no number, an include that is not there, or an element that makes joints from
+            other files; names element and line.
     """
-    classes = _classes(root)
-    found: dict[str, ReadJoint] = {}
-    plays: dict[str, float] = {}
+    root = root if path is None else with_includes(root, path)
+    for tag in ("attach", "replicate"):
+        for each in root.iter(tag):
+            if tag == "attach" or each.find(".//joint") is not None:
+                raise ValueError(
+                    f"{place(each)}: it makes joints of other names, which are not read; write the file as MuJoCo "
+                    "expands it: mujoco.mj_saveLastXML"
+                )
     degrees = all(each.get("angle", "degree") != "radian" for each in root.findall("compiler"))
-    for element, childclass in _joints(root):
-        name, values = element.get("name", ""), _with_defaults(element, classes, childclass)
-        if name.endswith(PLAY):
-            low, high = _numbers(values, "range", "0 0")[:2]
-            plays[name.removesuffix(PLAY)] = (high - low) * (math.pi / 180.0 if degrees else 1.0)
-        elif name and values.get("type", "hinge") in ("hinge", "slide"):
-            found[name] = ReadJoint(_passive(values))
-    for name, play in plays.items():
-        if name in found:
-            found[name] = replace(found[name], terms=replace(found[name].terms, backlash=play))
-    for actuator in _actuators(root):
-        joint = actuator.get("joint", "")
-        if joint in found and not found[joint].driven:
-            found[joint] = _driven(found[joint], actuator.tag, _with_defaults(actuator, classes, ""))
+    joints = joints_of(root)
+    gears = gears_of(joints, degrees=degrees)
+    made = _compiled_by_mujoco(joints, path)
+    outside = _couplings(root)
+    found = {}
+    for name, joint in joints.items():
+        if name in gears:
+            continue
+        read = _driven(_passive(joint, degrees=degrees, flags=_disabled(root)), joint, root, made)
+        for other in (each for each, driven in gears.items() if driven == name):
+            read = _with_gear(read, joints[other], degrees=degrees)
+        found[name] = _in_effect(read, joint, made).also_unused(*outside.get(name, ()), *_of_body(joint))
     return found
 
 
-def _joints(root: ET.Element) -> Iterator[tuple[ET.Element, str]]:
-    """Joints of the tree, each with the default class of the bodies around it."""
-
-    def of_body(body: ET.Element, around: str) -> Iterator[tuple[ET.Element, str]]:
-        inside = body.get("childclass", around)
-        for element in body:
-            if element.tag == "joint":
-                yield element, inside
-            elif element.tag in ("body", "frame"):
-                yield from of_body(element, inside)
-
-    for world in root.findall("worldbody"):
-        yield from of_body(world, "")
+def _with_gear(read: ReadJoint, gear: MjcfJoint, *, degrees: bool) -> ReadJoint:
+    names = ("damping", "armature", "frictionloss")
+    rest = [f"{name} of {place(gear.element)}" for name in names if any(gear.numbers(name))]
+    if stiffness := _spring(gear):
+        rest += [f"range of {place(gear.element)}"] if gear.values.get("range") else []
+        return replace(read, terms=replace(read.terms, compliance=1.0 / stiffness)).also_unused(*rest)
+    return replace(read, terms=replace(read.terms, backlash=_play(gear, degrees=degrees))).also_unused(*rest)
 
 
-def _actuators(root: ET.Element) -> list[ET.Element]:
-    return [each for group in root.findall("actuator") for each in group if each.tag in ACTUATORS]
-
-
-def actuators_of(root: ET.Element, joint: str) -> list[tuple[str, Attributes]]:
-    """Kind and attributes, those of default classes among them, of each actuator of a joint.
-
-    Args:
-        root: `<mujoco>`.
-        joint: Its name.
-    """
-    classes = _classes(root)
-    return [
-        (each.tag, _with_defaults(each, classes, ""))
-        for group in root.findall("actuator")
-        for each in group
-        if each.get("joint") == joint
-    ]
-
-
-def _classes(root: ET.Element) -> dict[str, dict[str, Attributes]]:
-    """By default class, the attributes of each kind of element; "" is the class of everything."""
-    classes: dict[str, dict[str, Attributes]] = {"": {}}
-
-    def read(element: ET.Element, inherited: Mapping[str, Attributes], name: str) -> None:
-        own = dict(inherited)
-        for each in element:
-            if each.tag != "default":
-                own[each.tag] = {**own.get(each.tag, {}), **each.attrib}
-            if each.tag in ACTUATORS:
-                shared = {name: value for name, value in each.attrib.items() if name in SHARED}
-                own.update({tag: {**own.get(tag, {}), **shared} for tag in ACTUATORS})
-        classes[name] = own
-        for nested in element.findall("default"):
-            read(nested, own, nested.get("class", ""))
-
-    for top in root.findall("default"):
-        read(top, classes[""], "")
-        if top.get("class"):
-            classes[top.get("class", "")] = classes[""]
-    return classes
-
-
-def _with_defaults(element: ET.Element, classes: Mapping[str, Mapping[str, Attributes]], around: str) -> Attributes:
-    chosen = classes.get(element.get("class", around), classes[""])
-    return {**chosen.get(element.tag, {}), **element.attrib}
-
-
-def _numbers(values: Attributes, name: str, absent: str) -> list[float]:
-    return [float(text) for text in (values.get(name) or absent).split()]
-
-
-def _passive(values: Attributes) -> Terms:
-    damping = _numbers(values, "damping", "0")
-    return Terms(
+def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
+    damping, stiffness = ([*joint.numbers(name), 0.0, 0.0, 0.0][:3] for name in ("damping", "stiffness"))
+    unit = math.pi / 180.0 if degrees and joint.kind == "hinge" else 1.0
+    rest = joint.numbers("springref")[0] * unit
+    unused = [name for name in joint.values if name not in JOINT_USED]
+    if damping[2]:
+        unused.append("the third number of its damping")
+    if any(stiffness[1:]):
+        unused.append("the stiffness that depends on the deflection")
+    if joint.values.get("range") and joint.values.get("limited") != "false":
+        unused.append("its limits of the position (range)")
+    spring = 0.0 if "spring" in flags else stiffness[0]
+    terms = Terms(
         drive="torque",
         kp=1.0,
-        armature=_numbers(values, "armature", "0")[0],
-        damping=damping[0],
-        quadratic=damping[1] if len(damping) > 1 else 0.0,
-        frictionloss=_numbers(values, "frictionloss", "0")[0],
+        armature=joint.numbers("armature")[0],
+        damping=0.0 if "damper" in flags else damping[0],
+        quadratic=0.0 if "damper" in flags else damping[1],
+        frictionloss=0.0 if "frictionloss" in flags else joint.numbers("frictionloss")[0],
+        stiffness=spring,
+        preload=-spring * rest,
     )
+    return ReadJoint(terms, unused=tuple(unused))
 
 
-def _driven(joint: ReadJoint, tag: str, values: Attributes) -> ReadJoint:
-    """The joint with its actuator; one of a kind that says nothing of a known drive is named as unused."""
-    if tag == "dcmotor":
-        return _with_dc_motor(joint, values)
-    gear = _numbers(values, "gear", "1")[0]
-    gain = servo_gains(tag, values)
-    if gain is not None:
-        kp, derivative = gear**2 * gain[0], gear**2 * gain[1]
-        terms = replace(joint.terms, drive="position_servo", kp=kp)
-    elif tag in ("motor", "general") and values.get("biastype", "none") == "none":
-        kp, derivative = gear * (_numbers(values, "gainprm", "1")[0] if tag == "general" else 1.0), 0.0
-        terms = replace(joint.terms, drive="torque", kp=kp)
+def _driven(read: ReadJoint, joint: MjcfJoint, root: ET.Element, made: Any) -> ReadJoint:
+    """The joint with its actuators; those that say nothing of a known drive are named as unused."""
+    if "actuation" in _disabled(root):
+        return read.also_unused(*(each.name for each in joint.actuators))
+    for actuator in joint.actuators:  # they act on the joint whatever drives it
+        gear = actuator.gear
+        armature, damping = ((actuator.numbers(name, "0") or [0.0]) for name in ("armature", "damping"))
+        terms = replace(
+            read.terms,
+            armature=read.terms.armature + gear**2 * armature[0],
+            damping=read.terms.damping + gear**2 * damping[0],
+        )
+        read = replace(read, terms=terms).also_unused(*_unused(actuator))
+    first = _first(joint.actuators)
+    read = read if first is None else _with_drive(read, first, made)
+    for actuator in joint.actuators:
+        if actuator is not first:
+            read = _with_second(read, actuator, first)
+    return read
+
+
+def _first(found: Sequence[Actuator]) -> Actuator | None:
+    """The actuator that is the drive: a position servo, else one whose force is proportional to the command."""
+
+    def dc(each: Actuator) -> bool:
+        plain = each.values.get("input", "voltage") == "voltage" and not each.values.get("controller")
+        return each.kind == "dcmotor" and plain and _motor_constants(each) is not None
+
+    known = [each for each in found if each.dynamics in ("none", "filter", "filterexact")]
+    servos = [each for each in known if each.is_servo or each.kind == "pid"]
+    plain = [each for each in known if each.gain and not each.bias[1] and not _is_velocity(each)]
+    return next(iter((*servos, *plain, *(each for each in known if dc(each)))), None)
+
+
+def _is_velocity(each: Actuator) -> bool:
+    return each.gain is not None and not any(each.bias[:2]) and each.bias[2] != 0.0 and each.bias[2] == -each.gain
+
+
+def _unused(actuator: Actuator) -> list[str]:
+    used = ACTUATOR_USED | {"dcmotor": DC_MOTOR_USED, "pid": PID_USED}.get(actuator.kind, set())
+    found = [f"{name} of {actuator.name}" for name in actuator.values if name not in used]
+    for name in ("damping",):
+        found += [f"the further numbers of {name} of {actuator.name}"] if any(actuator.numbers(name)[1:]) else []
+    return found
+
+
+def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
+    if actuator.kind == "dcmotor":
+        return _with_dc_motor(read, actuator)
+    gear, unused = actuator.gear, list[str]()
+    if actuator.kind == "pid":
+        servo, kp = True, (actuator.numbers("kp", "1"))[0]
+        kv, bias = (actuator.numbers("kv", "0") or [0.0])[0], 0.0
+        rate = (actuator.numbers("ki", "0") or [0.0])[0] / kp if kp else 0.0
+        unused += [f"inputs of {actuator.name} beside the position"] if actuator.values.get("input") != "pos" else []
     else:
-        return replace(joint, unused=(*joint.unused, f"its actuator <{tag}>"))
-    limit, limited = _numbers(values, "forcerange", ""), values.get("forcelimited") != "false"
+        servo, kp = actuator.is_servo, actuator.gain or 0.0
+        kv, bias, rate = -actuator.bias[2], actuator.bias[0], 0.0
+    if actuator.damping_ratio:
+        kv = made.damping(actuator) if made is not None else 0.0
+        if made is None:
+            unused.append(f"dampratio of {actuator.name}, which needs MuJoCo: pip install 'drake-tc[mujoco]'")
+    unused += [f"the constant force of {actuator.name}"] if bias else []
+    at_joint = (gear**2 if servo else gear) * kp
+    limits, told = _limits(actuator, servo=servo, kp=at_joint)
+    terms = replace(
+        read.terms,
+        drive="position_servo" if servo else "torque",
+        kp=at_joint,
+        lag=actuator.filter,
+        integral_rate=rate,
+        delay=(actuator.numbers("delay", "0") or [0.0])[0],
+        torque_limit=min(limits, default=None),
+    )
+    if not servo:
+        inside = 0.0 if actuator.limits("ctrlrange") and not actuator.limits("forcerange") else gear**2 * kv
+        terms = replace(terms, damping=terms.damping + gear**2 * kv, derivative_gain=inside)
+    found = replace(read, driven=True, derivative_gain=gear**2 * kv if servo else 0.0, terms=terms)
+    return found.also_unused(*unused, *told)
+
+
+def _limits(actuator: Actuator, *, servo: bool, kp: float) -> tuple[list[float], list[str]]:
+    """Limits of the torque, and what is not used of limits."""
+    force, command = actuator.limits("forcerange"), actuator.limits("ctrlrange")
+    found, unused = [], []
+    if force is not None:
+        if _is_symmetric(force):
+            found.append(abs(actuator.gear) * force[1])
+        else:
+            unused.append(f"forcerange of {actuator.name}, which is not symmetric")
+    if command is not None:
+        if servo or not _is_symmetric(command):
+            unused.append(f"ctrlrange of {actuator.name}")
+        else:
+            found.append(abs(kp) * command[1])
+    if actuator.values.get("inheritrange"):
+        unused.append(f"inheritrange of {actuator.name}")
+    if actuator.values.get("actrange") and actuator.values.get("actlimited") != "false":
+        unused.append(f"actrange of {actuator.name}")
+    return found, unused
+
+
+def _is_symmetric(limits: tuple[float, float]) -> bool:
+    return abs(limits[0] + limits[1]) <= SYMMETRIC * (limits[1] - limits[0])
+
+
+def _with_second(read: ReadJoint, actuator: Actuator, first: Actuator | None) -> ReadJoint:
+    """An actuator beside the drive: the damping of one that holds a velocity is used, at the command 0."""
+    if actuator.kind == "dcmotor" and actuator.values.get("input") == "none":
+        return _with_passive_motor(read, actuator)
+    if (
+        first is None
+        or not _is_velocity(actuator)
+        or actuator.dynamics != "none"
+        or actuator.limits("forcerange") is not None
+    ):
+        return read.also_unused(f"its actuator {actuator.name}")
+    kv = actuator.gear**2 * -actuator.bias[2]
+    if read.terms.drive == "position_servo" and first.limits("forcerange") is None:
+        read = replace(read, derivative_gain=read.derivative_gain + kv)
+    else:
+        read = replace(read, terms=replace(read.terms, damping=read.terms.damping + kv))
+    return read.also_unused(f"the command of {actuator.name}")
+
+
+def _motor_constants(actuator: Actuator) -> tuple[float, float] | None:
+    """(k, R) of a motor on a voltage, k = sqrt(kt ke); None where the file states neither them nor nominal values."""
+    constants, resistance = actuator.numbers("motorconst"), (actuator.numbers("resistance", "0") or [0.0])[0]
+    if not constants or resistance <= 0.0:
+        return None
+    return math.sqrt(constants[0] * constants[-1]), resistance
+
+
+def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
+    """The force is gear k/R (V - k gear v)."""
+    constants = _motor_constants(actuator)
+    if constants is None:
+        return read.also_unused(f"its actuator {actuator.name}")
+    gear, resistance = actuator.gear, constants[1]
+    k = gear * constants[0]
+    command = actuator.limits("ctrlrange")
+    voltage = command[1] if command is not None and _is_symmetric(command) else 0.0
+    torque, current = [*actuator.numbers("saturation"), 0.0, 0.0][:2]
+    force = actuator.limits("forcerange")  # default classes hand it on to a dcmotor, which has no such attribute
+    torque = min((x for x in (torque, force[1] if force else 0.0) if x > 0.0), default=0.0)
+    whole = min((limit for limit in (abs(gear) * torque, abs(k) * current) if limit > 0.0), default=math.inf)
+    of_voltage = abs(k) / resistance * voltage or math.inf
+    inductance = [*actuator.numbers("inductance"), 0.0, 0.0]
+    terms = replace(
+        read.terms,
+        drive="voltage",
+        kp=k / resistance,
+        damping=read.terms.damping + k**2 / resistance,
+        delay=(actuator.numbers("delay", "0") or [0.0])[0],
+        lag=inductance[1] or inductance[0] / resistance,
+        torque_limit=limit if (limit := min(whole, of_voltage)) < math.inf else None,
+        torque_constant=k,
+        derivative_gain=k**2 / resistance if whole < of_voltage else 0.0,
+    )
+    told = [f"ctrlrange of {actuator.name}, which is not symmetric"] if command is not None and not voltage else []
+    told += [f"saturation of {actuator.name} beside its ctrlrange"] if of_voltage <= whole < math.inf else []
+    told += [f"the voltage of saturation of {actuator.name}"] if any(actuator.numbers("saturation")[2:]) else []
+    return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told)
+
+
+def _with_passive_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
+    """A dcmotor without input: its friction, its cogging and its back-EMF."""
+    constants = _motor_constants(actuator)
+    if constants is None:
+        return read.also_unused(f"its actuator {actuator.name}")
+    k = actuator.gear * constants[0]
+    terms = replace(read.terms, damping=read.terms.damping + k**2 / constants[1])
+    return _with_motor_friction(replace(read, terms=terms), actuator)
+
+
+def _with_motor_friction(read: ReadJoint, actuator: Actuator) -> ReadJoint:
+    """`lugre` (stiffness, damping, F_C, F_S, v_S) and `cogging` (amplitude, periods, phase) of a dcmotor.
+
+    Sliding, the first is F_C + (F_S - F_C) exp(-(v/v_S)^2); its bristles are not used. The second is
+    A sin(N gear q + phase) at the motor.
+    """
+    gear, terms, unused = abs(actuator.gear), read.terms, list[str]()
+    if lugre := actuator.numbers("lugre"):
+        _, _, least, most, speed = [*lugre, 0.0, 0.0, 0.0][:5]
+        terms = replace(terms, frictionloss=terms.frictionloss + gear * least)
+        if most > least and speed > 0.0:
+            terms = replace(terms, stribeck=StribeckPeak(gear * (most - least), speed / gear, 2.0))
+        unused.append(f"the bristles of lugre of {actuator.name}")
+    if cogging := actuator.numbers("cogging"):
+        height, periods, phase = [*cogging, 0.0, 0.0][:3]
+        size, cycles = -actuator.gear * height, periods * actuator.gear
+        ripple = Ripple(size * math.sin(phase), math.copysign(1.0, cycles) * size * math.cos(phase), abs(cycles))
+        terms = replace(terms, ripple=ripple if height and cycles else None)
+    return replace(read, terms=terms).also_unused(*unused)
+
+
+def _in_effect(read: ReadJoint, joint: MjcfJoint, made: Any) -> ReadJoint:
+    """The joint with its limit of all actuators' torque, and with what MuJoCo makes of springdamper."""
+    span = joint.numbers("actuatorfrcrange", "")
+    if len(span) == 2 and joint.values.get("actuatorfrclimited") != "false" and span[0] < span[1]:
+        if _is_symmetric((span[0], span[1])):
+            read = _with_joint_limit(read, span[1])
+        else:
+            read = read.also_unused("actuatorfrcrange, which is not symmetric")
+    if not any(joint.numbers("springdamper")):
+        return read
+    if made is None:
+        return read.also_unused("springdamper, which needs MuJoCo: pip install 'drake-tc[mujoco]'")
+    stiffness, damping, rest = made.spring(joint)
     return replace(
-        joint,
-        driven=True,
-        derivative_gain=derivative,
+        read,
         terms=replace(
-            terms,
-            delay=_numbers(values, "delay", "0")[0],
-            torque_limit=abs(gear) * limit[1] if limited and len(limit) == 2 and limit[1] > 0.0 else None,
+            read.terms,
+            stiffness=stiffness,
+            preload=-stiffness * rest,
+            damping=read.terms.damping - joint.numbers("damping")[0] + damping,
         ),
     )
 
 
-def _with_dc_motor(joint: ReadJoint, values: Attributes) -> ReadJoint:
-    """The force is gear k/R (V - k gear v), k = sqrt(kt ke); with a controller or nominal values it is not used."""
-    constants, gear = _numbers(values, "motorconst", ""), _numbers(values, "gear", "1")[0]
-    resistance = _numbers(values, "resistance", "0")[0]
-    if not constants or resistance <= 0.0 or values.get("input", "voltage") != "voltage":
-        return replace(joint, unused=(*joint.unused, "its actuator <dcmotor>"))
-    k = gear * math.sqrt(constants[0] * constants[-1])
-    limited = values.get("ctrllimited") != "false"
-    voltage = _numbers(values, "ctrlrange", "0 0")[1] if limited else 0.0
-    torque, current = [*_numbers(values, "saturation", ""), 0.0, 0.0][:2]
-    limits = [gear * torque, k * current, k / resistance * voltage]
-    terms = replace(
-        joint.terms,
-        drive="voltage",
-        kp=k / resistance,
-        damping=joint.terms.damping + k**2 / resistance,
-        delay=_numbers(values, "delay", "0")[0],
-        torque_limit=min((limit for limit in limits if limit > 0.0), default=None),
-        torque_constant=k,
-    )
-    unused = tuple(f"{name} of its actuator <dcmotor>" for name in NO_TERMS if name in values)
-    return replace(joint, terms=terms, driven=True, unused=(*joint.unused, *unused))
+def _with_joint_limit(read: ReadJoint, limit: float) -> ReadJoint:
+    """The joint whose actuators' torque is clipped as a whole, a back-EMF or the damping of a servo included."""
+    terms = read.terms
+    if terms.torque_limit is not None and terms.torque_limit <= limit:
+        return read
+    inside = terms.derivative_gain
+    if terms.drive == "voltage" and terms.torque_constant is not None:
+        inside = terms.torque_constant * terms.kp
+    return replace(read, terms=replace(terms, torque_limit=limit, derivative_gain=inside))
 
 
-def servo_gains(tag: str, values: Attributes) -> tuple[float, float] | None:
-    """Gain and damping of a position servo before the gear; None for another actuator.
+def _disabled(root: ET.Element) -> set[str]:
+    """Forces that the file switches off."""
+    found = set()
+    for flag in root.iterfind("option/flag"):
+        found |= {name for name, value in flag.attrib.items() if value == "disable"}
+    return found | ({"spring", "damper"} if "passive" in found else set())
 
-    Args:
-        tag: Kind of the actuator.
-        values: Its attributes, those of default classes among them.
-    """
-    if tag == "position":
-        return _numbers(values, "kp", "1")[0], _numbers(values, "kv", "0")[0]
-    if tag == "general" and values.get("biastype") == "affine":
-        gain, bias = _numbers(values, "gainprm", "1")[0], [*_numbers(values, "biasprm", "0"), 0.0, 0.0]
-        if abs(bias[1] + gain) <= SERVO_TOLERANCE * abs(gain):
-            return gain, -bias[2]
-    return None
+
+def _couplings(root: ET.Element) -> dict[str, list[str]]:
+    """By joint, what couples it to others: equalities and tendons."""
+    found: dict[str, list[str]] = {}
+    for group in root.findall("equality"):
+        for each in group.findall("joint"):
+            for name in (each.get("joint1", ""), each.get("joint2", "")):
+                found.setdefault(name, []).append(f"its coupling {place(each)}")
+    for group in root.findall("tendon"):
+        for each in group.findall("fixed"):
+            for part in each.findall("joint"):
+                found.setdefault(part.get("joint", ""), []).append(f"its tendon {place(each)}")
+    return found
+
+
+def _of_body(joint: MjcfJoint) -> list[str]:
+    return ["gravcomp of its body"] if joint.body.get("gravcomp", "0") not in ("0", "0.0") else []
+
+
+class _Compiled:
+    """What only MuJoCo's compiler knows of a file: numbers that depend on inertias of its bodies."""
+
+    def __init__(self, path: Path) -> None:
+        from drake_tc.simulator_files.mujoco_module import mujoco_module
+
+        self.mujoco = mujoco_module()
+        self.model = self.mujoco.MjModel.from_xml_path(str(path))
+
+    def damping(self, actuator: Actuator) -> float:
+        """Kv of a servo with a damping ratio, before the gear."""
+        kinds = self.mujoco.mjtTrn
+        joint = actuator.values.get("joint") or actuator.values.get("jointinparent")
+        number = self.model.joint(joint).id
+        found = [
+            i
+            for i in range(len(self.model.actuator_trntype))
+            if self.model.actuator_trntype[i] == int(kinds.mjTRN_JOINT) and self.model.actuator_trnid[i][0] == number
+        ]
+        name = actuator.element.get("name")
+        named = [i for i in found if name and self.model.actuator(i).name == name]
+        return -float(self.model.actuator_biasprm[(named or found)[0]][2])
+
+    def spring(self, joint: MjcfJoint) -> tuple[float, float, float]:
+        """Stiffness, damping and rest position."""
+        at = self.model.joint(joint.element.get("name"))
+        rest = float(self.model.qpos_spring[at.qposadr[0]])
+        return float(self.model.jnt_stiffness[at.id]), float(self.model.dof_damping[at.dofadr[0]]), rest
+
+
+def _compiled_by_mujoco(joints: Mapping[str, MjcfJoint], path: Path | None) -> _Compiled | None:
+    """The compiled file where a term needs it; None where none does, or MuJoCo cannot load the file."""
+    ratios = any(each.damping_ratio for joint in joints.values() for each in joint.actuators)
+    if path is None or not (ratios or any(any(joint.numbers("springdamper")) for joint in joints.values())):
+        return None
+    try:
+        return _Compiled(path)
+    except (ImportError, OSError, ValueError):
+        return None

@@ -3,7 +3,7 @@
 import json
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.parsers.expat import ExpatError
 
@@ -47,15 +47,19 @@ def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
     try:
         if path.suffix.lower() == ".json":
             return {ANY_JOINT: bam_servo(_mapping(json.loads(text)))}
-        return _of_xml(xml_tree(text))
+        return _of_xml(xml_tree(text), path)
     except ExpatError as problem:
         raise error(f"{path}: not XML: {problem}") from None
     except ValueError as problem:
         raise error(f"{path}: {problem}") from None
 
 
-def _of_xml(root: ET.Element) -> dict[str, ReadJoint]:
-    readers = {"robot": urdf_joints, "sdf": sdf_joints, "mujoco": mjcf_joints}
+def _of_xml(root: ET.Element, path: Path) -> dict[str, ReadJoint]:
+    readers: dict[str, Callable[[ET.Element], dict[str, ReadJoint]]] = {
+        "robot": urdf_joints,
+        "sdf": sdf_joints,
+        "mujoco": lambda tree: mjcf_joints(tree, path),
+    }
     if _has_xacro(root):
         raise ValueError(
             f"expected {KINDS}, got a xacro file that is not expanded; `xacro FILE.xacro > FILE.urdf` expands it"

@@ -116,9 +116,13 @@ def test_a_dc_motor_that_is_more_than_these_terms_says_so(tmp_path):
     body = '<body><joint name="a"/></body>'
     text = f'<mujoco><worldbody>{body}</worldbody><actuator><dcmotor joint="a" {{}}/></actuator></mujoco>'
     path.write_text(text.format('motorconst="0.5" resistance="2" cogging="0.1 4 0"'), encoding="utf-8")
-    assert read_joints(path, RigError)["a"].unused == ("cogging of its actuator <dcmotor>",)
+    joint = read_joints(path, RigError)["a"]
+    assert joint.terms.ripple is not None and joint.unused == ()
     path.write_text(text.format('nominal="12 1 300"'), encoding="utf-8")
-    assert read_joints(path, RigError)["a"].unused == ("its actuator <dcmotor>",)
+    assert read_joints(path, RigError)["a"].unused == (
+        "nominal of <dcmotor> in line 1",
+        "its actuator <dcmotor> in line 1",
+    )
 
 
 def test_limits_and_kinds_of_drives(mjcf):
@@ -213,7 +217,12 @@ SDF = """<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
 """
 
 
-@pytest.mark.parametrize(("kind", "text", "unused"), [("urdf", URDF, ()), ("sdf", SDF, ("its spring_stiffness",))])
+ENDS = "its limits of the position (lower, upper)"
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "unused"), [("urdf", URDF, ("its limit of the velocity", ENDS)), ("sdf", SDF, (ENDS,))]
+)
 def test_a_file_with_drakes_tags_is_read_as_drake_reads_it(tmp_path, kind, text, unused):
     path = tmp_path / f"robot.{kind}"
     path.write_text(text, encoding="utf-8")
@@ -229,6 +238,7 @@ def test_a_file_with_drakes_tags_is_read_as_drake_reads_it(tmp_path, kind, text,
     gains = actuator.get_controller_gains()
     assert (joint.terms.kp, joint.derivative_gain) == (gains.p, gains.d) == (400.0, 3.0)
     assert joint.unused == unused
+    assert joint.terms.stiffness == (5.0 if kind == "sdf" else 0.0)
 
 
 def test_a_limit_that_an_sdf_file_does_not_have_is_none(tmp_path):

@@ -1,0 +1,86 @@
+"""MJCF files that are drawn at random: one joint, default classes, actuators of every kind that is read."""
+
+import random
+
+KINDS = ("position", "velocity", "motor", "general", "pid", "dcmotor", "intvelocity")
+
+
+def drawn_mjcf(seed: int) -> str:
+    """The text of a file."""
+    r = random.Random(seed)
+    inner, nested = "", ""
+    if r.random() < 0.6:
+        inner = f"<joint {_joint(r)}/>" if r.random() < 0.7 else ""
+        inner += "".join(f"<{kind} {_actuator(r, kind)}/>" for kind in r.sample(KINDS[:4], r.randint(0, 2)))
+        if r.random() < 0.7:
+            kind = r.choice(KINDS[:4])
+            own = f"<joint {_joint(r)}/>" if r.random() < 0.6 else ""
+            if kind in inner or not any(each in inner for each in KINDS):
+                own += f"<{kind} {_actuator(r, kind)}/>"
+            nested = f'<default class="c">{own}</default>'
+    own = ' class="c"' if nested and r.random() < 0.6 else ""
+    around = ' childclass="c"' if nested and r.random() < 0.5 else ""
+    kind = r.choice(KINDS)
+    actuators = f'<{kind} name="a" joint="j"{own} {_actuator(r, kind)}/>'
+    if kind in ("position", "general") and r.random() < 0.3:
+        actuators += f'<velocity name="v" joint="j" kv="{_number(r, 0.1, 2.0)}"/>'
+    unit = '<compiler angle="radian"/>' if r.random() < 0.5 else ""
+    return (
+        f"<mujoco>{unit}<option gravity='0 0 0'/>"
+        f"<default>{inner}{nested}</default><worldbody><body{around}><joint name='j' axis='0 1 0' {_joint(r)}/>"
+        "<inertial pos='0 0 0' mass='1' diaginertia='0.01 0.01 0.01'/></body></worldbody>"
+        f"<actuator>{actuators}</actuator></mujoco>"
+    )
+
+
+def _number(r: random.Random, low: float, high: float) -> str:
+    return f"{r.uniform(low, high):.4g}"
+
+
+def _joint(r: random.Random) -> str:
+    found = {}
+    for name, high in (("armature", 0.2), ("damping", 2.0), ("frictionloss", 0.5), ("stiffness", 3.0)):
+        if r.random() < 0.5:
+            found[name] = _number(r, 0.0, high)
+    if r.random() < 0.2:
+        found["damping"] = f"{_number(r, 0.0, 1.0)} {_number(r, 0.0, 1.0)}"
+    if r.random() < 0.3:
+        found["springref"] = _number(r, -20.0, 20.0)
+    if r.random() < 0.15:
+        limit = _number(r, 0.5, 5.0)
+        found["actuatorfrcrange"] = f"-{limit} {limit}"
+    return _attributes(found)
+
+
+def _actuator(r: random.Random, kind: str) -> str:
+    found = {}
+    if kind in ("position", "pid", "intvelocity") and r.random() < 0.8:
+        found["kp"] = _number(r, 1.0, 50.0)
+    if kind in ("position", "pid") and r.random() < 0.5:
+        ratio = r.random() > 0.7
+        found["dampratio" if ratio else "kv"] = _number(r, 0.1, 2.0)
+    if kind == "velocity" and r.random() < 0.8:
+        found["kv"] = _number(r, 0.1, 3.0)
+    if kind == "position" and r.random() < 0.2:
+        found["timeconst"] = _number(r, 0.01, 0.1)
+    if kind == "pid" and r.random() < 0.5:
+        found["ki"] = _number(r, 1.0, 5.0)
+    if kind == "general" and r.random() < 0.8:
+        found["gainprm"] = gain = _number(r, 1.0, 50.0)
+        if r.random() < 0.6:
+            found |= {"biastype": "affine", "biasprm": f"0 -{gain} -{_number(r, 0.1, 2.0)}"}
+        if r.random() < 0.2:
+            found |= {"dyntype": "filter", "dynprm": _number(r, 0.01, 0.1)}
+    if kind == "dcmotor":
+        found |= {"motorconst": _number(r, 0.1, 1.0), "resistance": _number(r, 1.0, 4.0)}
+    elif r.random() < 0.3:
+        limit = _number(r, 0.5, 5.0)
+        found["forcerange"] = f"-{limit} {limit}"
+    for name, low, high, often in (("gear", 0.5, 4.0, 0.3), ("damping", 0.1, 1.0, 0.15), ("armature", 0.01, 0.1, 0.15)):
+        if r.random() < often:
+            found[name] = _number(r, low, high)
+    return _attributes(found)
+
+
+def _attributes(found: dict[str, str]) -> str:
+    return " ".join(f'{name}="{value}"' for name, value in found.items())
