@@ -90,6 +90,10 @@ def test_a_channel_is_as_old_as_its_age_and_its_average_say() -> None:
     column, clean = record(Channel(age=0.004), time, TRACE, SIGNAL, rng)
     np.testing.assert_allclose(column, np.sin(2.0 * np.pi * 1.5 * (time - 0.004)), atol=1e-6)
     np.testing.assert_array_equal(column, clean)
+    scattered, clean = record(Channel(age=0.004, jitter=1e-3), time, TRACE, SIGNAL, rng)
+    np.testing.assert_array_equal(column, clean)
+    slope = np.sqrt(np.mean((2.0 * np.pi * 1.5 * np.cos(2.0 * np.pi * 1.5 * (time - 0.004))) ** 2))
+    np.testing.assert_allclose(np.std(scattered - clean), 1e-3 * slope, rtol=0.1)
     averaged, _ = record(Channel(age=0.001, average=0.01), time, TRACE, SIGNAL, rng)
     w = 2.0 * np.pi * 1.5
     mean = (np.cos(w * (time - 0.011)) - np.cos(w * (time - 0.001))) / (0.01 * w)

@@ -156,7 +156,7 @@ def _rig(name: str, drive: str, load: str, ids: tuple[str, ...], rng: Generator)
         tolerances={},
         settings={},
     )
-    rig = _with_tolerances(_measured(rig, rng), ids, rng)
+    rig = _with_small_stribeck(_with_tolerances(_measured(rig, rng), ids, rng))
     if "thermal_friction" in ids:
         rig = replace(rig, settings={**rig.settings, "temperature": True})
     return replace(rig, causes={name: CAUSES[name].shape(rig.scales, rng) for name in ids})
@@ -248,6 +248,20 @@ def _with_tolerances(rig: Rig, ids: tuple[str, ...], rng: Generator) -> Rig:
         now = channels[name]
         channels[name] = replace(now, gain=now.gain + error) if kind == "gain" else replace(now, zero=now.zero + error)
     return replace(rig, channels=channels, tolerances=sizes if stated else {})
+
+
+def _with_small_stribeck(rig: Rig) -> Rig:
+    """Friction a little off the declared form: a Stribeck peak that leaves 0.3 floors at most."""
+    joint = rig.world.joint
+    plain = World(joint._replace(small_stribeck=0.0))
+    task, view = problem(rig, plain, {run.name: record_run(rig, plain, run) for run in rig.training})
+    peak = joint.gain * np.exp(-np.abs(view.v) / joint.small_stribeck_velocity) * view.slide
+    left = peak - task.base @ np.linalg.lstsq(task.base, peak, rcond=None)[0]
+    most = NOT_NAMED * oracle.floor(task) / float(np.sqrt(np.mean(left**2)))
+    return replace(rig, world=World(joint._replace(small_stribeck=min(joint.small_stribeck, most))))
+
+
+NOT_NAMED = 0.3
 
 
 def _channel(name: str, rig: Rig, share: float, rms: Mapping[str, float], speed: float, rng: Generator) -> Channel:

@@ -113,8 +113,9 @@ def truth_document(drawn: Drawn) -> dict[str, Any]:
 
 
 def _tolerated(rig: Rig) -> list[str]:
-    """A channel that is late by more than a period is a delay indeed; to name it is neither asked nor false."""
-    late = [c.age for name, c in rig.channels.items() if name != "temperature" and c.age > 1.0 / rig.rate]
+    """A channel whose sample is older than its own period is late indeed; to name that is neither asked nor false."""
+    own = [channel for name, channel in rig.channels.items() if name not in ("temperature", "velocity")]
+    late = any(channel.age + 0.5 * channel.average > channel.every / rig.rate for channel in own)
     return ["current_lag", "delay"] if late else []
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from tests.benchmarks.hard.causes import CAUSES, Scales, Shape, View, World
 from tests.benchmarks.hard.motions import held, motion, pushes, warming
@@ -77,11 +78,12 @@ class Rig:
 
 @dataclass(frozen=True)
 class Recording:
-    """Columns of a log, what they would be without errors of size, and the true signals."""
+    """Columns of a log, their errors, the errors of the position that are noise, and the true signals."""
 
     time: Array
     columns: Mapping[str, Array]
     errors: Mapping[str, Array]
+    position_noise: Array
     traces: Traces
 
 
@@ -125,12 +127,16 @@ def record_run(rig: Rig, world: World, run: Run) -> Recording:
         columns[name] = column + zero
         wrong[name] = columns[name] - clean
     wrong["torque"] = wrong.get("torque", 0.0) + np.interp(time, traces.time, signals["torque"] - traces.torque)
-    wrong["position"] = wrong["position"] + np.interp(time, traces.time, reading)
-    return Recording(time, columns, wrong, traces)
+    noise = wrong["position"]
+    wrong["position"] = noise + np.interp(time, traces.time, reading)
+    return Recording(time, columns, wrong, noise, traces)
 
 
 def problem(rig: Rig, world: World, recordings: Mapping[str, Recording]) -> tuple[Problem, View]:
-    """The oracle's rows of the training runs; the balance holds exactly but for the errors of the sensors."""
+    """The oracle's rows of the training runs; the balance holds but for the errors of the sensors.
+
+    A load or inertia that is computed from the motion has the noise of the encoder, twice differentiated.
+    """
     joint = world.joint
     parts = [_rows(rig, world, recordings[run.name], number) for number, run in enumerate(rig.training)]
     view = View(*(np.concatenate([part[name] for part in parts]) for name in View.__dataclass_fields__))
@@ -157,6 +163,8 @@ def _rows(rig: Rig, world: World, recording: Recording, number: int) -> dict[str
         effort += at["after_gap"] + wrong["position_command"] - wrong["position"]
     else:
         effort += wrong[EFFORT_COLUMN[rig.drive]]
+    computed = joint.rotor + (0.0 if rig.load == "torque" else joint.link)
+    effort -= joint.gain * computed * _acceleration(recording.position_noise, rig)
     if rig.load == "torque":
         observed = at["torque"] + wrong["torque"]
     elif rig.load == "pendulum":
@@ -169,6 +177,12 @@ def _rows(rig: Rig, world: World, recording: Recording, number: int) -> dict[str
     }
     rows |= {"time": time, "run": np.full(time.size, float(number)), "v": at["rotor_v"], "a": at["rotor_a"]}
     return rows | {"observed_torque": observed, "effort": effort}
+
+
+def _acceleration(noise: Array, rig: Rig) -> Array:
+    """Second derivative of the encoder's noise, by a filter of a quarter of the period of the fastest motion."""
+    window = min(max(2 * round(0.125 * rig.rate / rig.fastest_hz) + 1, 5), noise.size // 2 * 2 - 1)
+    return np.asarray(savgol_filter(noise, window, 3, deriv=2, delta=1.0 / rig.rate))
 
 
 def _nuisances(rig: Rig, gain: float, view: View, joint: Joint) -> tuple[Array, Array]:

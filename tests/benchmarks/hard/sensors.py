@@ -52,13 +52,15 @@ def stamps(rate: float, duration: float, jitter: float, rng: Generator) -> Array
 
 
 def record(channel: Channel, time: Array, trace_time: Array, signal: Array, rng: Generator) -> tuple[Array, Array]:
-    """Column (rows,), and what it would be without errors of size: only age, average, jitter and rate."""
+    """Column (rows,), and what it would be without errors: only age, average and rate. Jitter is an error."""
     row = (np.arange(time.size) // channel.every) * channel.every
-    instant = time - channel.age + channel.jitter * rng.standard_normal(time.size)
-    clean = _sampled(channel, instant, trace_time, signal)
+    clean = read = _sampled(channel, time - channel.age, trace_time, signal)
+    late = channel.jitter * rng.standard_normal(time.size)
+    if channel.jitter > 0.0:
+        read = _sampled(channel, time - channel.age + late, trace_time, signal)
     noise = channel.noise * rng.standard_normal(time.size)
     noise += channel.wander * _wander(time, channel.wander_time, rng)
-    column = (1.0 + channel.gain) * clean + channel.zero + noise
+    column = (1.0 + channel.gain) * read + channel.zero + noise
     if channel.step > 0.0:
         column = channel.step * np.round(column / channel.step)
     return column[row], clean[row]
