@@ -11,6 +11,7 @@ import pandas as pd
 
 from drake_tc.config.is_file import is_file
 from drake_tc.errors import LogError
+from drake_tc.logs.bags.roles import undecided_topics
 from drake_tc.logs.column_hints import column_hints
 from drake_tc.logs.csv_file import ENDINGS, first_line
 from drake_tc.logs.inspection.names import stated_unit
@@ -107,6 +108,8 @@ def _numeric(table: pd.DataFrame, name: str, canonical: str, path: Path) -> Floa
 
 def _missing(table: pd.DataFrame, requested: str, canonical: str, path: Path) -> LogError:
     """The refusal for a column that is not there, with near matches and what the file has."""
+    if topics := table.attrs.get("undecided", {}).get(requested):
+        return LogError(f"{path}: {undecided_topics(requested, canonical, topics)}")
     have = [str(name) for name in table.columns]
     lowered = {name.lower(): name for name in have}
     tail = requested.rsplit("/", 1)[-1].lower()
@@ -259,6 +262,7 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     rows = np.arange(1, len(table) + 1, dtype=np.float64)
     enabled, switches = _enabled(table, rig, path)
     switches += [condition.column for condition in rig.valid]
-    hints = column_hints(list(map(str, table.columns)), found, rig, switches)
+    own = [str(name) for name in table.columns if name not in table.attrs.get("aside", {})]
+    hints = (*table.attrs.get("hints", ()), *column_hints(own, found, rig, switches))
     told = (*table.attrs.get("notes", ()), *notes, *hints)
     return RawLog(path, rows, time, columns, enabled, _valid(table, rig, path), told, hints, speed_only, stated)

@@ -175,7 +175,7 @@ def _stepped(raw: RawLog, rig: Rig) -> BoolArray:
 
 def _prepare(path: Path, rig: Rig) -> Run:
     """One run, with every repair but the signs, which are decided over all runs of a rig."""
-    table = read_table(path)
+    table = read_table(path, needed=[rig.columns.get(f"{joint}/position", f"{joint}/position") for joint in rig.joints])
     raw = on_rows_of_positions(map_columns(table, rig, path), rig)
     rows = len(table)
     del table

@@ -1,6 +1,6 @@
 """Files to tables: one reader a suffix, in a registry that a user may extend."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
@@ -115,7 +115,7 @@ def _suffix(path: Path, readers: Mapping[str, Reader]) -> str:
     return max((suffix for suffix in readers if name.endswith(suffix)), key=len, default="")
 
 
-def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.DataFrame:
+def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS, needed: Collection[str] = ()) -> pd.DataFrame:
     """Read a log file as it is: names, units and gaps untouched; one row a sample.
 
     Args:
@@ -124,13 +124,14 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
             `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the
             forms of a JSON log.
         readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
+        needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.
 
     Raises:
         LogError: Not a file, an unknown suffix, unreadable content, or no rows.
     """
     path = Path(path)
     if is_folder(path) and is_bag(path):
-        return read_bag(path)
+        return read_bag(path, needed)
     if is_folder(path):
         files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each)))
         what = f"give the file of a bag in it ({files})" if files else "expected a log file or the folder of a ROS bag"
@@ -142,7 +143,8 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS) -> pd.
         ending = "".join(path.suffixes[-2:]) or "no ending"
         raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(readers))}")
     with _refused(path, suffix):
-        table = readers[suffix](path)
+        read = readers[suffix]
+        table = read_bag(path, needed) if read is read_bag else read(path)
     if len(table) == 0:
         raise LogError(f"{path}: no rows; record at least a few seconds of motion")
     names = [str(name).strip() for name in table.columns]

@@ -1,6 +1,6 @@
 """The streams of a bag on one clock: that of the joint states."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ import pandas as pd
 
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.robots import by_robot
+from drake_tc.logs.bags.roles import Taken, taken, without_others
 from drake_tc.logs.bags.streams import Kind, Stream
 from drake_tc.types import FloatArray, IntArray
 
@@ -27,38 +28,38 @@ class _Timed(NamedTuple):
     notes: tuple[str, ...]
 
 
-def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
-    """One row for each joint state of the stream with most rows; the others are brought to its clock.
+def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
+    """One row for each joint state of the topic that gives the clock; the others are brought to its clock.
 
-    Time is the sender's stamp where there is one, else the recorder's. Measurements are interpolated linearly, commands
-    are held, trajectories interpolated between their points; before the first and after the last row of a
-    measurement there is nothing (NaN). Senders whose clocks differ by more than 50 ms are put on the main one.
+    That is the topic with most of the positions that are needed, or of all where none is, and of several the one with
+    most rows. Time is the sender's stamp where there is one, else the recorder's. Measurements are interpolated
+    linearly, commands are held, trajectories interpolated between their points; before the first and after the last row
+    of a measurement there is nothing (NaN). Senders whose clocks differ by more than 50 ms are put on the main one.
 
     Args:
         streams: Of the bag.
         path: For messages.
+        needed: Columns that the caller uses. Rows without any of their positions, which a topic has that several
+            publishers share, are left out.
 
     Returns:
-        `time` [s] from the first row, and canonical columns; `attrs["notes"]` says what was joined how.
+        `time` [s] from the first row, and canonical columns. In `attrs`, `notes` say what was joined how, `hints` which
+        topic was taken where several have the same joints, `aside` why columns were not taken, and `undecided` the
+        topics that may hold a column.
 
     Raises:
-        LogError: no joint states, or a column from two topics.
+        LogError: no joint states.
     """
-    streams, robots = by_robot(streams)
-    states = [s for s in streams if s.kind is Kind.measured and any(name.endswith("/position") for name in s.names)]
-    if not states:
-        known = ", ".join(sorted({f"{s.topic} ({s.kind})" for s in streams})) or "none"
-        raise LogError(
-            f"{path}: no joint states in this bag; expected a topic of sensor_msgs/JointState with positions; topics of"
-            f" known types here: {known}"
-        )
-    main = _timed(max(states, key=len))
+    mine, others = without_others(streams)
+    mine, robots = by_robot(mine)
+    choice = taken(mine, others)
+    main = _main(choice, needed, path)
     rate = (len(main.time) - 1) / max(1e-9, 1e-9 * float(main.time[-1] - main.time[0]))
     notes = [f"Rows are the {len(main.time)} messages of {main.stream.topic} ({rate:.4g} Hz).", *robots, *main.notes]
     columns: dict[str, FloatArray] = {"time": 1e-9 * (main.time - main.time[0]).astype(np.float64)}
     columns |= dict(zip(main.stream.names, main.table.T, strict=True))
     delay = _delay(main.stream)
-    for stream in streams:
+    for stream in choice.streams:
         if stream is main.stream or len(stream) == 0:
             continue
         timed, more = _on_clock(_timed(stream), delay, main.stream.topic)
@@ -67,22 +68,50 @@ def joined(streams: Sequence[Stream], path: Path) -> pd.DataFrame:
         apart = _apart(stream, columns, main.stream.topic)
         notes += apart.notes
         for name, column in zip(apart.names, values.T, strict=True):
-            if name in columns and np.isfinite(columns[name]).any():
-                if name.endswith("/position"):  # a controller's feedback repeats the joint state
-                    continue
-                if name == stream.topic.strip("/"):  # one number a message, whose topic is called like a column
-                    columns[stream.topic] = column
-                    continue
-                raise LogError(
-                    f"{path}: {name} comes from two topics, one of them {stream.topic}; expected one; write a bag"
-                    " without the other (ros2 bag convert)"
+            if name not in columns or not np.isfinite(columns[name]).any():
+                columns[name] = column
+            elif name == stream.topic.strip("/"):  # one number a message, whose topic is called like a column
+                columns[stream.topic] = column
+            else:
+                columns[f"{stream.topic.strip('/')}/{name}"] = column
+                notes.append(
+                    f"{name} of {stream.topic} is called {stream.topic.strip('/')}/{name}: another topic has it."
                 )
-            columns[name] = column
         notes.append(_how(timed))
     columns, assigned = _assigned(columns)
     table = pd.DataFrame(columns)
-    table.attrs["notes"] = [*notes, *assigned]
+    table.attrs |= {"notes": [*notes, *assigned], "hints": list(choice.hints)}
+    table.attrs |= {"aside": choice.aside, "undecided": choice.undecided}
     return table
+
+
+def _main(choice: Taken, needed: Collection[str], path: Path) -> _Timed:
+    """The stream whose rows are those of the table.
+
+    Raises:
+        LogError: none has positions of joints.
+    """
+    known = set(needed)
+    measured = [s for s in choice.streams if s.kind in (Kind.measured, Kind.feedback)]
+    states = [s for s in measured if any(name.endswith("/position") for name in s.names)]
+    if not states:
+        topics = ", ".join(sorted({f"{s.topic} ({s.kind})" for s in choice.streams})) or "none"
+        raise LogError(
+            f"{path}: no joint states in this bag; expected a topic of sensor_msgs/JointState with positions; topics of"
+            f" known types here: {topics}"
+        )
+
+    def rank(stream: Stream) -> tuple[int, bool, int]:
+        own = [name for name in stream.names if name.endswith("/position")]
+        return len(known.intersection(own)), not set(own) & set(choice.aside), len(stream)
+
+    main = _timed(max(states, key=rank))
+    used = [i for i, name in enumerate(main.stream.names) if name in known and name.endswith("/position")]
+    rows = np.isfinite(main.table[:, used]).any(axis=1) if used else np.ones(len(main.time), dtype=bool)
+    if rows.all() or not rows.any():
+        return main
+    note = f"{int((~rows).sum())} messages of {main.stream.topic} with other joints alone were left out."
+    return main._replace(time=main.time[rows], table=main.table[rows], notes=(*main.notes, note))
 
 
 class _Apart(NamedTuple):
@@ -181,6 +210,7 @@ def _how(timed: _Timed) -> str:
     rate = f"{(len(timed.time) - 1) / span:.4g} Hz" if span > 0.0 else "one message"
     how = {
         Kind.measured: "interpolated",
+        Kind.feedback: "interpolated",
         Kind.commanded: "held",
         Kind.planned: "interpolated between points, then held",
     }

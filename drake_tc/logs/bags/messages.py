@@ -107,7 +107,7 @@ def _controller_state(topic: str, message: Any) -> Iterator[Row]:
     joints = list(message.joint_names)
     for fields, kind, suffix in (
         (("reference", "desired"), Kind.commanded, "position_command"),
-        (("feedback", "actual"), Kind.measured, "position"),
+        (("feedback", "actual"), Kind.feedback, "position"),
     ):
         point = next((getattr(message, name) for name in fields if hasattr(message, name)), None)
         if point is not None and len(point.positions) == len(joints):

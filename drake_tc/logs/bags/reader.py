@@ -1,16 +1,19 @@
 """ROS 1 and ROS 2 bags and MCAP files to tables, without ROS installed."""
 
 import math
-from collections.abc import Iterator
+import sqlite3
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 
 from drake_tc.config.is_file import is_folder
 from drake_tc.errors import LogError
+from drake_tc.logs.bags.cut import is_cut, whole_bag
 from drake_tc.logs.bags.joined import joined
 from drake_tc.logs.bags.messages import EXTRACT, Row
 from drake_tc.logs.bags.streams import Kind, Stream, complete
@@ -18,15 +21,10 @@ from drake_tc.logs.bags.streams import Kind, Stream, complete
 SUFFIXES = (".mcap", ".db3", ".bag")
 """Files that hold bags; a folder with `metadata.yaml` is one, too."""
 METADATA = "metadata.yaml"
-CUT_OFF = (
-    "; the file ends early, as after a recording that was not stopped: `mcap recover IN.mcap -o OUT.mcap` repairs it"
-)
 REMEDIES = {
-    "end magic": CUT_OFF,
-    "Truncated record": CUT_OFF,
-    "Invalid MCAP footer": CUT_OFF,
+    "Truncated record": "; the file is damaged: `mcap recover IN.mcap -o OUT.mcap` may repair it",
     "seems to be empty": "; record it anew",
-    "malformed": "; the file is damaged or cut off: `sqlite3 IN.db3 .recover | sqlite3 OUT.db3`, then `ros2 bag"
+    "malformed": "; the file is damaged: `sqlite3 IN.db3 .recover | sqlite3 OUT.db3`, then `ros2 bag"
     " reindex` of its folder, may repair it",
     "database files are missing": "; put the .db3 or .mcap file beside metadata.yaml, or run `ros2 bag reindex`",
     "not indexed": "; `rosbag reindex` repairs it",
@@ -35,11 +33,13 @@ REMEDIES = {
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a folder with its metadata, or a file by its ending."""
-    return (path / METADATA).is_file() if is_folder(path) else path.name.lower().endswith(SUFFIXES)
+    """Whether a path is a bag: a folder with its metadata or with one bag's file alone, or a file by its ending."""
+    if not is_folder(path):
+        return path.name.lower().endswith(SUFFIXES)
+    return (path / METADATA).is_file() or sum(each.name.lower().endswith(SUFFIXES) for each in path.iterdir()) == 1
 
 
-def read_bag(path: Path) -> pd.DataFrame:
+def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
     """The joints' states and commands, IMUs and wrenches of a bag, on the clock of the joint states.
 
     Columns have canonical names; an effort is `<joint>/effort`, as drivers mean different things by it. What was joined
@@ -47,11 +47,18 @@ def read_bag(path: Path) -> pd.DataFrame:
 
     Args:
         path: A ROS 2 bag (its folder, or one .mcap or .db3 file) or a ROS 1 bag (.bag).
+        needed: Columns that the caller uses: the topic with their positions gives the clock.
 
     Raises:
         LogError: no bag, damaged, without joint states; or the package that reads bags is missing.
     """
-    return joined(complete(list(read_streams(path).values())), path)
+    streams, told = complete(list(read_streams(path).values())), _told_of_files(path)
+    try:
+        table = joined(streams, path, needed)
+    except LogError as error:
+        raise LogError(f"{error} ({' '.join(told)})" if told else str(error)) from None
+    table.attrs["hints"] = [*told, *table.attrs["hints"]]
+    return table
 
 
 def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
@@ -125,20 +132,60 @@ def _add(found: dict[tuple[str, tuple[str, ...]], Stream], topic: str, received:
     stream.add(row.stamp + row.after if row.stamp else 0, received + row.after, values)
 
 
+def _files(path: Path) -> list[Path]:
+    """The files of a bag's folder, or the file itself."""
+    return sorted(each for each in path.iterdir() if is_bag(each)) if is_folder(path) else [path]
+
+
+def _told_of_files(path: Path) -> list[str]:
+    """What is missing of a bag: its end, or its metadata."""
+    files = _files(path)
+    told = [
+        f"The file {file.name} ends early, as after a recording that was not stopped: it was read up to its end."
+        for file in files
+        if is_cut(file)
+    ]
+    if is_folder(path) and not (path / METADATA).is_file():
+        told.append(f"The folder has no {METADATA}: its only bag, {files[0].name}, was read.")
+    return told
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """The bag's reader; whatever goes wrong with the bag is one line."""
+    """The reader of a bag, or of what is whole in one that is cut; whatever goes wrong with the bag is one line."""
+    try:
+        files = _files(path)
+        if not any(is_cut(file) for file in files):
+            with _reader(path, path if (path / METADATA).is_file() or not is_folder(path) else files[0]) as reader:
+                yield reader
+            return
+        with TemporaryDirectory() as folder, _reader(path, whole_bag(path, files, Path(folder))) as reader:
+            yield reader
+    except (OSError, sqlite3.Error) as error:
+        raise LogError(f"{path}: cannot be read as a ROS bag: {_text_of(error)}{_remedy(_text_of(error))}") from None
+
+
+@contextmanager
+def _reader(path: Path, file: Path) -> Iterator[Any]:
+    """The reader of the bag `file`; messages name `path`."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
         raise LogError(f"{path}: reading a ROS bag needs the package rosbags: pip install 'drake-tc[bags]'") from None
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        with AnyReader([file], default_typestore=get_typestore(Stores.LATEST)) as reader:
             yield reader
     except LogError:
         raise
     except Exception as error:  # the reader's own errors, those of its decompressors and of the system
-        reason = (" ".join(str(error).split()) or type(error).__name__)[:200].rstrip(".")
-        remedy = next((text for part, text in REMEDIES.items() if part in reason), "")
-        raise LogError(f"{path}: cannot be read as a ROS bag: {reason}{remedy}") from error
+        reason = _text_of(error)
+        raise LogError(f"{path}: cannot be read as a ROS bag: {reason}{_remedy(reason)}") from error
+
+
+def _text_of(error: Exception) -> str:
+    return (" ".join(str(error).split()) or type(error).__name__)[:200].rstrip(".")
+
+
+def _remedy(reason: str) -> str:
+    return next((text for part, text in REMEDIES.items() if part in reason), "")

@@ -17,9 +17,7 @@ def by_robot(streams: Sequence[Stream]) -> tuple[list[Stream], tuple[str, ...]]:
     Returns:
         The streams, and a note; none where no joint has two owners.
     """
-    states = [
-        s for s in streams if s.kind is Kind.measured and any(n.endswith(("/velocity", "/effort")) for n in s.names)
-    ]
+    states = [s for s in streams if s.kind is Kind.measured and any("/" in name for name in s.names)]
     robots: set[str] = set()
     for one, other in combinations(states, 2):
         if set(one.names) & set(other.names) and _last(one.topic) == _last(other.topic) and one.topic != other.topic:

@@ -9,17 +9,19 @@ import numpy as np
 
 from drake_tc.types import FloatArray
 
-COMMAND_WORDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
+COMMAND_WORDS = ("command", "cmd", "desired", "reference", "target", "setpoint", "goal")
 """In the name of a topic: its joint states are commanded, not measured."""
 
 
 class Kind(StrEnum):
     """What a stream holds, and so how it is brought to another clock.
 
-    A measurement is interpolated; a command is held; between the points of a trajectory it is interpolated, too.
+    A measurement is interpolated; a command is held; between the points of a trajectory it is interpolated, too. The
+    feedback of a controller repeats a measurement.
     """
 
     measured = "measured"
+    feedback = "feedback"
     commanded = "commanded"
     planned = "planned"
 

@@ -74,11 +74,14 @@ def inspect_log(path: Path) -> Inspection:
         LogError: a file that cannot be read.
     """
     table = read_table(path)
-    notes = [str(note) for note in table.attrs.get("notes", ())]
+    notes = [str(note) for key in ("notes", "hints") for note in table.attrs.get(key, ())]
+    aside: Mapping[str, str] = table.attrs.get("aside", {})
     numbers = {str(name): in_numbers(table[name]) for name in table.columns}
     below: Mapping[str, str] = table.attrs.get("units", {})
     found = {
-        name: with_unit(meaning(name), below.get(name, "")) for name, values in numbers.items() if values is not None
+        name: with_unit(meaning(name), below.get(name, ""))
+        for name, values in numbers.items()
+        if values is not None and name not in aside
     }
     found |= _dates_as_time(table, found)
     meanings = _distinct(_of_the_only_joint(_of_one_joint(_with_whole_names(found), notes)), notes)
@@ -89,6 +92,7 @@ def inspect_log(path: Path) -> Inspection:
         describe(name, values, meanings.get(name), unit, _beside(name, meanings, numbers))
         for name, values in numbers.items()
     )
+    columns = tuple(replace(column, why=aside.get(column.name, column.why)) for column in columns)
     columns = _in_units_of_their_joints(columns, meanings)
     if time_name is not None and (time := numbers[time_name]) is not None:
         columns = with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])

@@ -98,7 +98,12 @@ def suggested_rig(
     if enabled is not None and _is_switch(enabled):
         document["enabled"] = enabled.name
     renamed = {column.canonical: column.name for column in [*used, *switches] if column.canonical != column.name}
-    units = {column.canonical: _factor(column.unit) for column in used if column.unit not in ("", *PLAIN)}
+    # a column with a canonical name is used although the rig file does not name it
+    found = [column for has in by_joint.values() for column in has.values() if column.name == column.canonical]
+    stated = {column.canonical: column for column in [*used, *found] if column.canonical.rpartition("/")[0] in drives}
+    if time:
+        stated = {"time": time} | stated
+    units = {name: _factor(each.unit) for name, each in stated.items() if each.unit not in ("", *PLAIN)}
     document |= ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
     return document, "" if chosen is None else comment_on(*chosen)
 

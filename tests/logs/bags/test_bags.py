@@ -116,15 +116,6 @@ def test_a_bag_is_a_log(tmp_path):
     assert any("/joint_commands" in note for note in run.notes)
 
 
-def test_a_recording_that_was_interrupted_has_no_metadata(tmp_path):
-    path = bag(tmp_path / "run", joint_states("/joint_states", TIME, STATES))
-    whole = read_table(path)
-    (path / "metadata.yaml").unlink()
-    with pytest.raises(LogError, match=r"run: a folder without metadata\.yaml; give the file .* \(run\.mcap\)"):
-        read_table(path)
-    assert list(read_table(path / "run.mcap").columns) == list(whole.columns)
-
-
 def test_what_is_no_bag_or_has_no_joints(tmp_path):
     slow = np.arange(0.0, 1.0, 0.01)
     path = bag(tmp_path / "run", imus("/imu", "base", slow, np.zeros((100, 3)), np.zeros((100, 3))))
@@ -133,7 +124,7 @@ def test_what_is_no_bag_or_has_no_joints(tmp_path):
     (file,) = path.glob("*.mcap")
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(file.read_bytes()[:300])
-    with pytest.raises(LogError, match=r"cut\.mcap: cannot be read as a ROS bag: .*ends early.*mcap recover"):
+    with pytest.raises(LogError, match=r"no joint states in this bag; .*The file cut\.mcap ends early"):
         read_table(cut)
     (tmp_path / "odd.db3").write_text("no database")
     with pytest.raises(LogError, match=r"odd\.db3: cannot be read as a ROS bag"):

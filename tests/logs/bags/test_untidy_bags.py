@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.errors import LogError
 from drake_tc.logs.readers import read_table
 
 from .recorded import T, arrays, bag, header, joint_states, nanoseconds
@@ -82,16 +81,6 @@ def test_joints_of_two_robots_are_told_apart(tmp_path, first):
         assert_allclose(table[f"{joint}/velocity"], factor * VELOCITY, rtol=0, atol=1e-12)
         assert_allclose(table[f"{joint}/position_command"], goal * POSITION, rtol=0, atol=1e-12)
     assert "Robots with joints of the same names" in notes(table)
-
-
-def test_two_topics_of_one_robot_are_refused(tmp_path):
-    path = bag(
-        tmp_path / "bag",
-        joint_states("/joint_states", TIME, {"knee": (POSITION, VELOCITY)}),
-        joint_states("/joint_states_raw", TIME, {"knee": (POSITION, VELOCITY)}),
-    )
-    with pytest.raises(LogError, match=r"knee/velocity comes from two topics, one of them /joint_states_raw; expected"):
-        read_table(path)
 
 
 def test_torques_on_a_topic_of_their_own_stand_beside_the_drives_efforts(tmp_path):
