@@ -583,6 +583,72 @@ _public(
 )
 
 
+@app.command("gate", short_help="All goals of the diagnosis.")
+def gate(
+    engine: Annotated[
+        list[str] | None, typer.Option(help="rules, evidence or both; may be repeated. Default: rules.")
+    ] = None,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(help="blind, hard, coverage, real, arms, leg or time; may be repeated. Default: all."),
+    ] = None,
+    size: Annotated[str, typer.Option(help="small (a few minutes) or full (hours; what the gate demands).")] = "small",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the rigs.")] = 1,
+    data: Annotated[Path | None, typer.Option(help="Folder of public data sets. Default: ../shared/data.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder that keeps the rigs, for further runs.")] = None,
+    store: Annotated[Path | None, typer.Option(help="File to which the results are added.")] = None,
+    jobs: Jobs = ALL_CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Score the diagnosis on everything that it has to reach, side by side for two engines.
+
+    One engine alone is shown beside the stored results of the former one, where these are of the same size and seed.
+    """
+    from drake_tc.analysis.executors import processes
+    from drake_tc.cli.wide_table import print_wide
+    from tests.benchmarks import gate as gates
+    from tests.benchmarks.gate_parts import SIZES, GateRuns
+
+    if size not in SIZES:
+        raise typer.BadParameter(f"expected small or full, got {size!r}", param_hint="--size")
+    engines = list(
+        dict.fromkeys(e for given in engine or ["rules"] for e in (gates.ENGINES if given == "both" else [given]))
+    )
+    if unknown := [each for each in engines if each not in gates.ENGINES]:
+        raise typer.BadParameter(f"expected rules, evidence or both, got {unknown[0]!r}", param_hint="--engine")
+    names, results = gates.chosen_parts(part or ()), {each: {} for each in engines}
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        progress_bar("gate", quiet=as_json) as progress,
+        processes(jobs) as pool,
+    ):
+        for each in engines:
+            runs = GateRuns(each, size, seed, out or Path(scratch), data or gates.DATA, pool, progress)
+            for name in names:
+                progress(f"{each}: {name}", 0.0)
+                results[each][name] = gates.run_part(name, runs)
+                if store:
+                    gates.store_results(store, {each: {name: results[each][name]}})
+    if as_json:
+        rows = [
+            row | {"name": f"{each}/{name}/{row['name']}"}
+            for each, parts in results.items()
+            for name, one in parts.items()
+            for row in one["rows"]
+        ]
+        print(json.dumps({"name": "gate", "rows": rows, "engines": results}))
+        return
+    former = gates.load_results(gates.STORED).get("rules", {}) if engines == ["evidence"] else {}
+    stored = {
+        name: former[name]
+        for name in names
+        if name in former and former[name]["size"] == size and former[name]["seed"] == seed
+    }
+    shown = ({"rules": stored} if stored else {}) | results
+    headings = ("figure", "reach", *(text for each in shown for text in (each, "met")))
+    print_wide(headings, gates.side_by_side(shown), left=("figure",))
+
+
 if __name__ == "__main__":
     restart_tuned(sys.argv[1:], simulates=True)
     leave(run(sys.argv[1:]))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.errors import DrakeTcError
@@ -16,6 +17,7 @@ from tests.benchmarks.blind.catalogue import Scale, catalogue
 from tests.benchmarks.blind.generate import generate
 from tests.benchmarks.blind.outcome import read_outcome
 from tests.benchmarks.blind.score import BenchmarkScore, score_outcomes
+from tests.benchmarks.interval_coverage import final_parameters
 
 HELD_OUT = "run_multisine"
 GROUPS = {"nulls": "null", "singles": "single", "pairs": "pair", "outside": "outside"}
@@ -24,8 +26,10 @@ TOGETHER = 30
 """Rigs that one process simulates at a time."""
 
 
-def diagnose_folder(rig: Path, reports: Path) -> str:
+def diagnose_folder(rig: Path, reports: Path, options: DiagnosisOptions | None = None) -> str:
     """Diagnose one rig's files and write `reports/NAME/report.json`; returns the rig's name.
+
+    Beside the report's own keys, `final_parameters` has the values and intervals of the final model.
 
     A rig that the tool refuses leaves a report without joints, which scores as wrong. So does one on which it fails
     with an error of its own, so that one rig does not end the benchmark; the score prints the reason.
@@ -33,7 +37,8 @@ def diagnose_folder(rig: Path, reports: Path) -> str:
     logs = sorted(p for p in rig.iterdir() if p.name.startswith("run_"))
     held = [p for p in logs if p.name.startswith(HELD_OUT)]
     try:
-        report = result_json(close_loop(rig / "rig.yaml", [p for p in logs if p not in held], held))
+        result = close_loop(rig / "rig.yaml", [p for p in logs if p not in held], held, options)
+        report = result_json(result) | {"final_parameters": final_parameters(result)}
     except DrakeTcError as error:
         report = _no_answer(f"refused: {error}")
     except Exception as error:
@@ -81,7 +86,12 @@ class BlindOptions:
 
 
 def blind_benchmark(
-    folder: Path, options: BlindOptions, seed: int, executor: Executor, progress: Progress
+    folder: Path,
+    options: BlindOptions,
+    seed: int,
+    executor: Executor,
+    progress: Progress,
+    diagnosis: DiagnosisOptions | None = None,
 ) -> BenchmarkScore:
     """Make the chosen rigs in `folder` unless they are there, diagnose each, score them.
 
@@ -91,6 +101,7 @@ def blind_benchmark(
         seed: Of the catalogue.
         executor: Diagnoses rigs side by side.
         progress: report(text, share).
+        diagnosis: Options of the diagnosis.
 
     Raises:
         BlindError: A folder that holds rigs of another scale or seed, or a choice that is not possible.
@@ -101,7 +112,7 @@ def blind_benchmark(
     for done in _simulated(missing, folder, executor):
         progress(f"simulated rig {done} of {len(missing)}", 0.4 * done / len(missing))
     rigs = [folder / "rigs" / spec.name for spec in sorted(specs, key=lambda spec: spec.name)]
-    for number, name in enumerate(_diagnosed(rigs, folder / "reports", executor), start=1):
+    for number, name in enumerate(_diagnosed(rigs, folder / "reports", executor, diagnosis), start=1):
         progress(f"diagnosed {name}, {number} of {len(rigs)}", 0.4 + 0.6 * number / len(rigs))
     return score_outcomes(
         [
@@ -133,7 +144,9 @@ def _claim(folder: Path, scale: Scale, seed: int) -> None:
     stamp.write_text(json.dumps(expected), encoding="utf-8")
 
 
-def _diagnosed(rigs: list[Path], reports: Path, executor: Executor) -> Iterable[str]:
-    futures = [executor.submit(diagnose_folder, rig, reports) for rig in rigs]
+def _diagnosed(
+    rigs: list[Path], reports: Path, executor: Executor, diagnosis: DiagnosisOptions | None
+) -> Iterable[str]:
+    futures = [executor.submit(diagnose_folder, rig, reports, diagnosis) for rig in rigs]
     for future in as_completed(futures):
         yield future.result()

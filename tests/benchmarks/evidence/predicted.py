@@ -111,7 +111,7 @@ def predicted_of(folder: Path, name: str) -> Prediction:
     truth = json.loads(truth_path.read_text(encoding="utf-8"))
     outcome = read_outcome(truth_path, report)
     logs = [p for p in sorted(rig.iterdir()) if p.name.startswith("run_") and not p.name.startswith(HELD_OUT)]
-    kind, size = str(truth["kind"]), size_in(_spec_of(truth), str(truth["kind"]))
+    kind, size = str(truth["kind"]), size_in(spec_of(truth), str(truth["kind"]))
     try:
         checked = check_rig(rig / "rig.yaml", logs)
         found = next(joint.effects for joint in checked.joints.values())
@@ -133,7 +133,8 @@ def compared(forms: Sequence[Visibility], size: float) -> tuple[float, float, Pr
     return smallest, easiest, "seen" if size >= smallest else "not_seen" if size < easiest else "between"
 
 
-def _spec_of(truth: dict[str, Any]) -> RigSpec:
+def spec_of(truth: dict[str, Any]) -> RigSpec:
+    """The rig that a truth file describes: joint, causes and load."""
     pendulum = truth["pendulum"]
     return RigSpec(
         truth["name"],
