@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from tests.benchmarks.hard.physics import Array
 
@@ -32,6 +33,7 @@ class Problem:
         nuisance: (rows, m) columns whose coefficients have the standard deviations `spread` (m,).
         causes: True columns of each cause, (rows, k).
         run: (rows,) number of the run.
+        smooth: Rows over which a residual is averaged before its size is stated; the log odds use all rows.
     """
 
     target: Array
@@ -40,6 +42,7 @@ class Problem:
     spread: Array
     causes: Mapping[str, Array]
     run: Array
+    smooth: int = 1
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,7 @@ class _Fits:
         self._target, self._power = problem.target, float(problem.target @ problem.target)
 
         first = self.residual(self.full, 0.0)
-        self.sigma = float(np.sqrt(np.mean(first**2)))
-        self.weight = self.sigma**2 * first.size / _independent(first, problem.run)
+        self.weight = float(first @ first) / _independent(first, problem.run)
         self.independent = _independent(self.residual(self.full, self.weight), problem.run)
 
     def _solution(self, columns: Array, weight: float) -> tuple[Array, Array]:
@@ -87,22 +89,28 @@ class _Fits:
         used, solution = self._solution(columns, weight)
         return self._target - self._design[:, used] @ solution
 
-    def cost(self, columns: Array) -> tuple[float, float]:
-        """Sum of squares with the nuisances' penalties, and without."""
+    def cost(self, columns: Array) -> float:
+        """Sum of squares and of the nuisances' penalties."""
         used, solution = self._solution(columns, self.weight)
         left = self._power - 2.0 * solution @ self._right[used]
         squares = float(left + solution @ self._normal[np.ix_(used, used)] @ solution)
-        return squares + self.weight * float(np.sum(solution[columns.size :] ** 2)), squares
+        return squares + self.weight * float(np.sum(solution[columns.size :] ** 2))
 
     def odds(self, without: Array, columns: Array) -> float:
         """Log odds of the model with both sets of columns against the one with the first."""
-        costs = self.cost(without)[0], self.cost(np.concatenate([without, columns]))[0]
+        costs = self.cost(without), self.cost(np.concatenate([without, columns]))
         return 0.5 * self.independent * np.log(costs[0] / costs[1]) - 0.5 * columns.size * np.log(self.independent)
 
 
 def floor(problem: Problem) -> float:
-    """RMS of what the true model leaves, in the unit of the effort."""
-    return _Fits(problem).sigma
+    """RMS of what the true model leaves, averaged over `smooth` rows, in the unit of the effort."""
+    fits = _Fits(problem)
+    return _size(fits.residual(fits.full, fits.weight), problem)
+
+
+def _size(residual: Array, problem: Problem) -> float:
+    """RMS after the average over `smooth` rows."""
+    return float(np.sqrt(np.mean(uniform_filter1d(residual, problem.smooth) ** 2)))
 
 
 def judge(problem: Problem, alternatives: Mapping[str, Sequence[Array]]) -> dict[str, Judgement]:
@@ -110,15 +118,15 @@ def judge(problem: Problem, alternatives: Mapping[str, Sequence[Array]]) -> dict
     forms = [(name, form) for name, several in alternatives.items() for form in several]
     fits = _Fits(problem, np.hstack([form for _, form in forms]) if forms else None)
     places = np.split(fits.more, np.cumsum([form.shape[1] for _, form in forms])[:-1]) if forms else []
-    rows = problem.target.size
+    true = _size(fits.residual(fits.full, fits.weight), problem)
     found = {}
     for cause, columns in fits.causes.items():
         rest = np.setdiff1d(fits.full, columns)
-        more = max(fits.cost(rest)[1] - fits.cost(fits.full)[1], 0.0) / rows
+        left = _size(fits.residual(rest, fits.weight), problem)
         own = fits.odds(rest, columns)
         least = max(own - ALIKE, 0.0)
         allowed = {name for (name, _), place in zip(forms, places, strict=True) if fits.odds(rest, place) > least}
-        found[cause] = Judgement(float(np.sqrt(more)) / fits.sigma, float(own), tuple(sorted(allowed)))
+        found[cause] = Judgement(float(np.sqrt(max(left**2 - true**2, 0.0))) / true, float(own), tuple(sorted(allowed)))
     return found
 
 

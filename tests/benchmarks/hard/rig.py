@@ -13,6 +13,8 @@ from tests.benchmarks.hard.oracle import Problem
 from tests.benchmarks.hard.physics import Array, Joint, Traces, simulate
 from tests.benchmarks.hard.sensors import Channel, encoder_error, record, stamps
 
+BAND = 0.02
+"""Residuals are averaged over this time [s] before their size is stated: what is faster is noise of single samples."""
 EFFORT_COLUMN = {"position_servo": "position_command", "current": "current", "voltage": "voltage"}
 
 
@@ -150,7 +152,9 @@ def problem(rig: Rig, world: World, recordings: Mapping[str, Recording]) -> tupl
         base += [np.sin(view.q), np.cos(view.q), np.ones_like(view.q), view.a]
     nuisance, spread = _nuisances(rig, joint.gain, view, joint)
     causes = {name: CAUSES[name].columns(view, world, shape) for name, shape in rig.causes.items()}
-    return Problem(target, np.stack(base, axis=-1), nuisance, spread, causes, view.run), view
+    return Problem(
+        target, np.stack(base, axis=-1), nuisance, spread, causes, view.run, max(1, round(BAND * rig.rate))
+    ), view
 
 
 def _rows(rig: Rig, world: World, recording: Recording, number: int) -> dict[str, Array]:
