@@ -226,19 +226,24 @@ def report(*effects: tuple[str, dict[str, tuple[float, float]]], **final: tuple[
 def test_the_score_counts_by_hand() -> None:
     stribeck = cause("stribeck", stribeck=0.4, stribeck_velocity=0.1)
     intervals = {"stribeck": (0.3, 0.5), "stribeck_velocity": (0.2, 0.3)}
+    sound = report(viscous=(1.9, 2.1), coulomb=(1.1, 1.2), drive=(0.4, 0.6)) | {"verdict": "no_missing_effect"}
+    unsure = report(("elasticity", {}))
+    unsure["joints"]["axis"]["indistinguishable"] = [["payload", "elasticity"], ["stribeck", "deadzone"]]
     results = [
-        score.outcome(truth("null_clean"), report(viscous=(1.9, 2.1), coulomb=(1.1, 1.2), drive=(0.4, 0.6))),
+        score.outcome(truth("null_clean"), sound),
         score.outcome(truth("null_false"), report(("delay", {}))),
         score.outcome(truth("null_late", tolerated=["delay"]), report(("delay", {}))),
         score.outcome(truth("exact", stribeck), report(("stribeck", intervals))),
         score.outcome(truth("other", cause("payload", allowed=("load_tilt",))), report(("load_tilt", {}))),
-        score.outcome(truth("missed", cause("payload"), cause("backlash", odds=3.0)), report(("elasticity", {}))),
+        score.outcome(truth("missed", cause("payload"), cause("backlash", odds=3.0)), unsure),
         score.outcome(truth("refused", stribeck), {"error": "LogError: x"}),
     ]
     counts = {row.name: (row.hits, row.of) for row in score.rows(results) if row.group == "all"}
     assert counts == {
         "nulls with a false name": (1, 3),
         "causes found": (2, 3),
+        "causes found or listed as indistinguishable": (3, 3),
+        "nulls of which nothing is said to be missing": (1, 3),
         "rigs with causes and a false name": (1, 3),
         "rigs with causes and nothing found": (1, 3),
         "exact sets": (4, 6),

@@ -22,6 +22,7 @@ class Outcome:
         false: Named ids that are neither a cause, nor an equally right answer, nor tolerated.
         asked: Causes that the logs hold the information for.
         found: Those of them that are named, or an equally right answer.
+        told: Those of them that are found, or that the report lists as indistinguishable from a named effect.
         covered: Pairs (group, interval holds the truth), group is `declared` or `effects`.
         refused: Message of a rig that was refused, or empty.
     """
@@ -34,6 +35,7 @@ class Outcome:
     false: tuple[str, ...]
     asked: tuple[str, ...]
     found: tuple[str, ...]
+    told: tuple[str, ...]
     covered: tuple[tuple[str, bool], ...]
     refused: str
     verdict: str
@@ -52,6 +54,7 @@ def outcome(truth: Document, report: Document) -> Outcome:
     named = sorted(effects)
     right = {cause["id"]: {cause["id"], *cause["allowed"]} for cause in truth["causes"]}
     fine = set(truth.get("tolerated", [])).union(*right.values())
+    beside = {i for pair in joint.get("indistinguishable", []) if set(pair) & set(named) for i in pair}
     asked = [cause["id"] for cause in truth["causes"] if cause["oracle_log_odds"] >= ENOUGH]
     return Outcome(
         name=truth["name"],
@@ -62,6 +65,7 @@ def outcome(truth: Document, report: Document) -> Outcome:
         false=tuple(sorted(set(named) - fine)),
         asked=tuple(asked),
         found=tuple(cause for cause in asked if right[cause] & set(named)),
+        told=tuple(cause for cause in asked if right[cause] & (set(named) | beside)),
         covered=tuple(_coverage(truth, joint, effects)),
         refused=str(report.get("error", "")),
         verdict=str(report.get("verdict", "")),
@@ -130,6 +134,9 @@ def rows(results: list[Outcome]) -> list[Row]:
     return [row for name, picks in groups for row in _rows(name, [r for r in results if picks(r)])]
 
 
+SOUND = "no_missing_effect"
+
+
 def _rows(group: str, results: list[Outcome]) -> list[Row]:
     read = [r for r in results if not r.refused]
     nulls, others = [r for r in read if r.null], [r for r in read if not r.null]
@@ -138,6 +145,13 @@ def _rows(group: str, results: list[Outcome]) -> list[Row]:
     return [
         Row(group, "nulls with a false name", sum(bool(r.false) for r in nulls), len(nulls)),
         Row(group, "causes found", sum(len(r.found) for r in others), sum(len(r.asked) for r in others)),
+        Row(
+            group,
+            "causes found or listed as indistinguishable",
+            sum(len(r.told) for r in others),
+            sum(len(r.asked) for r in others),
+        ),
+        Row(group, "nulls of which nothing is said to be missing", sum(r.verdict == SOUND for r in nulls), len(nulls)),
         Row(group, "rigs with causes and a false name", sum(bool(r.false) for r in others), len(others)),
         Row(group, "rigs with causes and nothing found", len(alone), len(others)),
         Row(group, "exact sets", sum(r.exact for r in read), len(read)),
