@@ -19,8 +19,10 @@ UNANSWERED = 1.5
 """A motion that goes on at this many 99th percentiles of its own steps at most has not answered a command of 0."""
 
 
-def zero_rows(values: FloatArray) -> BoolArray:
+def zero_rows(values: FloatArray, apart: BoolArray | None = None) -> BoolArray:
     """Rows (T,) of a channel that dropped out to exactly 0; NaN are none.
+
+    Rows that are `apart` (T,) follow a gap of the clock: what lies between them and the row before is no leap.
 
     A stretch of zeros counts if it is left, or was entered, with a leap of more than five times the 99th percentile of
     the steps between other rows. Where the channel is 0 for two rows or more without any leap too, the sensor has a
@@ -36,7 +38,8 @@ def zero_rows(values: FloatArray) -> BoolArray:
         return dropped
     leap = LEAP * float(np.percentile(others, 99))
     stretches = true_spans(zero)
-    leaps = [_leaps(values, begin, end, leap) for begin, end in stretches]
+    parted = np.zeros(values.size, dtype=bool) if apart is None else apart
+    leaps = [_leaps(values, begin, end, leap, parted) for begin, end in stretches]
     natural = any(end - begin > 1 and not count for (begin, end), count in zip(stretches, leaps, strict=True))
     for (begin, end), count in zip(stretches, leaps, strict=True):
         if count > natural:
@@ -44,13 +47,13 @@ def zero_rows(values: FloatArray) -> BoolArray:
     return dropped
 
 
-def unanswered_zeros(command: FloatArray, position: FloatArray) -> BoolArray:
+def unanswered_zeros(command: FloatArray, position: FloatArray, apart: BoolArray | None = None) -> BoolArray:
     """Rows (T,) in which a position command was logged as 0 while the joint moved on as before.
 
     Both leaps must be there, the command must come back to where it was going, and the position must not answer. A
     command of 0 that was sent moves the joint, and is a command like any other.
     """
-    dropped = zero_rows(command)
+    dropped = zero_rows(command, apart)
     if not dropped.any():
         return dropped
     usual, pace = (_usual_step(values, dropped) for values in (position, command))
@@ -66,9 +69,10 @@ def unanswered_zeros(command: FloatArray, position: FloatArray) -> BoolArray:
     return dropped
 
 
-def _leaps(values: FloatArray, begin: int, end: int, leap: float) -> int:
-    """How many of the two ends of a stretch are leaps; the end of a log is none."""
-    sides = (values[begin - 1] if begin else 0.0, values[end] if end < values.size else 0.0)
+def _leaps(values: FloatArray, begin: int, end: int, leap: float, apart: BoolArray) -> int:
+    """How many of the two ends of a stretch are leaps; the end of a log is none, and a gap of the clock is none."""
+    before = values[begin - 1] if begin and not apart[begin] else 0.0
+    sides = (before, values[end] if end < values.size and not apart[end] else 0.0)
     return sum(bool(abs(side) > leap) for side in sides)
 
 

@@ -3,6 +3,7 @@
     {"time": [0.0, 0.01], "knee": {"position": [0.1, 0.2]}}                      columns
     [{"time": 0.0, "knee/position": 0.1}, {"time": 0.01, "knee/position": 0.2}]  records
     {"mass": 0.5, "entries": [{"time": 0.0}, {"time": 0.01}]}                    records under one key
+    {"hz": 100, "data": [{"q": [0.1, 0.2, ...]}, {"q": [0.0, 0.1, ...]}]}        episodes of columns
 
 Fields of a nested mapping become `outer/inner`; a vector in each sample becomes `name_0, name_1, ...`; single values
 beside the samples are no columns. A value that a record lacks, and `null`, is missing.
@@ -18,24 +19,73 @@ import pandas as pd
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
+from drake_tc.logs.clock import MIN_ROWS
+from drake_tc.logs.episodes import Source, one_log
+from drake_tc.logs.inspection.names import meaning
 from drake_tc.logs.sizes import unpacked_gzip
+from drake_tc.logs.stated_rate import stated_period, with_times
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 
 
-def read_json(path: Path) -> pd.DataFrame:
+def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
     """A table of a .json or .json.gz file; see this module for the forms.
 
+    Args:
+        path: Of the file.
+        episode: Number of the only episode to read, from 0; None for all.
+
     Raises:
-        LogError: Not JSON, none of the forms, a name twice in one mapping, or columns of different lengths.
+        LogError: Not JSON, none of the forms, a name twice in one mapping, columns of different lengths, or no such
+            episode.
     """
     document = _parsed(_text(path), path)
     records = document if isinstance(document, list) else _records_inside(document)
+    period = stated_period(dict(_numbers("", document)))
+    if records and all(map(_is_episode, records)):
+        return _of_episodes(records, period, Source(path, episode))
+    if episode is not None:
+        raise LogError(f"{path}: no episodes in this file; expected the file without #{episode}")
     if records is not None:
         return _of_records(records, path)
     if not isinstance(document, dict):
         raise LogError(f"{path}: expected {FORMS}, got {_kind(document)}")
-    return _of_columns(document, path)
+    return with_times(_of_columns(document, path), period)
+
+
+def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, float]]:
+    """(name, value) of the single numbers in nested mappings."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _numbers(f"{prefix}/{name}" if prefix else name, inner)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield prefix, float(value)
+
+
+def _is_episode(record: object) -> bool:
+    """Whether a record holds lists of samples, and not the values of one sample."""
+    if not isinstance(record, dict):
+        return False
+    told = {name: meaning(name) for name, value in _numbers("", record)}
+    stamped = any(each is not None and each.quantity == "time" for each in told.values())
+    lengths = [len(values) for _, values in _lists("", record)]
+    return not stamped and bool(lengths) and min(lengths) >= MIN_ROWS
+
+
+def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source: Source) -> pd.DataFrame:
+    episodes = {}
+    for number, record in enumerate(records):
+        table = with_times(_of_columns(record, source.path), period)
+        table.attrs = {}  # the same note for each
+        episodes[number] = table
+    told = {str(name): meaning(str(name)) for name in episodes[0].columns}
+    time = next((name for name, each in told.items() if each is not None and each.quantity == "time"), None)
+    if time is None:
+        raise LogError(
+            f"{source.path}: {len(records)} episodes without times; expected a list of times in each, or the rate"
+            ' beside them, such as "hz": 100'
+        )
+    return one_log(episodes, time, source)
 
 
 def read_json_lines(path: Path) -> pd.DataFrame:

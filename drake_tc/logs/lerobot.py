@@ -1,52 +1,113 @@
-"""Parquet files of LeRobot data sets: columns of lists, whose members `meta/info.json` names."""
+"""Data sets of LeRobot, versions 2 and 3: Parquet files of frames, whose lists `meta/info.json` names.
+
+    meta/info.json                        features: by column, the names of the members of its lists; fps
+    data/chunk-000/episode_000000.parquet     version 2: one episode a file
+    data/chunk-000/file-000.parquet           version 3: several episodes a file
+
+`observation.state` holds positions and `action` position commands; a member `elbow.pos` names its quantity itself.
+"""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet  # type: ignore[import-untyped]
 
+from drake_tc.config.is_file import is_folder
 from drake_tc.errors import LogError
+from drake_tc.logs.episodes import Source, one_log
+from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.sizes import check_size
 
 INFO = Path("meta") / "info.json"
 """Of a data set, relative to its folder."""
+TIME, EPISODE = "timestamp", "episode_index"
+PICTURES = ("image", "video")
+"""Types of features that are no signals."""
 
 
-def without_lists(table: pd.DataFrame, path: Path) -> pd.DataFrame:
-    """The table with each column of lists (n a row) as n columns `name/MEMBER`; others stay.
+def is_data_set(path: Path) -> bool:
+    """Whether a path is the folder of a LeRobot data set."""
+    return is_folder(path) and (path / INFO).is_file()
 
-    Members have the names that the data set's `meta/info.json` gives them, without them numbers. Of a file with several
-    episodes only one can be a run.
+
+def read_data_set(source: Source) -> pd.DataFrame:
+    """The frames of a data set, of all episodes or of one.
 
     Raises:
-        LogError: lists of different lengths in one column, or more than one episode.
+        LogError: No Parquet files, files that cannot be read, or no such episode.
+    """
+    files = sorted((source.path / "data").rglob("*.parquet"))
+    if not files:
+        raise LogError(f"{source.path}: a LeRobot data set without data/**/*.parquet; copy its data folder, too")
+    if source.episode is not None:
+        named = [file for file in files if file.stem == f"episode_{source.episode:06d}"]
+        files = named or files
+    tables = [_frames(file) for file in files]
+    return _of_episodes(pd.concat(tables, ignore_index=True) if len(tables) > 1 else tables[0], source)
+
+
+def _frames(path: Path) -> pd.DataFrame:
+    with path.open("rb") as file:
+        about = pyarrow.parquet.read_metadata(file)
+        check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
+        file.seek(0)
+        return pd.read_parquet(file)
+
+
+def without_lists(table: pd.DataFrame, source: Source) -> pd.DataFrame:
+    """The table of a Parquet file with each column of lists (n a row) as n columns; others stay.
+
+    Members have the names that the data set's `meta/info.json` gives them, without them numbers.
+
+    Raises:
+        LogError: Lists of different lengths in one column, or no such episode.
     """
     objects = [name for name in table.columns if pd.api.types.is_object_dtype(table[name])]
     lists = [name for name in objects if table[name].map(_is_list).all() and len(table)]
-    if not lists:
-        return table
-    if "episode_index" in table and table["episode_index"].nunique() > 1:
-        first, last = table["episode_index"].min(), table["episode_index"].max()
-        raise LogError(
-            f"{path}: episodes {first} to {last} in one file; expected one run a file; split it by its column"
-            " episode_index"
-        )
-    features = _features(path)
+    return _of_episodes(table, source) if lists else table
+
+
+def _of_episodes(table: pd.DataFrame, source: Source) -> pd.DataFrame:
+    info = _info(source.path)
+    features = info.get("features")
+    flat = _flat(table, features if isinstance(features, dict) else {}, source.path)
+    if EPISODE not in flat or (flat[EPISODE].nunique() < 2 and source.episode is None):
+        return flat
+    if TIME not in flat:
+        fps = info.get("fps")
+        if not isinstance(fps, int | float) or fps <= 0:
+            raise LogError(f"{source.path}: no column {TIME!r} and no fps in {INFO}; expected one of them")
+        flat[TIME] = flat.groupby(EPISODE).cumcount() / fps
+    numbers = flat[EPISODE].to_numpy(dtype=np.int64)
+    episodes = {int(number): flat[numbers == number] for number in np.unique(numbers)}
+    return one_log(episodes, TIME, source)
+
+
+def _flat(table: pd.DataFrame, features: Mapping[str, Any], path: Path) -> pd.DataFrame:
+    """Lists as columns, without pictures."""
     parts: list[pd.DataFrame] = []
     for name in table.columns:
-        if name not in lists:
+        feature = features.get(str(name), {})
+        feature = feature if isinstance(feature, dict) else {}
+        if feature.get("dtype") in PICTURES:
+            continue
+        column = table[name]
+        if not (pd.api.types.is_object_dtype(column) and len(table) and column.map(_is_list).all()):
             parts.append(table[[name]])
             continue
-        lengths = table[name].map(len)
+        lengths = column.map(len)
         if lengths.nunique() > 1:
             raise LogError(
                 f"{path}: column {name!r} holds lists of {lengths.min()} to {lengths.max()} numbers; expected one"
                 " length"
             )
-        members = _members(features.get(str(name), {}).get("names"), int(lengths.iloc[0]))
-        values = np.stack([np.asarray(row, dtype=np.float64) for row in table[name]])
-        parts.append(pd.DataFrame(values, columns=[_name(str(name), member) for member in members], index=table.index))
+        names = [_name(str(name), member) for member in _members(feature.get("names"), int(lengths.iloc[0]))]
+        values = np.stack([np.asarray(row, dtype=np.float64) for row in column])
+        parts.append(pd.DataFrame(values, columns=names, index=table.index))
     return pd.concat(parts, axis=1)
 
 
@@ -55,29 +116,42 @@ def _is_list(value: Any) -> bool:
 
 
 def _name(column: str, member: str) -> str:
-    """`elbow.pos` of `observation.state` is `elbow/pos`; of `action` it is `elbow/pos_command`."""
+    """The column of a joint: `elbow.pos` of `observation.state` is `elbow/pos`, of `action` it is `elbow/pos_command`.
+
+    A member that names no quantity is a joint, and the column names the quantity: `elbow` of `observation.state` is
+    `elbow/position`, of `action` it is `elbow/position_command`, of `observation.effort` it is `elbow/effort`.
+    """
     joint, _, quantity = member.rpartition(".")
-    if not joint:
-        return f"{column}/{member}"
-    return f"{joint}/{quantity}_command" if column == "action" else f"{joint}/{quantity}"
+    if not joint or meaning(quantity) is None:
+        joint, quantity = (f"joint_{member}" if member.isdigit() else member), ""
+    if column == "action":
+        return f"{joint}/{quantity or 'position'}_command"
+    if column == "observation.state":
+        return f"{joint}/{quantity or 'position'}"
+    last = column.rpartition(".")[2]
+    told = meaning(last)
+    return f"{joint}/{last}" if told is not None and not told.joint else f"{column}/{member}"
 
 
 def _members(names: Any, size: int) -> list[str]:
-    """Names of the members of a list; older data sets have them below a key such as "motors"."""
-    if isinstance(names, dict):
-        names = next(iter(names.values()), None)
+    """Names of the members of a list; some data sets have them below a key such as "motors", or by their number."""
+    if isinstance(names, dict) and names and all(isinstance(value, int) for value in names.values()):
+        names = sorted(names, key=lambda name: int(names[name]))
+    while isinstance(names, dict) or (isinstance(names, list) and len(names) == 1 and isinstance(names[0], list)):
+        names = next(iter(names.values()), None) if isinstance(names, dict) else names[0]
     if isinstance(names, list) and len(names) == size and all(isinstance(name, str) for name in names):
         return list(names)
     return [str(i) for i in range(size)]
 
 
-def _features(path: Path) -> dict[str, Any]:
-    """Of `meta/info.json`, in one of the folders above the file; nothing where there is none."""
-    for folder in path.resolve().parents:
+def _info(path: Path) -> dict[str, Any]:
+    """`meta/info.json` of the data set, in the folder or in one above the file; nothing where there is none."""
+    resolved = path.resolve()
+    for folder in (resolved, *resolved.parents):
         if (folder / INFO).is_file():
             try:
-                found = json.loads((folder / INFO).read_text(encoding="utf-8")).get("features", {})
-            except (OSError, ValueError, AttributeError):
+                found = json.loads((folder / INFO).read_text(encoding="utf-8"))
+            except (OSError, ValueError):
                 return {}
             return found if isinstance(found, dict) else {}
     return {}

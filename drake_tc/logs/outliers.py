@@ -8,6 +8,7 @@ from scipy.ndimage import binary_dilation
 
 from drake_tc.errors import LogError
 from drake_tc.logs.channels import grid_step
+from drake_tc.logs.clock import GAP_PERIODS
 from drake_tc.logs.columns import RawLog, file_row
 from drake_tc.logs.dropouts import unanswered_zeros, zero_rows
 from drake_tc.logs.local_motion import held_rows, repeated_rows
@@ -64,12 +65,14 @@ def without_outliers(raw: RawLog, joints: Sequence[str], sliding: Collection[str
 def _without_dropouts(columns: dict[str, FloatArray], joint: str, raw: RawLog) -> list[str]:
     """NaN where a channel dropped out to 0; a position command only where the joint did not answer."""
     command, position = columns.get(f"{joint}/position_command"), columns.get(f"{joint}/position")
+    steps = np.diff(raw.time, prepend=raw.time[:1])
+    apart = steps > GAP_PERIODS * float(np.median(steps))
     notes = []
     for name in (f"{joint}/{suffix}" for suffix in DROPPING):
-        if name in columns and (rows := zero_rows(columns[name])).any():
+        if name in columns and (rows := zero_rows(columns[name], apart)).any():
             columns[name] = np.where(rows, np.nan, columns[name])
             notes.append(_taken_out(name, "drops out to 0", rows, raw))
-    if command is not None and position is not None and (rows := unanswered_zeros(command, position)).any():
+    if command is not None and position is not None and (rows := unanswered_zeros(command, position, apart)).any():
         columns[f"{joint}/position_command"] = np.where(rows, np.nan, command)
         notes.append(_taken_out(f"{joint}/position_command", "drops out to 0, and the joint moves on,", rows, raw))
     return notes

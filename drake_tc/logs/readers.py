@@ -14,21 +14,23 @@ from drake_tc.config.utf8_names import utf8_text
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.csv_file import read_csv, refuse_repeated, with_texts
+from drake_tc.logs.episodes import Source, source_of
 from drake_tc.logs.json_log import read_json, read_json_lines
-from drake_tc.logs.lerobot import without_lists
+from drake_tc.logs.lerobot import is_data_set, read_data_set, without_lists
 from drake_tc.logs.mat_file import Value, read_mat
 from drake_tc.logs.npz_file import read_arrays
 from drake_tc.logs.sizes import check_size
+from drake_tc.logs.stated_rate import stated_period, with_times
 
 Reader = Callable[[Path], pd.DataFrame]
 
 
-def _read_parquet(path: Path) -> pd.DataFrame:
+def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
     with path.open("rb") as file:  # Arrow opens no file whose name is not UTF-8
         about = pyarrow.parquet.read_metadata(file)
         check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
         file.seek(0)
-        return with_texts(without_lists(pd.read_parquet(file), path))
+        return with_texts(without_lists(pd.read_parquet(file), Source(path, episode)))
 
 
 def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
@@ -67,9 +69,17 @@ def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 def _read_npz(path: Path) -> pd.DataFrame:
     columns: dict[str, np.ndarray] = {}
-    for name, values in read_arrays(path).items():
+    arrays = read_arrays(path)
+    for name, values in arrays.items():
         columns |= _columns_of(name, values)
-    return _table(path, columns)
+    return _with_stated_time(_table(path, columns), arrays)
+
+
+def _with_stated_time(table: pd.DataFrame, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """The table with a time from the rate that a single number states, where no column is called like a time."""
+    single = {name: value for name, value in arrays.items() if value.size == 1 and value.dtype.kind in "iuf"}
+    period = stated_period({name: float(value.ravel()[0]) for name, value in single.items()})
+    return with_times(table, period)
 
 
 def _flatten(prefix: str, value: Value) -> Iterator[tuple[str, np.ndarray]]:
@@ -82,8 +92,9 @@ def _flatten(prefix: str, value: Value) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _read_mat(path: Path) -> pd.DataFrame:
-    found = read_mat(path).items()
-    return _table(path, dict(pair for name, value in found for pair in _flatten(name, value)))
+    found = read_mat(path)
+    table = _table(path, dict(pair for name, value in found.items() for pair in _flatten(name, value)))
+    return _with_stated_time(table, {name: value for name, value in found.items() if isinstance(value, np.ndarray)})
 
 
 READERS: Mapping[str, Reader] = MappingProxyType(
@@ -102,11 +113,18 @@ READERS: Mapping[str, Reader] = MappingProxyType(
 )
 
 
+OF_EPISODES: Mapping[Reader, Callable[[Path, int], pd.DataFrame]] = MappingProxyType(
+    {_read_parquet: _read_parquet, read_json: read_json}
+)
+"""Readers of files that may hold several episodes."""
+
+
 def run_name(path: Path, readers: Mapping[str, Reader] = READERS) -> str:
     """The file's name without the ending that names its format; what is not UTF-8 in it is replaced by U+FFFD."""
+    path, episode = source_of(path)
     suffix = _suffix(path, readers)
     name = path.name[: -len(suffix)] if suffix else path.stem
-    return utf8_text(name)
+    return utf8_text(name if episode is None else f"{name}#{episode}")
 
 
 def _suffix(path: Path, readers: Mapping[str, Reader]) -> str:
@@ -119,38 +137,55 @@ def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS, needed
     """Read a log file as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A .csv, .csv.gz, .tsv, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, or a ROS bag (`bags`). In NPZ
-            and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
-            `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the
-            forms of a JSON log.
+        path: A .csv, .csv.gz, .tsv, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, a ROS bag (`bags`), or the
+            folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ and MAT every vector is a
+            column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so `knee__position` and the struct
+            field `knee.position` both mean `knee/position`. `json_log` has the forms of a JSON log.
         readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.
 
     Raises:
         LogError: Not a file, an unknown suffix, unreadable content, or no rows.
     """
-    path = Path(path)
+    source = source_of(Path(path))
+    table = _table_of(source, readers, needed)
+    if len(table) == 0:
+        raise LogError(f"{source.path}: no rows; record at least a few seconds of motion")
+    names = [str(name).strip() for name in table.columns]
+    refuse_repeated(source.path, names)
+    table.columns = pd.Index(names)
+    return table
+
+
+def _table_of(source: Source, readers: Mapping[str, Reader], needed: Collection[str]) -> pd.DataFrame:
+    """The table of a file or folder, by what it is."""
+    path, episode = source
+    if is_data_set(path):
+        with _refused(path, "a LeRobot data set"):
+            return with_texts(read_data_set(source))
     if is_folder(path) and is_bag(path):
         return read_bag(path, needed)
     if is_folder(path):
         files = ", ".join(sorted(each.name for each in path.iterdir() if is_bag(each)))
-        what = f"give the file of a bag in it ({files})" if files else "expected a log file or the folder of a ROS bag"
-        raise LogError(f"{path}: a folder without metadata.yaml; {what}")
+        raise LogError(
+            f"{path}: expected a log file, the folder of a ROS bag (with metadata.yaml) or of a LeRobot data set (with"
+            f" meta/info.json), got another folder{f'; it holds {files}: give one of these files' if files else ''}"
+        )
     if not is_file(path):
         raise LogError(f"{path}: no such log file")
     suffix = _suffix(path, readers)
     if not suffix:
         ending = "".join(path.suffixes[-2:]) or "no ending"
         raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(readers))}")
+    read = readers[suffix]
     with _refused(path, suffix):
-        read = readers[suffix]
-        table = read_bag(path, needed) if read is read_bag else read(path)
-    if len(table) == 0:
-        raise LogError(f"{path}: no rows; record at least a few seconds of motion")
-    names = [str(name).strip() for name in table.columns]
-    refuse_repeated(path, names)
-    table.columns = pd.Index(names)
-    return table
+        if read is read_bag:
+            return read_bag(path, needed)
+        if episode is None:
+            return read(path)
+        if read in OF_EPISODES:
+            return OF_EPISODES[read](path, episode)
+        raise LogError(f"{path}: a {suffix} file has no episodes; expected the file without #{episode}")
 
 
 @contextmanager

@@ -8,6 +8,7 @@ import numpy as np
 
 from drake_tc.config.is_file import is_file
 from drake_tc.errors import LogError
+from drake_tc.logs.episodes import source_of
 from drake_tc.logs.record import Run
 
 
@@ -40,17 +41,23 @@ def require_different_runs(runs: Sequence[Run]) -> None:
 def require_different_files(logs: Sequence[Path], holdout: Sequence[Path]) -> None:
     """Refuse a run that is given twice: a held-out run that was fitted says nothing, and one fitted twice counts twice.
 
-    Files are the same if their contents are, whatever their names.
+    Files are the same if their contents are, whatever their names. All episodes of a file are no other run than one.
 
     Raises:
         LogError: Two of them are the same.
     """
     seen: dict[str, tuple[str, Path]] = {}
+    sources = [(path, source_of(path)) for path in (*logs, *holdout)]
+    for path, source in sources:
+        whole = next((other for other, each in sources if each.path == source.path and each.episode is None), None)
+        if source.episode is not None and whole is not None:
+            raise LogError(f"{path}: {whole} is given, too, and has all episodes; name each run by its episode")
     for option, paths in (("--log", logs), ("--holdout", holdout)):
         for path in paths:
-            if not is_file(path):
+            file, episode = source_of(path)
+            if not is_file(file):
                 continue  # the reader says what is wrong with it
-            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            content = f"{hashlib.sha256(file.read_bytes()).hexdigest()}#{episode}"
             if content in seen:
                 first, other = seen[content]
                 same = "the same file" if other == path else f"the same content as {other}"

@@ -206,7 +206,7 @@ def test_a_parquet_file_of_very_many_equal_rows(tmp_path):
 
 def test_a_folder_and_a_file_that_cannot_be_opened(tmp_path, monkeypatch):
     (tmp_path / "run.csv").mkdir()
-    assert refusal(tmp_path / "run.csv").endswith("expected a log file or the folder of a ROS bag")
+    assert refusal(tmp_path / "run.csv").endswith("(with meta/info.json), got another folder")
     (tmp_path / "one.csv").write_text("time,q\n1,2\n")
 
     def refuse(*args, **more):

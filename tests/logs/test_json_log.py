@@ -114,3 +114,32 @@ def test_a_missing_column_lists_near_matches(tmp_path):
     table = bench(1.0).rename(columns={"joint/torque": "joint/torqe"})
     with pytest.raises(LogError, match="near matches: 'joint/torqe'"):
         load_run(_write(tmp_path / "run.json", table.to_dict(orient="list")), servo_rig())
+
+
+@pytest.mark.parametrize("beside", [{"config": {"action_hz": 50}}, {"dt": 0.02}, {}])
+def test_episodes_of_columns(tmp_path, beside):
+    """Their rate stands beside them, or each has its times."""
+    time = np.arange(60) / 50.0
+    own = {} if beside else {"t": time.tolist()}
+    runs = [{"kind": "chirp", "q": (k + np.sin(time)).tolist(), "u": np.cos(time).tolist(), **own} for k in range(3)]
+    path = _write(tmp_path / "run.json", beside | {"data": runs})
+    table = read_table(path)
+    clock = "time" if beside else "t"
+    assert len(table) == 180 and np.sum(np.diff(table[clock]) > 0.5) == 2
+    second = read_table(tmp_path / "run.json#1")
+    assert_allclose(second["q"], 1.0 + np.sin(time), rtol=0)
+    assert_allclose(second[clock], time, rtol=0, atol=1e-12)
+    with pytest.raises(LogError, match="no episode 7; episodes here: 0 to 2"):
+        read_table(tmp_path / "run.json#7")
+
+
+def test_a_rate_beside_columns_gives_the_times(tmp_path):
+    table = read_table(_write(tmp_path / "run.json", {"sample_rate": 200, "q": [0.0, 0.1, 0.2]}))
+    assert_allclose(table["time"], [0.0, 0.005, 0.01], rtol=1e-12)
+    np.savez(tmp_path / "run.npz", q=np.zeros((30, 2)), dt=0.01)
+    assert_allclose(np.diff(read_table(tmp_path / "run.npz")["time"]), 0.01, rtol=1e-9)
+
+
+def test_episodes_without_times_are_refused(tmp_path):
+    with pytest.raises(LogError, match=r'2 episodes without times; expected .* such as "hz": 100'):
+        read_table(_write(tmp_path / "run.json", [{"q": list(range(30))}, {"q": list(range(30))}]))

@@ -1,14 +1,18 @@
 """Data sets of LeRobot are written here as their format has them, and read as logs."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from drake_tc.errors import LogError
-from drake_tc.logs.inspection.inspect import inspect_log
+from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.prepare import load_run
 from drake_tc.logs.readers import read_table
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.run_sets import require_different_files
 
 TIME = np.arange(300) / 30.0
 MOTORS = ["shoulder_pan.pos", "elbow_flex.pos"]
@@ -48,9 +52,78 @@ def test_inspect_finds_the_joints(tmp_path):
 
 def test_without_names_members_are_numbered(tmp_path):
     table = read_table(data_set(tmp_path, named=False))
-    assert {"observation.state/0", "action/1"} <= set(table.columns)
+    assert {"joint_0/position", "joint_1/position_command"} <= set(table.columns)
 
 
-def test_several_episodes_are_no_run(tmp_path):
-    with pytest.raises(LogError, match="episodes 0 to 2 in one file; expected one run a file"):
-        read_table(data_set(tmp_path, episodes=3))
+def written(folder, *, version: int, names, episodes=(200, 300, 250), velocity: bool = True):
+    """A data set of version 2 or 3 as LeRobot writes it: pictures among the features, float32 lists, 50 frames/s."""
+    features = {key: {"dtype": "float32", "shape": [2], "names": names} for key in ("observation.state", "action")}
+    features |= {"observation.effort": features["action"]} | (
+        {"observation.velocity": features["action"]} if velocity else {}
+    )
+    features |= {"observation.images.top": {"dtype": "video", "shape": [480, 640, 3], "names": ["h", "w", "c"]}}
+    features |= {key: {"dtype": "int64", "shape": [1], "names": None} for key in ("episode_index", "index")}
+    (folder / "meta").mkdir(parents=True)
+    info = {"codebase_version": f"v{version}.0", "fps": 50, "features": features}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    tables = []
+    for episode, count in enumerate(episodes):
+        time = np.arange(count) / 50.0
+        state = np.column_stack([np.sin((2.0 + episode) * time), np.cos(3.0 * time)]).astype(np.float32)
+        columns = {"observation.state": list(state), "action": list(state + np.float32(0.1))}
+        columns |= {"observation.effort": list(2.0 * state)} | (
+            {"observation.velocity": list(state)} if velocity else {}
+        )
+        columns |= {"timestamp": time.astype(np.float32), "episode_index": episode, "index": np.arange(count)}
+        tables.append(pd.DataFrame(columns))
+    place = folder / "data" / "chunk-000"
+    place.mkdir(parents=True)
+    if version == 3:
+        (folder / "meta" / "episodes" / "chunk-000").mkdir(parents=True)
+        pd.concat(tables).to_parquet(place / "file-000.parquet", index=False)
+    else:
+        for episode, table in enumerate(tables):
+            table.to_parquet(place / f"episode_{episode:06d}.parquet", index=False)
+    return folder
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["hip", "knee"],
+        {"motors": ["hip", "knee"]},
+        [["hip", "knee"]],
+        {"hip": 0, "knee": 1},
+        ["hip.pos", "knee.pos"],
+    ],
+)
+def test_a_folder_is_a_log_of_its_episodes(tmp_path, version, names):
+    folder = written(tmp_path / "set", version=version, names=names, velocity=False)
+    found = inspect_log(folder)
+    assert trial(found) == "" and found.rig["joints"] == ["hip", "knee"] and found.gaps == 2
+    rig = parse_rig(dict(found.rig))
+    whole = load_run(folder, rig)
+    parts = [whole.columns["hip/position"][part] for part in whole.segments()]
+    assert len(parts) == 3
+    for episode, part in enumerate(parts):
+        time = np.arange((200, 300, 250)[episode]) / 50.0
+        np.testing.assert_allclose(part, np.sin((2.0 + episode) * time), rtol=0, atol=2e-6)  # single precision
+        alone = load_run(Path(f"{folder}#{episode}"), rig)
+        np.testing.assert_allclose(alone.columns["hip/position"], part, rtol=0, atol=2e-6)
+        assert alone.name == f"set#{episode}"
+
+
+def test_lists_beside_the_state_name_their_quantity(tmp_path):
+    table = read_table(written(tmp_path / "set", version=3, names=["hip", "knee"]))
+    assert {"hip/position", "hip/position_command", "hip/velocity", "hip/effort"} <= set(table.columns)
+    assert not any("image" in name for name in table.columns)
+
+
+def test_an_episode_that_is_not_there_and_one_given_twice(tmp_path):
+    folder = written(tmp_path / "set", version=3, names=["hip", "knee"])
+    with pytest.raises(LogError, match=r"no episode 3; episodes here: 0 to 2"):
+        read_table(Path(f"{folder}#3"))
+    with pytest.raises(LogError, match=r"set#1: .*set is given, too, and has all episodes"):
+        require_different_files([folder], [Path(f"{folder}#1")])
+    require_different_files([Path(f"{folder}#0")], [Path(f"{folder}#1")])

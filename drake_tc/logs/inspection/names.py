@@ -32,7 +32,17 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             ),
             *("q_ref", "q_d", "q_des", "q_cmd", "q_target", "target_q", "desired_position", "position_desired"),
             *("goal_position", "position_reference", "reference", "ref", "desired", "target_position", "position_ref"),
-            *("position_target", "theta_ref", "theta_des", "action", "pos_ref", "pos_des", "pos_target", "target_pos"),
+            *(
+                "position_target",
+                "theta_ref",
+                "theta_des",
+                "action",
+                "actions",
+                "pos_ref",
+                "pos_des",
+                "pos_target",
+                "target_pos",
+            ),
             *("goal_pos", "desired_pos"),
         ),
         "velocity": (
