@@ -647,6 +647,11 @@ def gate(
     shown = ({"rules": stored} if stored else {}) | results
     headings = ("figure", "reach", *(text for each in shown for text in (each, "met")))
     print_wide(headings, gates.side_by_side(shown), left=("figure",))
+    for each, parts in results.items():
+        for name, one in parts.items():
+            for row in one["rows"]:
+                if row.get("note") and row.get("met") is not True:
+                    print(f"{each}, {name}: {row['name']}: {row['note']}")
 
 
 if __name__ == "__main__":

@@ -249,10 +249,10 @@ def arm_rows(runs: GateRuns) -> list[FigureRow]:
     ):
         folder = runs.fresh(name.replace(" ", "_"))
         scores: list[ArmScore] = benchmark(folder, cases, runs.seed, runs.executor, runs.progress, engine)
-        out += _robot_rows(name, [score.robot for score in scores])
+        out += _robot_rows(f"{name}: ", [score.robot for score in scores])
         base = [hit for score in scores for hit in score.base]
         if base:
-            out.append(interval_row(f"{name}, base parameters", base))
+            out.append(interval_row(f"{name}: base parameters", base))
     return out
 
 
@@ -266,18 +266,18 @@ def leg_rows(runs: GateRuns) -> list[FigureRow]:
         runs.progress,
         engine=engine_options(runs.engine),
     )
-    return _robot_rows("leg", scores)
+    return _robot_rows("", scores)
 
 
 def _robot_rows(name: str, scores: Sequence[RobotScore]) -> list[FigureRow]:
     wrong = [score for score in scores if score.id]
     rows = [
-        FigureRow.share(f"{name}: right place and effect first", [s.first for s in wrong], "min", 0.95),
-        FigureRow.share(f"{name}: that and no other", [s.exact for s in wrong], "min", 0.90),
-        FigureRow.share(f"{name}: nulls quiet", [s.first for s in scores if not s.id], "min", 0.97),
-        interval_row(f"{name}, effects", [hit for s in wrong for hit in s.own_intervals]),
-        interval_row(f"{name}, friction", [hit for s in scores for hit in s.friction_intervals]),
-        FigureRow.share(f"{name}: cases without a report", [bool(s.failure) for s in scores], "max", 0.0),
+        FigureRow.share(f"{name}right place and effect first", [s.first for s in wrong], "min", 0.95),
+        FigureRow.share(f"{name}that and no other", [s.exact for s in wrong], "min", 0.90),
+        FigureRow.share(f"{name}nulls quiet", [s.first for s in scores if not s.id], "min", 0.97),
+        interval_row(f"{name}effects", [hit for s in wrong for hit in s.own_intervals]),
+        interval_row(f"{name}friction", [hit for s in scores for hit in s.friction_intervals]),
+        FigureRow.share(f"{name}cases without a report", [bool(s.failure) for s in scores], "max", 0.0),
     ]
     return [row for row in rows if row.n]
 
