@@ -77,6 +77,42 @@ def test_bam_feetech_has_no_load_register_and_one_rig(data, tmp_path):
     assert "servo/voltage" not in pd.read_parquet(rig_file.parent / "sin_sin.parquet")
 
 
+def pendulum_run(**changes):
+    """A run of a pendulum at rest, in the form of the data set."""
+    entry = {"position": 0.1, "goal_position": 0.1, "speed": 0.0, "load": 3, "torque_enable": True}
+    entries = [entry | {"timestamp": 0.01 * i, "position": 0.1 + 1e-3 * i, "load": 3 + i} for i in range(50)]
+    run = {"mass": 0.5, "length": 0.2, "kp": 8, "vin": 7.4, "motor": "m", "trajectory": "a", "entries": entries}
+    return run | changes
+
+
+def test_bam_arms_have_mass_and_masses_may_differ_by_run(tmp_path):
+    """Of a point mass and a uniform rod: weight and inertia by hand."""
+    for name, mass in (("light", 0.0), ("heavy", 0.5)):
+        run = pendulum_run(mass=mass, arm_mass=0.12, trajectory=name)
+        (tmp_path / f"{name}.json").write_text(json.dumps(run))
+    voltage, _servo = IMPORTERS["bam"](tmp_path, tmp_path / "out")
+    rig = load_rig(voltage)
+    for run in load_runs(sorted(voltage.parent.glob("*.parquet")), rig):
+        mass = {"light": 0.0, "heavy": 0.5}[run.name]
+        pendulum = rig.load["servo"].in_run(run)
+        assert_allclose(pendulum.mass * pendulum.length, 0.2 * mass + 0.1 * 0.12, rtol=1e-12)
+        assert_allclose(pendulum.inertia, 0.2**2 * mass + 0.12 * 0.2**2 / 3.0, rtol=1e-12)
+    # no register of the supply was read: the file's own voltage is taken
+    volts = pd.read_parquet(voltage.parent / "light.parquet")["servo/voltage"]
+    assert_allclose(volts, 7.4 * (3 + np.arange(50)) / 885.0, rtol=1e-12)
+
+
+def test_bam_runs_without_any_mass_have_an_unknown_load(tmp_path):
+    (tmp_path / "free.json").write_text(json.dumps(pendulum_run(mass=0.0)))
+    (tmp_path / "loaded.json").write_text(json.dumps(pendulum_run()))
+    rigs = {rig.parent.name: load_rig(rig) for rig in IMPORTERS["bam"](tmp_path, tmp_path / "out")}
+    assert rigs["m_kp8_no_load"].load["servo"] == "unknown" and rigs["m_kp8"].load["servo"] == Pendulum(0.5, 0.2)
+    for key, value in (("mass", -1.0), ("arm_mass", "x"), ("length", 0.0)):
+        (tmp_path / "odd.json").write_text(json.dumps(pendulum_run(**{key: value})))
+        with pytest.raises(LogError, match=rf"odd\.json: {key}: expected a"):
+            IMPORTERS["bam"](tmp_path, tmp_path / "out")
+
+
 def test_registers():
     assert_allclose(applied_duty(np.array([0, 885, 65536 - 885])), [0, 1, -1], rtol=0)
     assert_allclose(decode_sign(np.array([74.0, 1135.0]), 1024.0), [74, -111], rtol=0)

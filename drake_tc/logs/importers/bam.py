@@ -4,9 +4,13 @@ The firmware's position loop is proportional, so the runs of one gain are one ri
 out). The XL330 also reports its duty after clipping; duty times the supply is the voltage that the motor saw, and the
 same logs make a second rig with a voltage drive. The supply is the median over the run: single readings catch the
 ripple of the bridge's pulses (6 to 8.5 V at half duty), which the motor averages.
+
+A point mass m at the length l and a uniform arm of mass a and the same length are the pendulum of mass m + a, whose
+centre of mass is at l (m + a/2) / (m + a), and whose inertia is l^2 (m + a/3).
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +38,14 @@ def _load(path: Path) -> dict[str, Any]:
         raise LogError(f"{path}: not a BAM run: expected a mapping, got {quoted(run)}")
     if missing := {"mass", "length", "kp", "motor", "entries"} - set(run):
         raise LogError(f"{path}: not a BAM run; missing: {', '.join(sorted(missing))}")
-    for key in ("mass", "length", "kp"):
+    for key in ("mass", "length", "kp", *({"arm_mass", "vin"} & set(run))):
         if not _is_number(run[key]):
             raise LogError(f"{path}: {key}: expected a number, got {quoted(run[key])}")
+    for key in ("mass", "arm_mass"):
+        if run.get(key, 0.0) < 0.0:
+            raise LogError(f"{path}: {key}: expected a mass [kg] of 0 or more, got {quoted(run[key])}")
+    if run["length"] <= 0.0:
+        raise LogError(f"{path}: length: expected a positive length [m], got {quoted(run['length'])}")
     entries = run["entries"]
     if not (isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries)):
         raise LogError(f"{path}: entries: expected a list of mappings, one a sample")
@@ -77,16 +86,42 @@ def _columns(path: Path, run: dict[str, Any]) -> dict[str, np.ndarray]:
     if missing := sorted(set(NEEDED) - set(series)):
         raise LogError(f"{path}: entries: missing {', '.join(missing)}; present: {', '.join(sorted(series))}")
     columns = {column: series[key] for key, column in (NEEDED | OPTIONAL).items() if key in series}
-    if np.any(series.get("load", 0.0)) and "input_volts" in series:
-        columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * float(np.median(series["input_volts"]))
+    supply = float(np.median(series["input_volts"])) if "input_volts" in series else float(run.get("vin", 0.0))
+    if np.any(series.get("load", 0.0)) and supply > 0.0:
+        columns[f"{JOINT}/voltage"] = applied_duty(series["load"]) * supply
         if str(run["motor"]) in POSITION_LOOPS:
-            gain = float(run["kp"]) * POSITION_LOOPS[str(run["motor"])] * float(np.median(series["input_volts"]))
+            gain = float(run["kp"]) * POSITION_LOOPS[str(run["motor"])] * supply
             columns[f"{JOINT}/position_gain"] = np.full(len(entries), gain)
     return columns
 
 
+def _pendulum(run: Mapping[str, Any]) -> dict[str, float]:
+    """Mass, length and inertia of the pendulum of one run; the inertia only where it is not that of a point mass."""
+    mass, arm, length = float(run["mass"]), float(run.get("arm_mass", 0.0)), float(run["length"])
+    if arm == 0.0:
+        return {"mass": mass, "length": length}
+    centre = length * (mass + arm / 2.0) / (mass + arm)
+    return {"mass": mass + arm, "length": centre, "inertia": length**2 * (mass + arm / 3.0)}
+
+
+def _load_of(runs: Mapping[str, Mapping[str, Any]]) -> object:
+    """The rig file's `load`: one pendulum for all runs, or each run's by its name."""
+    found = {name: _pendulum(run) for name, run in runs.items()}
+    if any(each["mass"] == 0.0 for each in found.values()):
+        return "unknown"
+    first = next(iter(found.values()))
+    if all(each == first for each in found.values()):
+        return {"pendulum": first}
+    keys = ("mass", "length", "inertia") if any("inertia" in each for each in found.values()) else ("mass", "length")
+    for each in found.values():
+        each.setdefault("inertia", each["mass"] * each["length"] ** 2)
+    return {"pendulum": {key: {name: each[key] for name, each in found.items()} for key in keys}}
+
+
 def convert(src: Path, out: Path) -> tuple[Path, ...]:
     """Write one folder a motor and gain: its runs, `rig.yaml`, and `rig_servo.yaml` where both drives can be had.
+
+    Runs without any mass on the shaft have a folder of their own, whose load is unknown.
 
     Raises:
         LogError: No BAM runs in `src`, or one that is damaged.
@@ -94,7 +129,8 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
     groups: dict[str, list[tuple[Path, dict[str, Any]]]] = {}
     for path in find(src, "*.json.gz", "*.json"):
         run = _load(path)
-        groups.setdefault(file_name(f"{run['motor']}_kp{run['kp']}"), []).append((path, run))
+        bare = "" if _pendulum(run)["mass"] > 0.0 else "_no_load"
+        groups.setdefault(file_name(f"{run['motor']}_kp{run['kp']}{bare}"), []).append((path, run))
     rigs: list[Path] = []
     for name, members in sorted(groups.items()):
         folder, voltage, enabled = out / name, True, True
@@ -109,7 +145,7 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         first = members[0][1]
         base = {
             "joint": JOINT,
-            "load": {"pendulum": {"mass": float(first["mass"]), "length": float(first["length"])}},
+            "load": _load_of(dict(zip(runs, (run for _, run in members), strict=True))),
             "units": {"position": "rad"},
         }
         if enabled:
