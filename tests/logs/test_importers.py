@@ -92,7 +92,7 @@ def test_bam_arms_have_mass_and_masses_may_differ_by_run(tmp_path):
         (tmp_path / f"{name}.json").write_text(json.dumps(run))
     voltage, _servo = IMPORTERS["bam"](tmp_path, tmp_path / "out")
     rig = load_rig(voltage)
-    for run in load_runs(sorted(voltage.parent.glob("*.parquet")), rig):
+    for run in (load_run(path, rig) for path in voltage.parent.glob("*.parquet")):
         mass = {"light": 0.0, "heavy": 0.5}[run.name]
         pendulum = rig.load["servo"].in_run(run)
         assert_allclose(pendulum.mass * pendulum.length, 0.2 * mass + 0.1 * 0.12, rtol=1e-12)
