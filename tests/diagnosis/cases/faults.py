@@ -168,21 +168,18 @@ def alone(folder: Path, seed: int) -> Recorded:
 
 
 GROSS = [
-    *(Case(f"faults: a torque of the wrong sign {name}", logs_of(joint, scaled(torque=-1.0)), verdicts=ANY, may_refuse="sign")
-      for name, joint in SIGNS.items()),
+    *(Case(f"faults: a torque of the wrong sign {name}", logs_of(joint, scaled(torque=-1.0)), verdicts=ANY, may_refuse="sign") for name, joint in SIGNS.items()),
     *(Case(f"faults: a torque of the right sign {name}", logs_of(joint)) for name, joint in SIGNS.items()),
     Case("faults: a current of the wrong sign in all runs", logs_of(SHORT, scaled(current=-1.0)), verdicts=ANY, may_refuse="sign|current"),
     Case("faults: all columns turned are a joint in the other direction",
          logs_of(SHORT, scaled(position=-1.0, torque=-1.0, current=-1.0)), values={"drive.gain": Is(0.08, 0.01)}),
-    Case("faults: degrees declared as radians are refused",
-         logs_of(QUIET, scaled(position=180.0 / np.pi), {"units": {"position": "rad"}}), refusal="deg"),
+    Case("faults: degrees declared as radians are refused", logs_of(QUIET, scaled(position=180.0 / np.pi), {"units": {"position": "rad"}}), refusal="deg"),
     Case("faults: a run that is fitted and held out is refused", with_held(lambda made: list(made.train[:1])), refusal="same"),
     Case("faults: a run that is held out in another format is refused", with_held(as_parquet), refusal="same"),
     Case("faults: one run is refused", alone, refusal="two"),
     Case("faults: one constant speed is refused", recorder(rig_of(NOISY), steady), refusal="cannot tell|one direction"),
     Case("faults: a joint that rests is refused", moving(lambda t: 0.0 * t), refusal="too little motion"),
-    Case("faults: a rig file without a drive is refused", recorder({"joint": "joint"}, lambda n, s: record(QUIET, f"run_{n}", SHIFTS[n])),
-         refusal="drive"),
+    Case("faults: a rig file without a drive is refused", recorder({"joint": "joint"}, lambda n, s: record(QUIET, f"run_{n}", SHIFTS[n])), refusal="drive"),
     Case("faults: an unknown key of the rig file is refused", logs_of(SHORT, rig={"drive_gian": 0.08}), refusal="drive_gian.*drive_gain"),
     Case("faults: a declared effect that nobody knows is refused", logs_of(SHORT, rig={"declared": {"stribek": None}}), refusal="stribek.*stribeck"),
     Case("faults: a missing column is refused", logs_of(SHORT, lambda t: t.drop(columns=CURRENT)), refusal="no column.*joint/current"),

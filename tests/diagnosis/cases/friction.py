@@ -52,16 +52,14 @@ def of_motor(m: Motion) -> np.ndarray:
 
 DRAG = {"quadratic_viscous": {"quadratic_viscous": Is(1.2, 0.02)}}
 PLANTED = [
-    Case("friction: nothing is missing", logs_of(NOISY), seeds=(0, 1, 2, 3),
-         values={"viscous.viscous": 6.0, "coulomb.coulomb": 3.0, "drive.gain": Is(0.08, 0.02)}),
+    Case("friction: nothing is missing", logs_of(NOISY), seeds=(0, 1, 2, 3), values={"viscous.viscous": 6.0, "coulomb.coulomb": 3.0, "drive.gain": Is(0.08, 0.02)}),
     Case("friction: quadratic", logs_of(replace(NOISY, extra=drag)), DRAG, seeds=(0, 1)),
     Case("friction: Stribeck", logs_of(replace(NOISY, extra=lambda m: 2.0 * np.exp(-((m.v / 0.2) ** 2)) * np.sign(m.v))),
          {"stribeck": {"stribeck": Is(2.0, 0.15), "stribeck_velocity": Is(0.2, 0.2)}}),
     Case("friction: ripple", logs_of(replace(NOISY, extra=ripple)), {"torque_ripple": {"cycles_per_turn": Is(9.0, 0.01)}}),
     Case("friction: grows with the load", logs_of(replace(NOISY, extra=lambda m: 0.15 * np.abs(m.tau) * np.sign(m.v))),
          {"load_dependent_friction": {"load_friction": 0.15}}),
-    Case("friction: ripple and quadratic", logs_of(replace(NOISY, extra=lambda m: ripple(m) + drag(m))),
-         DRAG | {"torque_ripple": {"cycles_per_turn": Is(9.0, 0.01)}}),
+    Case("friction: ripple and quadratic", logs_of(replace(NOISY, extra=lambda m: ripple(m) + drag(m))), DRAG | {"torque_ripple": {"cycles_per_turn": Is(9.0, 0.01)}}),
     Case("friction: a declared quadratic friction is not missing",
          logs_of(replace(NOISY, extra=drag), rig={"declared": {"rotor_inertia": 0.3, "quadratic_viscous": 1.2}}),
          values={"viscous.viscous": Is(6.0, 0.02)}),
@@ -73,7 +71,8 @@ PLANTED = [
          logs_of(replace(NOISY, extra=lambda m: 1.2 * m.v * np.sign(m.v))),
          {"asymmetric_friction": {"viscous_asymmetry": Is(1.2, 0.1)}}),
     Case("friction: a load over the position",
-         logs_of(replace(QUIET, extra=lambda m: 2.0 * np.exp(-(((m.q - 0.2) / 0.2) ** 2)))), {"position_dependent_load": {}}),
+         logs_of(replace(QUIET, extra=lambda m: 2.0 * np.exp(-(((m.q - 0.2) / 0.2) ** 2)))), {"position_dependent_load": {}},
+         verdicts=ANY - NULL),
     Case("friction: a ripple of another form is left", logs_of(replace(servo(torque_noise=0.05), extra=square)),
          never=frozenset({"servo_integrator"}), verdicts=ANY - NULL),
 ]  # fmt: skip
@@ -103,8 +102,7 @@ def warming(joint: Joint, by: float, constant_by: float = 0.0) -> Record:
 WARM = replace(QUIET, duration=24.0)
 TEMPERATURE = [
     Case("friction: falls as the joint warms", warming(WARM, 0.012), {"thermal_friction": {}}),
-    Case("friction: a torque constant that falls as the joint warms", warming(WARM, 0.0, 0.003),
-         never=frozenset({"thermal_friction"}), verdicts=ANY - NULL),
+    Case("friction: a torque constant that falls as the joint warms", warming(WARM, 0.0, 0.003), never=frozenset({"thermal_friction"}), verdicts=ANY - NULL),
     Case("friction: a joint that warms without any change", warming(WARM, 0.0)),
 ]  # fmt: skip
 
@@ -188,14 +186,10 @@ BOTH = replace(PLAIN, extra=lambda m: drag(m) + 1.0)
 FLOOR = 0.012
 """Noise floor of `LONG` [N m]."""
 SOME = [
-    Case("friction: a random torque below 4 Hz", logs_of(replace(LONG, duration=16.0, extra=random_torque(45.0 * FLOOR, 4.0))),
-         verdicts=RED),
-    Case("friction: a random torque below 20 Hz", logs_of(replace(LONG, duration=16.0, extra=random_torque(45.0 * FLOOR, 20.0))),
-         verdicts=RED),
-    Case("friction: a touch of eight seconds in a training run",
-         logs_of([replace(LONG, extra=touch(75.0 * FLOOR)), LONG, LONG]), verdicts=RED),
-    Case("friction: a touch of eight seconds in a held-out run",
-         logs_of([LONG, LONG, replace(LONG, extra=touch(75.0 * FLOOR))]), verdicts=RED),
+    Case("friction: a random torque below 4 Hz", logs_of(replace(LONG, duration=16.0, extra=random_torque(45.0 * FLOOR, 4.0))), verdicts=RED),
+    Case("friction: a random torque below 20 Hz", logs_of(replace(LONG, duration=16.0, extra=random_torque(45.0 * FLOOR, 20.0))), verdicts=RED),
+    Case("friction: a touch of eight seconds in a training run", logs_of([replace(LONG, extra=touch(75.0 * FLOOR)), LONG, LONG]), verdicts=RED),
+    Case("friction: a touch of eight seconds in a held-out run", logs_of([LONG, LONG, replace(LONG, extra=touch(75.0 * FLOOR))]), verdicts=RED),
     Case("friction: quadratic in all runs but the held-out one", logs_of([DRAGGED, DRAGGED, PLAIN]), verdicts=ANY),
     Case("friction: a constant torque of one training run in three", logs_of([BIASED, PLAIN, PLAIN, BIASED], train=3), verdicts=ANY),
     Case("friction: a constant torque of one training run in two", logs_of([BIASED, PLAIN, BIASED]), verdicts=ANY),
@@ -267,11 +261,9 @@ REST = [
     Case("friction: a gain by direction under friction that outweighs the load",
          recorder({"joint": "joint", "drive": "position_servo", "declared": {"rotor_inertia": 0.3}}, mostly_friction),
          {"velocity_sign_switch": {}}, values={"coulomb.coulomb": Is(20.0, 0.5)}),
-    Case("friction: a joint that sticks before it slides", stop_and_go(6.0), allowed=STICKS, verdicts=ANY,
-         values={"coulomb.coulomb": 3.0}),
+    Case("friction: a joint that sticks before it slides", stop_and_go(6.0), allowed=STICKS, verdicts=ANY, values={"coulomb.coulomb": 3.0}),
     Case("friction: a joint that slides as it breaks away", stop_and_go(3.0), values={"coulomb.coulomb": 3.0}),
-    Case("friction: a soft servo that sticks", sticking(Servo()), verdicts=NULL | RED,
-         values={"coulomb.coulomb": Is(0.16, 0.15), "drive.gain": Is(1.0 / 3.0, 0.05)}),
+    Case("friction: a soft servo that sticks", sticking(Servo()), verdicts=NULL | RED, values={"coulomb.coulomb": Is(0.16, 0.15), "drive.gain": Is(1.0 / 3.0, 0.05)}),
 ]  # fmt: skip
 
 # ---- a geared joint whose friction outweighs its load

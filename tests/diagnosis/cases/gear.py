@@ -71,8 +71,7 @@ WINDS_UP = frozenset({"elasticity"})
 CASES = [
     *(Case(f"gear: play of {1e3 * gear.backlash:g} mrad", geared(gear), play(gear.backlash))
       for gear in (Gear(backlash=2e-3), Gear(backlash=6e-4), Gear(backlash=1.2e-3, stiffness=2500.0, rotor=0.3))),
-    Case("gear: play beside a spring of the link", geared(SPRUNG),
-         play(SPRUNG.backlash) | {"cable_spring": {"spring_stiffness": Is(SPRUNG.spring, 0.05)}}),
+    Case("gear: play beside a spring of the link", geared(SPRUNG), play(SPRUNG.backlash) | {"cable_spring": {"spring_stiffness": Is(SPRUNG.spring, 0.05)}}),
     Case("gear: without play", geared(Gear(backlash=0.0))),
     Case("gear: soft teeth", geared(Gear(backlash=0.0, contact=8e3)), {"elasticity": {"compliance": Is(1.0 / 8e3, 0.1)}}, verdicts=ANY - NULL),
     Case("gear: a position in time beside a torque sensor", geared(STIFF, torque_sensor=True), values={"viscous.viscous": Is(30.0, 0.1)}),
@@ -83,7 +82,6 @@ CASES = [
     Case("gear: a link that swings at 7 Hz on a soft gear, its torque measured",
          geared(Gear(backlash=0.0, contact=1.0 / SOFT), torque_sensor=True), {"elasticity": {"compliance": Is(SOFT, 0.15)}},
          verdicts=ANY - NULL),
-    Case("gear: a motor ahead of its encoder by the wind-up is no late sensor", soft(5e-3), {"elasticity": {"compliance": Is(5e-3, 0.15)}},
-         verdicts=ANY - NULL),
+    Case("gear: a motor ahead of its encoder by the wind-up is no late sensor", soft(5e-3), {"elasticity": {"compliance": Is(5e-3, 0.15)}}, verdicts=ANY - NULL),
     Case("gear: play and wind-up between two encoders lack nothing", between(0.012, 2.5e-4), verdicts=NULL | RED),
 ]  # fmt: skip

@@ -234,8 +234,7 @@ KNOWN_LINKS = [
     Case("robots: a centre of mass along the last link", known(Arm(true=mended(URDF, 'xyz="0.15 0.01 0"', 'xyz="0.19 0.01 0"'))),
          {"link_com@fore": {"com_x": Is(0.04, 0.0, 0.005)}}),
     Case("robots: a tool in all logs", known(Arm(payloads=(TOOL,) * 3)), {"payload@fore": TOOLED}, seeds=(0, 1)),
-    Case("robots: a wrong mass of the last link", known(Arm(true=mended(URDF, 'mass value="1.2"', 'mass value="1.45"'))),
-         {"link_mass@fore": {"mass": Is(0.25, 0.05)}}),
+    Case("robots: a wrong mass of the last link", known(Arm(true=mended(URDF, 'mass value="1.2"', 'mass value="1.45"'))), {"link_mass@fore": {"mass": Is(0.25, 0.05)}}),
     Case("robots: a wrong mass of an inner link", known(Arm(true=mended(URDF, 'mass value="2"', 'mass value="2.4"'))), {"link_mass@boom": {}}),
 ]  # fmt: skip
 
@@ -276,8 +275,7 @@ def felt(ripple: float, torque_noise: float, step: float, cycles: float = 24.0) 
 RIPPLED = (frozenset({"lift/torque_ripple"}), frozenset[str]())
 FELT = [
     Case("robots: link-side torques, nothing is missing", felt(0.0, 0.05, 1e-5)),
-    Case("robots: link-side torques, a ripple of 1 N m", felt(1.0, 0.05, 1e-5), {"lift/torque_ripple": {"cycles_per_turn": Is(24.0, 0.01)}}, RIPPLED,
-         verdicts=OPEN),
+    Case("robots: link-side torques, a ripple of 1 N m", felt(1.0, 0.05, 1e-5), {"lift/torque_ripple": {"cycles_per_turn": Is(24.0, 0.01)}}, RIPPLED, verdicts=OPEN),
     Case("robots: noisy link-side torques, a ripple of 1 N m", felt(1.0, 0.5, 1e-5), {"lift/torque_ripple": {"cycles_per_turn": Is(24.0, 0.01)}}, RIPPLED,
          verdicts=OPEN),
     Case("robots: link-side torques beside coarse encoders, a ripple of 1 N m", felt(1.0, 0.5, 2e-3), {}, RIPPLED, verdicts=OPEN),
@@ -382,8 +380,7 @@ SET_UPS = [
     set_up("another zero", elbow(shifted("lift", 0.6)), "zero@lift"),
     set_up("exchanged columns", elbow(columns_of(EXCHANGED)), "columns_exchanged@roll,bend"),
     set_up("exchanged efforts", elbow(columns_of({"roll/current": "bend/current", "bend/current": "roll/current"})), "efforts_exchanged@roll,bend"),
-    set_up("two reversed joints", elbow(factors(lift__position=-1.0, lift__current=-1.0, roll__position=-1.0, roll__current=-1.0)),
-           "joint_reversed@lift,roll"),
+    set_up("two reversed joints", elbow(factors(lift__position=-1.0, lift__current=-1.0, roll__position=-1.0, roll__current=-1.0)), "joint_reversed@lift,roll"),
     set_up("a base on a slope of 35 degrees", armed(Arm(true=tilted(f"{np.radians(35.0)} 0.2 0"), base="mount")), "gravity@"),
     set_up("known links on a slope of 8 degrees", known(Arm(true=tilted(f"0 {np.radians(8.0)} 0"), base="mount")), "gravity@"),
     *(set_up(f"a gear that couples two joints by {turns}", elbow(turns=turns), "coupled@bend,roll") for turns in (0.6, -1.0)),

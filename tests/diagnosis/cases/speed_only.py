@@ -49,6 +49,5 @@ CASES = [
          logs_of(JOINT, speed(), {"load": {"pendulum": {"mass": 1.0, "length": 0.2}}}), refusal="no column 'joint/position'"),
     Case("speed only: a forgotten unit is refused", logs_of(JOINT, speed(scale=600.0 / (2.0 * np.pi))),
          refusal=r"reaches .* it looks like rpm or deg/s; set units: \{velocity: rpm\}"),
-    Case("speed only: runs with and without positions do not mix", mixed,
-         refusal=r"run_0\.npz: no column 'joint/position', which .*run_1\.npz has"),
+    Case("speed only: runs with and without positions do not mix", mixed, refusal=r"run_0\.npz: no column 'joint/position', which .*run_1\.npz has"),
 ]  # fmt: skip

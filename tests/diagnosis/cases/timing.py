@@ -218,32 +218,19 @@ FRICTION = {"viscous.viscous": 0.35, "coulomb.coulomb": 0.3}
 EFFORTS = [
     Case("timing: half a period of hold of a current is no delay", driven()),
     Case("timing: a current that is averaged over the period", driven(averaged=True), values=FRICTION),
-    Case("timing: a current three periods late", driven(3 * PERIOD), {"delay": {"delay": Is(3.25 * PERIOD, 0.0, 0.35 * PERIOD)}},
-         verdicts=ANY),
+    Case("timing: a current three periods late", driven(3 * PERIOD), {"delay": {"delay": Is(3.25 * PERIOD, 0.0, 0.35 * PERIOD)}}, verdicts=ANY),
     Case("timing: a current that is logged two samples late", driven(0.0, recorded_late(2)), values=FRICTION),
     Case("timing: a current that is logged four samples late", driven(0.0, recorded_late(4)), values=FRICTION),
     Case("timing: half a hold of a goal at 500 Hz is no delay", stepped(0.0), values={"viscous.viscous": Is(0.35, 0.02)}),
     Case("timing: a goal 3 ms late at 500 Hz", stepped(3e-3), {"delay": {"delay": Is(3.5e-3, 0.0, 1e-3)}}, verdicts=ANY),
-    Case(
-        "timing: a current one sample late beside a torque sensor is an age or a delay",
-        logs_of(QUIET, later("current", 1)),
-        allowed=(NOTHING, DELAY),
-    ),
-    Case(
-        "timing: a current one sample early beside a torque sensor is an age or a delay",
-        logs_of(QUIET, later("current", -1)),
-        allowed=(NOTHING, DELAY),
-    ),
+    Case("timing: a current one sample late beside a torque sensor is an age or a delay", logs_of(QUIET, later("current", 1)), allowed=(NOTHING, DELAY)),
+    Case("timing: a current one sample early beside a torque sensor is an age or a delay", logs_of(QUIET, later("current", -1)), allowed=(NOTHING, DELAY)),
     Case(
         "timing: a command 12 ms late",
         logs_of(servo(torque_noise=0.05, encoder_step=1e-5), lambda table: at(table, "position_command", 0.012)),
         {"delay": {"delay": 0.012}},
     ),
-    Case(
-        "timing: a torque sensor 6 ms late",
-        logs_of(QUIET, lambda table: at(table, "torque", -0.006)),
-        {"delay": {"delay": 0.006}},
-    ),
+    Case("timing: a torque sensor 6 ms late", logs_of(QUIET, lambda table: at(table, "torque", -0.006)), {"delay": {"delay": 0.006}}),
 ]  # fmt: skip
 
 
@@ -411,8 +398,7 @@ def lost(row: int) -> Callable[[Run], Run]:
 CLOCKS = [
     Case("timing: goals of another clock, logged as often", scattered(0.01)),
     Case("timing: goals of another clock, logged at a quarter of their rate", scattered(0.04)),
-    Case("timing: goals 40 ms late beside another clock", scattered(0.01, 0.04), {"delay": {"delay": Is(0.04, 0.0, 0.01)}},
-         verdicts=ANY),
+    Case("timing: goals 40 ms late beside another clock", scattered(0.01, 0.04), {"delay": {"delay": Is(0.04, 0.0, 0.01)}}, verdicts=ANY, seeds=(0, 1)),
     Case("timing: clocks of goals and log that drift apart", scattered(0.0102, tick=2e-4), verdicts=NULL | RED),
     Case("timing: fast strokes whose instants scatter by 0.1 ms", stroked(1e-4)),
     Case("timing: fast strokes without scatter", stroked(0.0)),
