@@ -12,7 +12,7 @@ from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.inspection.column import NAMELESS, Column, describe
 from drake_tc.logs.inspection.column import numbers as in_numbers
-from drake_tc.logs.inspection.names import Meaning, meaning, with_unit
+from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit
 from drake_tc.logs.inspection.rates import with_units_of_rates
 from drake_tc.logs.inspection.suggestion import suggested_rig
 from drake_tc.logs.prepare import load_run
@@ -145,7 +145,11 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     for told in of_joints.values():
         owners.setdefault(told.quantity, set()).add(told.joint)
     joints = {told.joint for told in of_joints.values()}
-    if len(joints) < 2 or any("/" in name for name in of_joints) or any(len(own) > 1 for own in owners.values()):
+    if (
+        len(joints) < 2
+        or any("/" in without_unit(name) for name in of_joints)
+        or any(len(own) > 1 for own in owners.values())
+    ):
         return dict(found)
     motion = next((owners[quantity] for quantity in ("position", "velocity") if quantity in owners), {""})
     joint = next(iter(motion))

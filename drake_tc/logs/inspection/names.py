@@ -189,6 +189,14 @@ def _unit(text: str, quantity: str) -> str:
     return unit_named(text, _BASE.get(quantity, quantity))
 
 
+def without_unit(name: str) -> str:
+    """The name of a column without a unit in brackets or at its end."""
+    for form in (_IN_BRACKETS, _AT_THE_END):
+        if found := form.fullmatch(name):
+            return str(found[1])
+    return name
+
+
 def stated_unit(name: str, suffix: str) -> str:
     """The unit of the channel `suffix` that the name of a column states, as rig files write it; empty if none.
 

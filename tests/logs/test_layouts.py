@@ -1,0 +1,230 @@
+"""One run, written in every layout and unit that logs come in, is the same run once `inspect` has named its columns."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from drake_tc.experiments.check.run import check_rig
+from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.logs.rig_writing import save_rig
+
+TIME = np.arange(3000) / 250.0
+POSITION = 0.9 * np.sin(1.7 * TIME) + 0.3 * np.sin(4.1 * TIME + 1.0)
+RATE = 1.53 * np.cos(1.7 * TIME) + 1.23 * np.cos(4.1 * TIME + 1.0)
+NOISE = np.random.default_rng(5)
+TORQUE = 1.5 * np.sin(POSITION) + 0.02 * NOISE.normal(size=TIME.size)
+CURRENT = 0.8 * TORQUE + 0.3 * np.tanh(20.0 * RATE) + 0.4 * RATE + 0.01 * NOISE.normal(size=TIME.size)
+COMMAND = POSITION + 0.2 * CURRENT
+"""A pendulum behind a gear with friction, [s], [rad], [rad/s], [N m], [A]."""
+SIGNALS = {"position": POSITION, "position_command": COMMAND, "velocity": RATE, "torque": TORQUE, "current": CURRENT}
+DEG = 180.0 / np.pi
+
+
+def table(**names: str) -> pd.DataFrame:
+    """The signals by names of columns, after the time."""
+    return pd.DataFrame({names.pop("time", "time"): TIME} | {name: SIGNALS[key] for key, name in names.items()})
+
+
+def comments(path: Path) -> Path:
+    text = table(position="position", current="current", torque="torque").to_csv(index=False)
+    lines = text.splitlines()
+    lines.insert(40, "# the load was changed here")
+    path.write_text("\n".join(["# bench 3, gear 6", "# kt = 0.11", "", *lines]) + "\n")
+    return path
+
+
+def savetxt(path: Path) -> Path:
+    own = table(position="position", current="current", torque="torque")
+    np.savetxt(path, own.to_numpy(), delimiter=",", header=",".join(own.columns))
+    return path
+
+
+def pairs(path: Path) -> Path:
+    own = table(position="pos [deg]", current="current [mA]", torque="torque [Nm]")
+    values = np.column_stack([column for name in own.columns[1:] for column in (TIME, own[name])])
+    values *= [1, DEG, 1, 1e3, 1, 1]
+    rows = "\n".join(",".join(f"{value:.9f}" for value in row) for row in values)
+    path.write_text("pos [deg],,current [mA],,torque [Nm],\nX,Y,X,Y,X,Y\n" + rows + "\n")
+    return path
+
+
+def clocks(path: Path) -> Path:
+    """Each channel after a time of its own; the last two are sampled later than the first."""
+    late = TIME + 0.001
+    own = {name: np.interp(late, TIME, SIGNALS[name]) for name in ("current", "torque")}
+    rows = zip(TIME, POSITION, late, own["current"], late, own["torque"], strict=True)
+    text = "\n".join(",".join(f"{value:.9f}" for value in row) for row in rows)
+    path.write_text("Time [s],position,Time [s],current,Time [s],torque\n" + text + "\n")
+    return path
+
+
+def units_below(path: Path) -> Path:
+    own = table(position="angle", current="iq", torque="torque") * [1e3, DEG, 1e3, 1.0]
+    names, rows = own.to_csv(index=False).split("\n", 1)
+    path.write_text(f"{names}\nms,deg,mA,Nm\n{rows}")
+    return path
+
+
+def units_in_names(path: Path) -> Path:
+    own = table(
+        time="time [ms]",
+        position="shaft position [deg]",
+        velocity="shaft vel [Hz]",
+        current="q-axis [mA]",
+        torque="load [Nm]",
+    )
+    (own * [1e3, DEG, 1 / (2 * np.pi), 1e3, 1.0]).to_csv(path, index=False)
+    return path
+
+
+def units_at_the_end(path: Path) -> Path:
+    own = table(
+        time="t_us", position="knee_deg", position_command="knee_cmd_deg", velocity="knee_rpm", torque="knee_Nm"
+    )
+    (own * [1e6, DEG, DEG, 30 / np.pi, 1.0]).to_csv(path, index=False)
+    return path
+
+
+def actual_and_desired(path: Path) -> Path:
+    table(
+        time="t", position_command="posDes", position="posAct", velocity="velAct", torque="torAct", current="i"
+    ).to_csv(path, index=False)
+    return path
+
+
+def dotted(path: Path) -> Path:
+    own = table(time="t", position="knee_joint.pos", velocity="knee_joint.vel", current="knee_joint.cur")
+    own.assign(**{"knee_joint.tau": TORQUE, "torque_enable": 1}).to_csv(path, index=False)
+    return path
+
+
+def arrays(path: Path) -> Path:
+    two = {"q": POSITION, "qd": RATE, "q_cmd": COMMAND, "tau_measured": TORQUE, "ee_pos": POSITION}
+    matrices = {name: np.column_stack([values, values]) for name, values in two.items()}
+    if path.suffix == ".npz":
+        np.savez(path, time=TIME, **matrices)
+    else:
+        scipy.io.savemat(path, {"time": TIME[:, None], **matrices})
+    return path
+
+
+def columns_of_json(path: Path) -> Path:
+    own = {name: SIGNALS[key].tolist() for name, key in (("pos", "position"), ("cmd", "position_command"))}
+    path.write_text(json.dumps({"hz": 250, "knee": own | {"torque": TORQUE.tolist()}}))
+    return path
+
+
+def records_of_json(path: Path) -> Path:
+    own = table(position="knee/position", position_command="knee/position_command", torque="knee/torque")
+    path.write_text(json.dumps({"mass": 0.5, "entries": own.to_dict("records")}))
+    return path
+
+
+def lerobot(path: Path, version: int) -> Path:
+    names = {"names": ["knee"]}
+    keys = {"observation.state": POSITION * DEG, "action": COMMAND * DEG, "observation.torque": TORQUE}
+    (path / "meta").mkdir(parents=True)
+    (path / "meta" / "info.json").write_text(json.dumps({"fps": 250, "features": dict.fromkeys(keys, names)}))
+    frames = pd.DataFrame({name: list(values[:, None]) for name, values in keys.items()})
+    frames = frames.assign(timestamp=TIME, episode_index=0)
+    place = path / "data" / "chunk-000" / ("episode_000000.parquet" if version == 2 else "file-000.parquet")
+    place.parent.mkdir(parents=True)
+    frames.to_parquet(place)
+    return path
+
+
+LAYOUTS = {
+    "comments": lambda folder: comments(folder / "run.csv"),
+    "numpy.savetxt": lambda folder: savetxt(folder / "run.csv"),
+    "pairs": lambda folder: pairs(folder / "run.csv"),
+    "clocks": lambda folder: clocks(folder / "run.csv"),
+    "units below": lambda folder: units_below(folder / "run.csv"),
+    "units in names": lambda folder: units_in_names(folder / "run.csv"),
+    "units at the end": lambda folder: units_at_the_end(folder / "run.csv"),
+    "actual and desired": lambda folder: actual_and_desired(folder / "run.csv"),
+    "dotted": lambda folder: dotted(folder / "run.csv"),
+    "npz": lambda folder: arrays(folder / "run.npz"),
+    "mat": lambda folder: arrays(folder / "run.mat"),
+    "json columns": lambda folder: columns_of_json(folder / "run.json"),
+    "json records": lambda folder: records_of_json(folder / "run.json"),
+    "lerobot 2": lambda folder: lerobot(folder / "run", 2),
+    "lerobot 3": lambda folder: lerobot(folder / "run", 3),
+}
+
+
+def same_signals(run, joint: str) -> None:
+    """What the run has of the joint is what was written; a channel of another clock is off by its interpolation."""
+    assert_allclose(run.time, TIME[: len(run)], rtol=0, atol=1e-6)
+    told = {name: values for name, values in run.columns.items() if name.startswith(f"{joint}/")}
+    assert f"{joint}/position" in told and len(told) >= 3
+    for name, values in told.items():
+        expected = SIGNALS[name.rpartition("/")[2]][: len(run)]
+        assert_allclose(values[2:-2], expected[2:-2], rtol=0, atol=5e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_layout_goes_from_inspect_to_check(tmp_path, layout):
+    path = LAYOUTS[layout](tmp_path)
+    found = inspect_log(path)
+    assert trial(found) == "" and len(found.rig.get("joints", [""])) <= 2, found.notes
+    rig = save_rig(parse_rig(dict(found.rig)), tmp_path / "rig.yaml")
+    run = load_run(path, load_rig(rig))
+    joint = found.rig.get("joint") or found.rig["joints"][0]
+    if layout == "clocks":
+        assert_allclose(run.columns[f"{joint}/position"], POSITION, rtol=0, atol=1e-8)
+        assert np.std(run.columns[f"{joint}/current"][1:] - CURRENT[1:]) < 0.02
+    else:
+        same_signals(run, joint)
+    result = check_rig(rig, [path])
+    assert all(each.refusal == "" for each in result.joints.values())
+
+
+UNITS = {
+    "position": {"rad": 1.0, "deg": DEG, "°": DEG, "mrad": 1e3, "turns": 0.5 / np.pi},
+    "velocity": {"rad/s": 1.0, "deg/s": DEG, "rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rev/s": 0.5 / np.pi},
+    "current": {"A": 1.0, "mA": 1e3},
+    "torque": {"Nm": 1.0, "N·m": 1.0, "mNm": 1e3, "N*mm": 1e3, "kgf*cm": 10.1971621, "lbf*in": 8.85074579},
+}
+NAMES = {
+    "position": ["position", "q", "elbow angle", "pos_act", "actPos"],
+    "velocity": ["velocity", "speed", "shaft vel", "qd"],
+    "current": ["current", "i", "motor current", "q-axis", "iq_meas"],
+    "torque": ["torque", "tau", "load", "torAct", "sensor"],
+}
+SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
+
+
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    data=st.data(), time_unit=st.sampled_from(sorted(SECONDS)), below=st.booleans(), separator=st.sampled_from(",;\t")
+)
+def test_stated_units_survive_whatever_the_names(tmp_path, data, time_unit, below, separator):
+    columns, units, factors = ["time"], [time_unit], [SECONDS[time_unit]]
+    for key in UNITS:
+        columns.append(data.draw(st.sampled_from(NAMES[key])))
+        units.append(data.draw(st.sampled_from(sorted(UNITS[key]))))
+        factors.append(UNITS[key][units[-1]])
+    values = np.column_stack([TIME, *(SIGNALS[key] for key in UNITS)])[:1000] * factors
+    if below:  # words alone tell the quantity here
+        columns = [
+            name if name in ("time", *UNITS) else key for name, key in zip(columns, ("time", *UNITS), strict=True)
+        ]
+        names, second = columns, [units]
+    else:
+        names, second = [f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)], []
+    lines = [names, *second, *[[f"{value:.12g}" for value in row] for row in values]]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(separator.join(line) for line in lines) + "\n")
+    found = inspect_log(path)
+    assert found.rig["drive"] == "current", found.columns
+    run = load_run(path, parse_rig(dict(found.rig)))
+    same_signals(run, found.rig["joint"])
