@@ -89,9 +89,10 @@ def export_command(
     from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.export_trial import ExportTrial
     from drake_tc.exchange.account import export_page, sentences
-    from drake_tc.exchange.comparison import RUNS
+    from drake_tc.exchange.comparison import RUNS, changes
     from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.isaaclab_bam import limited_by_supply, to_isaaclab_bam
+    from drake_tc.exchange.links import with_links
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS
     from drake_tc.report.export_section import cells, headings
@@ -109,7 +110,7 @@ def export_command(
             f" {to.value}"
         )
     speeds = _speeds(rig, log or [], list(models))
-    projections = [project(each, TARGETS[to.value], speeds.get(name)) for name, each in models.items()]
+    projections = [project(each, TARGETS[to.value], *speeds.get(name, (None, None))) for name, each in models.items()]
     if torque_constant is not None:
         projections = [with_torque_constant(each, torque_constant, TARGETS[to.value]) for each in projections]
     if to is Target.isaaclab_bam:
@@ -118,10 +119,16 @@ def export_command(
         text = to_isaaclab_bam(projections, into, settings)
     else:
         text = _writer(to)(projections, into)
-    errors, notes = _errors(models, projections, to, rig, holdout, into) if holdout and rig is not None else ([], [])
+    text, of_links = with_links(text, to.value, into, read.shared, read.links)
+    errors: list[ExportErrors] = []
+    notes: list[str] = []
+    if holdout and rig is not None:
+        errors, notes = _errors(models, projections, to, rig, holdout, into, text)
     notes += _file_notes(to, text, projections, into)
+    if into is not None and to is not Target.bam:
+        notes += changes(text, projections, into)
     notes += [_not_in_newton_metres(models[name]) for name in read.torque_as_effort if name in models]
-    notes += _links_not_written(list(read.links), model)
+    notes += of_links
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
     runner = RUNS[to.value].name if errors else ""
@@ -152,17 +159,6 @@ def export_command(
     for written in (page, out):
         if written is not None:
             print(written, file=shown)
-
-
-def _links_not_written(links: Sequence[str], model: Path) -> list[str]:
-    """What the user has to do about the links' parameters that were fitted together with the joints."""
-    if not links:
-        return []
-    return [
-        f"The fitted inertial parameters of {', '.join(links)} are not written. The joints' models belong to links "
-        f"with the values under `links` of {model.name}: m [kg], m times the centre of mass [kg m], and moments of "
-        "inertia about the link's origin [kg m^2]."
-    ]
 
 
 def _chosen(
@@ -203,15 +199,17 @@ def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
 
 
 def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> dict[str, Any]:
-    """(T,) velocities of each joint in the runs to fit."""
+    """(T,) velocities and loads of each joint in the runs to fit; None for loads that are not known."""
     if rig is None or not logs:
         return {}
-    from drake_tc.exchange.trial import recorded_speeds
+    from drake_tc.exchange.trial import recorded_loads, recorded_speeds
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    return dict(recorded_speeds(load_runs(logs, what), what, joints))
+    runs = load_runs(logs, what)
+    loads = recorded_loads(runs, what, joints)
+    return {name: (each, loads.get(name)) for name, each in recorded_speeds(runs, what, joints).items()}
 
 
 def _not_in_newton_metres(model: "ActuatorModel") -> str:
@@ -242,16 +240,17 @@ def _errors(
     rig: Path,
     runs: Sequence[Path],
     into: Path | None,
+    text: str,
 ) -> "tuple[list[ExportErrors], list[str]]":
     """Errors of the runs, and sentences on them."""
-    from drake_tc.exchange.comparison import as_merged, run_errors, run_notes
+    from drake_tc.exchange.comparison import run_errors, run_notes
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    merged = as_merged(projections, to.value, into)
-    rows = run_errors(models, merged, to.value, what, load_runs(runs, what), into)
-    return rows, run_notes(merged, to.value, what, into)
+    written = None if into is None else text
+    rows = run_errors(models, projections, to.value, what, load_runs(runs, what), into, written)
+    return rows, run_notes(projections, to.value, what, into)
 
 
 def _document(

@@ -26,10 +26,14 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
             where = (
                 f"the recorded speeds (up to {r.speed:.3g} rad/s)" if r.recorded else f"speeds up to {r.speed:g} rad/s"
             )
+            has = f"has no {' and '.join(map(title_of, r.effects))}"
+            if each.terms.stribeck is not None and "stribeck" in r.effects:
+                others = " and ".join(title_of(name) for name in r.effects if name != "stribeck")
+                has = f"has a Stribeck peak of the exponent {each.terms.stribeck.exponent:g} alone"
+                has += f", and no {others}" if others else ""
             lines.append(
-                f"{each.joint}: {target.name} has no {' and '.join(map(title_of, r.effects))}: dry and viscous friction"
-                f" were refitted over {where}; RMS error of the friction torque {r.refitted:.3g} N m,"
-                f" {r.dropped:.3g} N m without the refit."
+                f"{each.joint}: {target.name} {has}: the friction that it has was refitted over {where}; RMS error of"
+                f" the friction torque {r.refitted:.3g} N m, {r.dropped:.3g} N m without the refit."
             )
         for loss in each.losses:
             effect = title_of(loss.effect)
@@ -84,6 +88,15 @@ def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[
             ("delay of the command", t.delay, "s"),
             ("limit of the torque", t.torque_limit, "N·m"),
             ("play of the gear", t.backlash, "rad"),
+            ("stiffness of the spring", t.stiffness, "N·m/rad"),
+            ("torque of the spring at position 0", t.preload, "N·m"),
+            ("filter of the command", t.lag, "s"),
+            ("integral gain over the gain", t.integral_rate, "1/s"),
+            ("damping inside of the limit", t.derivative_gain, "N·m·s/rad"),
+            ("compliance of the gear", t.compliance, "rad/(N·m)"),
+            ("torque ripple, cosine", t.ripple.cosine if t.ripple else None, "N·m"),
+            ("torque ripple, sine", t.ripple.sine if t.ripple else None, "N·m"),
+            ("torque ripple, periods a turn", t.ripple.cycles if t.ripple else None, ""),
         ]
         rows += [
             (each.joint, name, f"{significant(value, 5)} {in_units_of(each.joint_type, unit)}".strip())

@@ -1,5 +1,6 @@
 """Free runs of held-out logs: the identified model in Drake, its export in the target, and what the user's file had."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,28 +9,37 @@ from types import MappingProxyType
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.config.joint_units import in_units_of
 from drake_tc.diagnosis.result.export_trial import ExportErrors
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam_run import simulate_as_bam
-from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
-from drake_tc.exchange.mujoco_run import require_mujoco, simulate_in_mujoco, too_old_for
+from drake_tc.exchange.drake_run import (
+    simulate_file_in_drake,
+    simulate_in_drake,
+    simulate_sdf_in_drake,
+    simulate_urdf_in_drake,
+)
+from drake_tc.exchange.mjcf import put_includes
+from drake_tc.exchange.mujoco_run import require_mujoco, simulate_in_mujoco, simulate_mjcf, too_old_for
 from drake_tc.exchange.projection import Projection, Vocabulary
-from drake_tc.exchange.target_run import Runner, target_free_run
+from drake_tc.exchange.target_run import Runner, WrittenFile, target_free_run
 from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.xml_text import read_xml, to_text, top
+from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
-from drake_tc.simulator_files.read import ANY_JOINT, read_joints
+from drake_tc.simulator_files.read import ANY_JOINT, joints_of_text, read_joints
 from drake_tc.simulator_files.terms import ReadJoint, Terms
 from drake_tc.types import FloatArray
 
 NO_FRICTION = MappingProxyType({"frictionloss": "Drake's parser does not use the friction of a joint"})
 RUNS: Mapping[str, Runner] = MappingProxyType(
     {
-        "mjcf": Runner("MuJoCo", simulate_in_mujoco, 1e-3, require_mujoco, too_old_for),
-        "urdf": Runner("Drake's plant", simulate_urdf_in_drake, 2e-4, ignores=NO_FRICTION),
-        "drake-urdf": Runner("Drake's plant", simulate_in_drake, 2e-4),
-        "sdf": Runner("Drake's plant", simulate_sdf_in_drake, 2e-4, ignores=NO_FRICTION),
+        "mjcf": Runner("MuJoCo", simulate_in_mujoco, 1e-3, simulate_mjcf, 5e-4, require_mujoco, too_old_for),
+        "urdf": Runner("Drake's plant", simulate_urdf_in_drake, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
+        "drake-urdf": Runner("Drake's plant", simulate_in_drake, 2e-4, simulate_file_in_drake),
+        "sdf": Runner("Drake's plant", simulate_sdf_in_drake, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
         "bam": Runner("BAM's equations", simulate_as_bam, 2e-4),
     }
 )
@@ -43,7 +53,8 @@ def run_errors(
     target: str,
     rig: Rig,
     runs: Sequence[Run],
-    into: Path | None,
+    original: Path | None,
+    text: str | None = None,
 ) -> list[ExportErrors]:
     """One row a joint and run.
 
@@ -53,26 +64,27 @@ def run_errors(
         target: A key of `RUNS`.
         rig: Of the runs.
         runs: Held-out ones.
-        into: The user's file; None: there is none.
+        original: The user's file; None: there is none.
+        text: Of the file that the terms were merged into; the run is that of this file. None: of a bench of the terms.
 
     Raises:
         ParamsError: the target is not installed, or refuses the model; an unreadable file; a rig whose loads come from
             a robot's model.
     """
     runner = require_runner(target, rig)
-    both = _terms_to_run(projections, target, into)
+    both = _to_run(projections, target, original, rig, text)
 
-    def error(terms: Terms | None, joint: str, run: Run) -> float | None:
-        if terms is None or runner.too_old(terms):
+    def error(what: Terms | WrittenFile | None, terms: Terms | None, joint: str, run: Run) -> float | None:
+        if what is None or terms is None or runner.too_old(terms):
             return None
-        return _rms(target_free_run(runner, models[joint], terms, rig, run))
+        return _rms(target_free_run(runner, models[joint], what, rig, run))
 
     rows = []
     for run in runs:
-        for joint, (exported, original) in both.items():
+        for joint, (exported, was) in both.items():
             ours = rig_free_run(models[joint], rig, joint, run)
             model = None if ours is None else _rms(ours[1:])
-            rows.append(ExportErrors(joint, run.name, model, error(exported, joint, run), error(original, joint, run)))
+            rows.append(ExportErrors(joint, run.name, model, error(*exported, joint, run), error(*was, joint, run)))
     return rows
 
 
@@ -101,26 +113,6 @@ def run_notes(projections: Sequence[Projection], target: str, rig: Rig, into: Pa
                 f" {TARGETS[target].name} has no rotor inertia."
             )
     return lines
-
-
-def as_merged(projections: Sequence[Projection], target: str, into: Path | None) -> list[Projection]:
-    """The projections as the file has them into which they were merged.
-
-    A URDF or SDF file keeps the rotor inertia of Drake's tags, which the export does not write.
-
-    Args:
-        projections: One a joint.
-        target: A key of `TARGETS`.
-        into: The user's file; None: there is none.
-
-    Raises:
-        ParamsError: the file cannot be read.
-    """
-    if into is None or TARGETS[target].has("armature"):
-        return list(projections)
-    before = read_joints(into, ParamsError)
-    inertias = {name: joint.terms.armature for name, joint in before.items()}
-    return [replace(each, terms=replace(each.terms, armature=inertias.get(each.joint, 0.0))) for each in projections]
 
 
 def require_runner(target: str, rig: Rig) -> Runner:
@@ -154,6 +146,105 @@ def _terms_to_run(
         original = None if was is None else _original(was, projection.terms, TARGETS[target])
         found[projection.joint] = projection.terms, original
     return found
+
+
+_What = tuple[Terms | WrittenFile | None, Terms | None]
+
+
+def _to_run(
+    projections: Sequence[Projection], target: str, original: Path | None, rig: Rig, text: str | None
+) -> dict[str, tuple[_What, _What]]:
+    """By joint what runs of the export and of the user's file: a file where its own links are the load, with terms."""
+    found: dict[str, tuple[_What, _What]] = {}
+    files = RUNS[target].simulate_file is not None
+    for joint, (exported, was) in _terms_to_run(projections, target, original).items():
+        whole = files and (isinstance(rig.load[joint], Pendulum) or rig.load[joint] == "torque")
+        new: Terms | WrittenFile = exported
+        old: Terms | WrittenFile | None = was
+        if whole and text is not None and original is not None:
+            new = _file(text, joint, exported, original)
+            old = None if was is None else _file(_flat(original, target), joint, was, original)
+        found[joint] = (new, exported), (old, was)
+    return found
+
+
+def _flat(path: Path, target: str) -> str:
+    """The text of the user's file, with what it includes."""
+    if target != "mjcf":
+        return path.read_text(encoding="utf-8")
+    document = read_xml(path, "mujoco")
+    put_includes(top(document), path)
+    return to_text(document)
+
+
+def _file(text: str, joint: str, terms: Terms, path: Path) -> WrittenFile:
+    servo = (terms.kp, 0.0) if terms.drive == "position_servo" else None
+    return WrittenFile(text, joint, path.parent, servo, terms.kp)
+
+
+def changes(text: str, projections: Sequence[Projection], into: Path) -> list[str]:
+    """Sentences on what the file had beside the model: what went, and what stays in the file that was written.
+
+    Args:
+        text: Of the written file.
+        projections: That were merged into it.
+        into: The user's file.
+
+    Raises:
+        ParamsError: the file cannot be read.
+    """
+    before, after = read_joints(into, ParamsError), joints_of_text(text, into, ParamsError)
+    files = ", ".join(_INCLUDE.findall(into.read_text(encoding="utf-8")))
+    lines = [f"What your file includes is in the written file: {files}."] if files else []
+    for each in projections:
+        was, now = (found.get(each.joint, found.get(ANY_JOINT)) for found in (before, after))
+        if was is None or now is None:
+            continue
+        left = [_term(name, now.terms) for name in LEFTOVERS if _differs(name, now.terms, each.terms)]
+        gone = [
+            _term(name, was.terms)
+            for name in LEFTOVERS
+            if getattr(was.terms, name) and not getattr(now.terms, name) and not getattr(each.terms, name)
+        ]
+        words, still = ([_LINE.sub("", told) for told in found.unused] for found in (was, now))
+        gone += [told for told in words if told not in still and told.startswith(("its actuator", "the command of"))]
+        left += [told for told in dict.fromkeys(still) if told in words]
+        if gone:
+            told = f"{each.joint}: your file had {', '.join(gone)}, which the model lacks: removed."
+            lines.append(in_units_of(each.joint_type, told))
+        if left:
+            told = f"{each.joint}: your file has beside the model, and keeps: {', '.join(left)}."
+            lines.append(in_units_of(each.joint_type, told))
+    return lines
+
+
+LEFTOVERS: Mapping[str, str] = MappingProxyType(
+    {
+        "stiffness": "a spring of {:.4g} N m/rad",
+        "lag": "a filter of the command of {:.4g} s",
+        "delay": "a delay of {:.4g} s",
+        "integral_rate": "integral action of {:.4g} 1/s",
+        "backlash": "a play of {:.4g} rad",
+        "compliance": "an elasticity of {:.4g} rad/(N m)",
+        "quadratic": "quadratic friction of {:.4g} N m s^2/rad^2",
+        "ripple": "a torque ripple",
+        "stribeck": "a Stribeck peak",
+        "armature": "a rotor inertia of {:.4g} kg m^2",
+        "torque_limit": "a limit of the torque of {:.4g} N m",
+    }
+)
+"""Terms that a file may have and a model lack, in words."""
+_INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
+_LINE = re.compile(r" in line \d+")
+
+
+def _differs(name: str, now: Terms, wanted: Terms) -> bool:
+    return bool(getattr(now, name)) and not getattr(wanted, name)
+
+
+def _term(name: str, terms: Terms) -> str:
+    value = getattr(terms, name)
+    return LEFTOVERS[name].format(value) if isinstance(value, float | int) else LEFTOVERS[name]
 
 
 def _original(was: ReadJoint, exported: Terms, target: Vocabulary) -> Terms | None:

@@ -7,6 +7,7 @@ these tags does not have is not in the run either; the gain is that of the user'
 
 import logging
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,15 +15,17 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import PdControllerGains
+from pydrake.multibody.tree import BodyIndex, PdControllerGains
 from pydrake.systems.analysis import Simulator
 
 from drake_tc.actuation.recorded_run import Link
+from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.sdf import to_sdf
-from drake_tc.exchange.target_run import PointMass, RunInput
+from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
 from drake_tc.exchange.urdf import to_urdf
 from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.xml_tree import DRAKE, xml_tree
 from drake_tc.types import FloatArray
 
 FARTHEST = 1e4
@@ -69,10 +72,93 @@ def simulate_sdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) 
     return _simulate(_with_what_no_tag_says(plant, terms), terms, given)
 
 
+def simulate_file_in_drake(file: WrittenFile, pendulum: Link | None, given: RunInput) -> FloatArray:
+    """The same with a URDF or SDFormat file as it is written; its other joints stand still.
+
+    Args:
+        file: With its own links, which are the load where the rig has a pendulum.
+        pendulum: Of the rig; None: the load is recorded, and the links of the file weigh next to nothing.
+        given: What moves it.
+
+    Raises:
+        ParamsError: Drake refuses the file.
+    """
+    text, kind = without_shapes(file.text)
+    plant: Any = MultibodyPlant(given.step)
+    try:
+        with no_warning_of_friction():
+            Parser(plant).AddModelsFromString(_with_link(text, None) if pendulum is None else text, kind)
+    except (RuntimeError, ValueError) as error:
+        raise ParamsError(f"Drake refuses the exported model: {' '.join(str(error).split())}") from None
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    inner = {int(joint.child_body().index()) for joint in joints}
+    for body in (plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())):
+        if int(body.index()) not in inner:
+            plant.WeldFrames(plant.world_frame(), body.body_frame())
+    joint = plant.GetJointByName(file.joint)
+    joint.set_position_limits(np.full(1, -np.inf), np.full(1, np.inf))
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    own = next((each for each in actuators if each.joint().index() == joint.index()), None)
+    if own is None:
+        own = plant.AddJointActuator(file.joint, joint)
+    if file.servo is not None and not own.has_controller():
+        own.set_controller_gains(PdControllerGains(p=file.servo[0], d=file.servo[1]))
+    if pendulum is None:
+        plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant.Finalize()
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    position, velocity = given.start
+    start: Any = plant.GetPositionsAndVelocities(context)
+    start[joint.position_start()], start[plant.num_positions() + joint.velocity_start()] = position, velocity
+    plant.SetPositionsAndVelocities(context, start)
+    for other in joints:
+        if other.num_velocities() and other.index() != joint.index():
+            other.Lock(context)
+    instance = joint.model_instance()
+    found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
+    servos = [each.index() for each in found if each.has_controller()]
+    load, at = plant.get_applied_generalized_force_input_port(), joint.velocity_start()
+    forces: Any = np.zeros(plant.num_velocities())
+    positions = np.full(given.command.size, np.nan)
+    for i, u in enumerate(given.command):
+        positions[i] = plant.GetPositions(context)[joint.position_start()]
+        if own.has_controller():
+            desired: Any = np.zeros(2 * len(servos))
+            desired[servos.index(own.index())] = u
+            plant.get_desired_state_input_port(instance).FixValue(context, desired)
+        else:
+            pushed: Any = np.zeros(len(found))
+            pushed[[each.index() for each in found].index(own.index())] = file.torque_for_one * u
+            plant.get_actuation_input_port(instance).FixValue(context, pushed)
+        forces[at] = -given.load[i]
+        load.FixValue(context, forces)
+        simulator.AdvanceTo((i + 1) * given.period)
+        if not abs(plant.GetPositions(context)[joint.position_start()]) < FARTHEST:
+            break
+    return positions
+
+
+def without_shapes(text: str) -> tuple[str, str]:
+    """A URDF or SDFormat file without visual and collision shapes, for Drake's parser, and which of them it is.
+
+    Args:
+        text: Of the file.
+    """
+    tree = xml_tree(text)
+    for link in tree.iter("link"):
+        for shape in [each for each in link if each.tag in ("visual", "collision")]:
+            link.remove(shape)
+    for name in [each for each in tree.attrib if each.startswith("xmlns:")]:
+        del tree.attrib[name]
+    ET.register_namespace("drake", DRAKE[1:-1])
+    return ET.tostring(tree, encoding="unicode"), "urdf" if tree.tag == "robot" else "sdf"
+
+
 def _parsed(text: str, kind: str, pendulum: Link | None, step: float) -> Any:
     """The plant of a written bench, with the link of the run."""
     plant: Any = MultibodyPlant(step)
-    with _no_warning_of_friction():
+    with no_warning_of_friction():
         Parser(plant).AddModelsFromString(_with_link(text, pendulum), kind)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     plant.GetJointByName("joint").set_position_limits(np.full(1, -np.inf), np.full(1, np.inf))
@@ -128,7 +214,7 @@ def _with_link(text: str, pendulum: Link | None) -> str:
 
 
 @contextmanager
-def _no_warning_of_friction() -> Iterator[None]:
+def no_warning_of_friction() -> Iterator[None]:
     """Without Drake's warning that the friction of a joint is not used."""
 
     def unless_friction(record: logging.LogRecord) -> bool:

@@ -1,87 +1,160 @@
-"""The actuator of a joint in an MJCF file, in place of the one that drives the joint there.
+"""The actuators of a joint in an MJCF file: one that is the identified drive, and one without input for its friction.
 
-    position: force = gear kp (ctrl - gear q) - gear^2 kv v, written with gear = 1 and kv = 0
+    position: force = kp (ctrl - q) - kv v as a whole within forcerange; timeconst filters ctrl
+    pid:      the same with ki, the integral of the error
     motor:    force = gear ctrl, written with gear = kp, the torque for one unit of the drive's command
-    dcmotor:  force = gear kt/R (ctrl - kt gear v), written with gear = 1 where the torque constant is known; its limit
-              is that of ctrl, because MuJoCo 3.17 does not apply the voltage of `saturation` to it
+    general:  the same with a filter of ctrl
+    dcmotor:  force = kt/R (ctrl - kt v), written where the torque constant is known; its limit is that of ctrl, because
+              MuJoCo 3.17 does not apply the voltage of `saturation` to it
+    dcmotor without input: a Stribeck peak F_C + (F_S - F_C) exp(-(v/v_S)^2) as `lugre`, a ripple as `cogging`
 
-Default classes hand on gear, gains, delay and limits to every actuator, so whatever differs from MuJoCo's own default
-is written out where a file has default classes. A limit of force or command that the model says nothing of stays the
-same limit at the joint when the gear changes.
+The drive takes the place of the file's own. Another actuator of the joint that brakes or holds it would act beside the
+identified model: its gear is set to 0, so that controls and keyframes of the file keep their places. Default classes
+hand on gear, gains, filters, delay and limits to every actuator, so whatever differs from MuJoCo's own default is
+written out where a file has default classes. A limit of force or command that the model says nothing of stays the same
+limit at the joint when the gear changes.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from xml.dom import minidom
 
-from drake_tc.errors import ParamsError
 from drake_tc.exchange.dc_motor import dc_motor
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, number, put
 from drake_tc.exchange.xml_text import element as new_element
-from drake_tc.simulator_files.mjcf import ACTUATORS, joints_of
+from drake_tc.simulator_files.mjcf import ACTUATORS, drive_of, joints_of
+from drake_tc.simulator_files.mjcf_actuator import Actuator
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.simulator_files.xml_tree import xml_tree
 
 ROUNDING = 1e-9
 """MuJoCo takes the sample before a delay has passed: rounding of a whole number of steps must not add one."""
+FRICTION = "_friction"
+"""End of the name of the actuator without input that is the friction of a joint."""
+SMALL_CONSTANT = 1e-6
+"""Motor constant of that actuator: MuJoCo wants one, and its back-EMF must be nothing [N m/A]."""
+BRISTLE = 2e-3
+"""Deflection of the bristles at which they slide [rad], [m]."""
+BRISTLE_DAMPING = 0.1
+"""Damping of the bristles over their stiffness [s]; they slide before it counts."""
+OF_OTHERS = ("dampratio", "timeconst", "damping", "armature", "inheritrange")
+"""Attributes of a servo or motor that the identified model replaces."""
+OF_MOTORS = ("controller", "input", "nominal", "lugre", "cogging", "thermal", "saturation")
 
 
-def put_actuator(root: minidom.Element, projection: Projection, into: Path | None) -> Terms:
-    """A position servo, a motor or a motor on a voltage for the joint; the terms that are left to the joint.
+def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
+    """The drive of the joint and the actuator of its friction; the terms that are left to the joint.
 
     Args:
-        root: `<mujoco>`.
+        root: `<mujoco>` with its includes.
         projection: Of the joint.
-        into: The user's file, for messages.
-
-    Raises:
-        ParamsError: several actuators drive the joint.
     """
-    terms, joint = projection.terms, projection.joint
+    joint = projection.joint
     mine = [node for group in _groups(root) for node in _elements(group) if node.getAttribute("joint") == joint]
-    if len(mine) > 1:
-        names = ", ".join(f"<{node.tagName} name={node.getAttribute('name')!r}>" for node in mine)
-        raise ParamsError(
-            f"{into}: {len(mine)} actuators drive joint {joint}: {names}; expected at most one,"
-            " because the torques of the others would be added"
-        )
+    mine = [node for node in mine if node.getAttribute("name") != joint + FRICTION]
     read = joints_of(xml_tree(root.toxml()))
-    before = read[joint].actuators if joint in read else ()
-    was = (before[0].kind, before[0].values) if before else ("", {})
-    servo = bool(before) and before[0].is_servo
-    element = mine[0] if mine else append(child(root, "actuator"), "position")
+    before = [each for each in read[joint].actuators if each.element.get("name") != joint + FRICTION]
+    place = _place_of_drive(before)
+    for other, node in zip(before, mine, strict=True):
+        if other is not place and acts_without_command(other):
+            put(node, gear="0")
+    old = next((node for each, node in zip(before, mine, strict=True) if each is place), None)
+    element = old or append(child(root, "actuator"), "position")
+    left = _put_drive(element, projection, place, timestep(root))
+    return _put_friction(root, left, joint)
+
+
+def acts_without_command(actuator: Actuator) -> bool:
+    """Whether an actuator brakes or holds its joint also while its command is 0."""
+    if actuator.gain is None:
+        return actuator.kind not in ("damper", "muscle", "adhesion")
+    return any(actuator.bias)
+
+
+def _place_of_drive(found: list[Actuator]) -> Actuator | None:
+    first = drive_of(found)
+    return first if first is not None or not found else found[0]
+
+
+def _put_drive(element: minidom.Element, projection: Projection, before: Actuator | None, step: float) -> Terms:
+    """The drive; the terms that are left to the joint."""
+    terms = projection.terms
+    was = ("", {}) if before is None else (before.kind, dict(before.values))
     motor = None if was[1].get("forcerange") else dc_motor(terms)  # a dcmotor has no forcerange of its own
-    kind = "position" if terms.drive == "position_servo" else "motor" if motor is None else "dcmotor"
+    servo = terms.drive == "position_servo"
+    kind = ("pid" if terms.integral_rate else "position") if servo else "motor" if motor is None else "dcmotor"
+    kind = "general" if kind == "motor" and terms.lag else kind
     if element.tagName != kind:
         element = _renamed(element, kind)
     if not element.hasAttribute("name"):
-        put(element, name=joint)
-    put(element, joint=joint)
+        put(element, name=projection.joint)
+    put(element, joint=projection.joint, **dict.fromkeys(OF_OTHERS))
     inherits = _has_defaults(element)
-    if kind == "position":
-        put(element, kp=terms.kp, kv=0.0 if inherits else None, dampratio=None, gear=1.0 if inherits else None)
+    if inherits:
+        put(element, damping="0", armature="0")
+    if servo:
+        _put_servo(element, terms, inherits=inherits)
+        terms = replace(terms, damping=terms.damping - terms.derivative_gain)
     elif motor is not None:
         limit = 0.0 if terms.torque_limit is None else terms.torque_limit / terms.kp
+        put(element, **dict.fromkeys(OF_MOTORS))
         put(element, motorconst=motor.torque_constant, resistance=motor.resistance, gear=1.0 if inherits else None)
+        put(element, inductance=f"0 {number(terms.lag)}" if terms.lag else None)
         put(element, ctrlrange=f"{number(-limit)} {number(limit)}" if limit else None)
         if was[1].get("ctrlrange"):
             put(element, ctrllimited="true" if limit else "false")
     else:
         put(element, gear=terms.kp)
-    _put_delay(element, terms, timestep(root), was[1])
+        if kind == "general":
+            put(element, gaintype="fixed", gainprm="1", biastype="none", biasprm="0 0 0", dyntype="filterexact")
+            put(element, dynprm=terms.lag)
+    _put_delay(element, terms, step, was[1])
     if motor is not None:
         return replace(terms, damping=motor.damping)
-    _put_limits(element, terms, *was, servo=servo)
+    _put_limits(element, terms, *was, servo=before is not None and (before.is_servo or before.kind == "pid"))
     return terms
+
+
+def _put_servo(element: minidom.Element, terms: Terms, *, inherits: bool) -> None:
+    kv = terms.derivative_gain
+    put(element, kp=terms.kp, kv=kv if kv or inherits else None, gear=1.0 if inherits else None)
+    if element.tagName == "pid":
+        put(element, ki=terms.kp * terms.integral_rate, input="pos", imax=None, slewmax=None)
+    elif terms.lag or inherits:
+        put(element, timeconst=terms.lag)
+
+
+def _put_friction(root: minidom.Element, terms: Terms, joint: str) -> Terms:
+    """The actuator of the friction, or none; the terms without what it has."""
+    named = [node for group in _groups(root) for node in _elements(group)]
+    old = next((node for node in named if node.getAttribute("name") == joint + FRICTION), None)
+    if terms.stribeck is None and terms.ripple is None:
+        if old is not None and old.parentNode is not None:
+            old.parentNode.removeChild(old)
+        return terms
+    made = old or append(child(root, "actuator"), "dcmotor")
+    put(made, name=joint + FRICTION, joint=joint, input="none", motorconst=SMALL_CONSTANT, resistance=1.0)
+    if _has_defaults(made):
+        put(made, gear=1.0, damping="0", armature="0")
+    if terms.stribeck is not None:
+        least, most = terms.frictionloss, terms.frictionloss + terms.stribeck.height
+        stiffness = most / BRISTLE
+        numbers = (stiffness, BRISTLE_DAMPING * stiffness, least, most, terms.stribeck.velocity)
+        put(made, lugre=" ".join(map(number, numbers)))
+    if terms.ripple is not None:
+        size = math.hypot(terms.ripple.cosine, terms.ripple.sine)
+        phase = math.atan2(-terms.ripple.cosine, -terms.ripple.sine)
+        put(made, cogging=" ".join(map(number, (size, terms.ripple.cycles, phase))))
+    return replace(terms, frictionloss=0.0) if terms.stribeck is not None else terms
 
 
 def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str], *, servo: bool) -> None:
     """The identified limit of torque, or the limit of the file; and the file's limits of the command."""
     before = float((was.get("gear") or "1").split()[0])
-    after = 1.0 if element.tagName == "position" else terms.kp
+    is_servo = element.tagName in ("position", "pid")
+    after = 1.0 if is_servo else terms.kp
     renamed = kind != element.tagName
     if terms.torque_limit is not None:
         bound = terms.torque_limit / after
@@ -93,7 +166,7 @@ def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[
     if not was.get("ctrlrange"):
         return
     factor = 1.0 / before if servo else before / after
-    if servo != (element.tagName == "position"):  # an angle in place of a torque, or the other way round
+    if servo != is_servo:  # an angle in place of a torque, or the other way round
         put(element, ctrlrange=None, ctrllimited="false" if _has_defaults(element) else None)
     elif factor != 1.0 or renamed:
         put(element, ctrlrange=_scaled(was["ctrlrange"], factor))
@@ -122,12 +195,12 @@ def _renamed(element: minidom.Element, tag: str) -> minidom.Element:
 
 
 def _elements(parent: minidom.Element) -> list[minidom.Element]:
-    return [node for node in parent.childNodes if isinstance(node, minidom.Element)]
+    return [node for node in parent.childNodes if isinstance(node, minidom.Element) and node.tagName in ACTUATORS]
 
 
 def _groups(root: minidom.Element) -> list[minidom.Element]:
     """All `<actuator>` sections: MuJoCo merges them."""
-    return [node for node in _elements(root) if node.tagName == "actuator"]
+    return [node for node in root.childNodes if isinstance(node, minidom.Element) and node.tagName == "actuator"]
 
 
 def _has_defaults(element: minidom.Element) -> bool:

@@ -1,9 +1,9 @@
-"""MuJoCo with a joint's terms, as `to_mjcf` writes them, integrated by its own `implicitfast`."""
+"""MuJoCo with a written file, or with a bench of a joint's terms as `to_mjcf` writes them."""
 
-import os
+import math
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,45 +13,112 @@ from drake_tc.errors import ParamsError
 from drake_tc.exchange.mjcf import STEP, to_mjcf
 from drake_tc.exchange.mujoco_versions import installed_mujoco, too_old
 from drake_tc.exchange.projection import Projection
-from drake_tc.exchange.target_run import PointMass, RunInput
+from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
+from drake_tc.simulator_files.mjcf import drive_of, gears_of, joints_of
+from drake_tc.simulator_files.mjcf_actuator import actuators
+from drake_tc.simulator_files.mjcf_tree import Defaults
+from drake_tc.simulator_files.mujoco_module import mujoco_module
 from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.xml_tree import xml_tree
 from drake_tc.types import FloatArray
+
+LOCKED = 1e9
+"""Armature of joints that stand still in a run [kg m^2]."""
+WEIGHTLESS = 1e-9
+"""Mass and moments of inertia of links in a run whose load is recorded [kg], [kg m^2]."""
 
 
 def simulate_in_mujoco(terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
     """(T,) position of one joint in MuJoCo [rad]; NaN from where the simulation is unstable.
 
     Args:
-        terms: Of its actuator.
+        terms: Of its actuator, written into a bench.
         pendulum: On the joint; None leaves the rotor alone.
         given: What moves it.
 
     Raises:
         ParamsError: MuJoCo is not installed, is too old for a term, or refuses the model.
     """
-    mujoco: Any = require_mujoco()
+    require_mujoco()
     if old := too_old_for(terms):
         raise ParamsError(f"{old}; pip install 'drake-tc[mujoco]'")
     text = _bench(terms, given.step).replace(_LIGHT, _inertial(pendulum))
+    return _simulate(WrittenFile(text, "joint"), given, recorded_load=pendulum is None)
+
+
+def simulate_mjcf(file: WrittenFile, pendulum: Link | None, given: RunInput) -> FloatArray:
+    """The same with a file as it is written; its other joints stand still.
+
+    Args:
+        file: With its own links, which are the load where the rig has a pendulum.
+        pendulum: Of the rig; None: the load is recorded, and the links of the file weigh nothing.
+        given: What moves it; the position is that behind the gear.
+
+    Raises:
+        ParamsError: MuJoCo is not installed, or refuses the file.
+    """
+    return _simulate(file, given, recorded_load=pendulum is None)
+
+
+def _simulate(file: WrittenFile, given: RunInput, *, recorded_load: bool) -> FloatArray:
+    mujoco: Any = require_mujoco()
+    tree = xml_tree(file.text)
+    joints = joints_of(tree)
+    degrees = all(each.get("angle", "degree") != "radian" for each in tree.findall("compiler"))
+    gears = [name for name, driven in gears_of(joints, degrees=degrees).items() if driven == file.joint]
+    drive = drive_of(joints[file.joint].actuators)
+    if drive is None:
+        raise ParamsError(f"joint {file.joint} has no actuator that takes the command of the drive")
     try:
-        model = mujoco.MjModel.from_xml_string(text)
+        spec = mujoco.MjSpec.from_string(file.text)
+        if file.folder is not None:
+            spec.modelfiledir = str(file.folder)
+        spec.option.timestep = given.step
+        for actuator in spec.actuators:
+            if actuator.delay > 0.0:
+                actuator.nsample = max(actuator.nsample, math.ceil(actuator.delay / given.step) + 1)
+        model = spec.compile()
     except ValueError as error:
         raise ParamsError(f"MuJoCo refuses the exported model: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
-    data.qpos[0], data.qvel[0] = given.start
-    if terms.delay:  # before the run the command was its first one; MuJoCo's own history is 0
-        samples = int(model.actuator_history[0, 0])
-        mujoco.mj_initCtrlHistory(model, data, 0, None, np.full(samples, given.command[0]))
+    at, behind = model.joint(file.joint), [model.joint(name) for name in gears]
+    free = {at.dofadr[0]} if recorded_load else {at.dofadr[0], *(each.dofadr[0] for each in behind)}
+    free |= {model.joint(name).dofadr[0] for name in _coupled(tree, file.joint)}
+    model.dof_armature[[i for i in range(model.nv) if i not in free]] = LOCKED
+    if recorded_load:
+        model.body_mass[1:], model.body_inertia[1:], model.opt.gravity[:] = WEIGHTLESS, WEIGHTLESS, 0.0
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    number = [each.element for each in actuators(tree, Defaults(tree))].index(drive.element)
+    control = int(model.actuator_ctrladr[number]) if hasattr(model, "actuator_ctrladr") else number
+    unit = drive.gear if file.gear_of_command and (drive.is_servo or drive.kind == "pid") else 1.0
+    data.qpos[at.qposadr[0]], data.qvel[at.dofadr[0]] = given.start
+    first = unit * given.command[0]
+    if drive.filter:  # before the run the command was its first one; MuJoCo's own history is 0
+        data.act[model.actuator_actadr[number]] = first
+    if (drive.numbers("delay", "0") or [0.0])[0] > 0.0:
+        samples = int(model.actuator_history[number, 0])
+        mujoco.mj_initCtrlHistory(model, data, number, None, np.full(samples, first))
+    seen = [at.qposadr[0]] if recorded_load else [at.qposadr[0], *(each.qposadr[0] for each in behind)]
+    pushed = [at.dofadr[0]] if recorded_load else [at.dofadr[0], *(each.dofadr[0] for each in behind)]
     position = np.full(given.command.size, np.nan)
     with _warnings(mujoco) as told:
         for i in range(position.size):
-            position[i] = data.qpos[0]
-            data.ctrl[0], data.qfrc_applied[0] = given.command[i], -given.load[i]
+            position[i] = data.qpos[seen].sum()
+            data.ctrl[control], data.qfrc_applied[pushed] = unit * given.command[i], -given.load[i]
             for _ in range(given.substeps):
                 mujoco.mj_step(model, data)
             if told and _is_unstable(mujoco, data):  # it would go on from its initial state
                 break
     return position
+
+
+def _coupled(tree: ET.Element, joint: str) -> set[str]:
+    """Joints that an equality couples to the joint."""
+    found = set()
+    for each in tree.iterfind("equality/joint"):
+        names = {each.get("joint1", ""), each.get("joint2", "")} - {""}
+        found |= names if joint in names else set()
+    return found - {joint}
 
 
 def too_old_for(terms: Terms) -> str:
@@ -64,7 +131,7 @@ def too_old_for(terms: Terms) -> str:
 
 
 def _bench(terms: Terms, step: float) -> str:
-    return to_mjcf([Projection("joint", replace(terms, backlash=0.0), (), None)], step=step)
+    return to_mjcf([Projection("joint", terms, (), None)], step=step)
 
 
 _LIGHT = '<inertial pos="0 0 0" mass="0.001" diaginertia="1e-6 1e-6 1e-6"/>'
@@ -104,9 +171,7 @@ def require_mujoco() -> Any:
     Raises:
         ParamsError: MuJoCo is not installed.
     """
-    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn, so no display and no OpenGL are needed
     try:
-        import mujoco  # type: ignore[import-untyped]
+        return mujoco_module()
     except (ImportError, OSError):
         raise ParamsError("running the export needs MuJoCo: pip install 'drake-tc[mujoco]'") from None
-    return mujoco

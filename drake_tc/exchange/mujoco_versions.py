@@ -3,6 +3,7 @@
     delay of an actuator                                               MuJoCo 3.5
     damping of more than one number (a polynomial of the speed)        MuJoCo 3.7
     <dcmotor>                                                          MuJoCo 3.7
+    <dcmotor> without input, <pid>                                     MuJoCo 3.12
 
 Each version loads a file with the term and gives the force that it means; the version before refuses the file.
 """
@@ -20,7 +21,9 @@ Version = tuple[int, ...]
 DELAY = "the delay of an actuator"
 POLYNOMIAL = "damping as a polynomial of the speed"
 DCMOTOR = "the actuator dcmotor"
-SINCE: dict[str, Version] = {POLYNOMIAL: (3, 7), DCMOTOR: (3, 7), DELAY: (3, 5)}
+PASSIVE = "friction as a dcmotor without input"
+PID = "the actuator pid"
+SINCE: dict[str, Version] = {PASSIVE: (3, 12), PID: (3, 12), POLYNOMIAL: (3, 7), DCMOTOR: (3, 7), DELAY: (3, 5)}
 """Term of an MJCF file to the first version that has it, newest first."""
 
 
@@ -86,7 +89,8 @@ def plain_motors(text: str, projections: Sequence[Projection]) -> list[str]:
         text: Of an MJCF file.
         projections: What was written into it.
     """
-    kinds = {each.getAttribute("joint"): each.tagName for each in _elements(text, ACTUATORS)}
+    drives = [each for each in _elements(text, ACTUATORS) if each.getAttribute("input") != "none"]
+    kinds = {each.getAttribute("joint"): each.tagName for each in drives}
     return [
         f"{each.joint}: the file limits the force of the actuator, which MuJoCo's dcmotor cannot: a motor was written,"
         " and the back-EMF stays a part of the damping."
@@ -104,8 +108,11 @@ def _needs(text: str, joints: Sequence[str]) -> dict[str, list[str]]:
             found[POLYNOMIAL].append(name)
     for element in _elements(text, ACTUATORS):
         name = element.getAttribute("joint")
+        passive = element.getAttribute("input") == "none"
         if name in joints and element.tagName == "dcmotor":
-            found[DCMOTOR].append(name)
+            found[PASSIVE if passive else DCMOTOR].append(name)
+        if name in joints and element.tagName == "pid":
+            found[PID].append(name)
         if name in joints and element.hasAttribute("delay"):
             found[DELAY].append(name)
     return {term: names for term, names in found.items() if names}

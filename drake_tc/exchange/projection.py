@@ -10,9 +10,11 @@ from scipy.optimize import nnls
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.config.joint_units import EFFORT_UNIT, JointType
 from drake_tc.effects.base import SensorEffect, TorqueEffect, plain_signals
-from drake_tc.simulator_files.terms import StribeckPeak, Terms
+from drake_tc.simulator_files.terms import Ripple, StribeckPeak, Terms
 from drake_tc.types import FloatArray
 
+LOADED = "load_dependent_friction"
+"""Effect of which the mean over the recorded loads is refitted where the target lacks it."""
 OF_SPEED = ("viscous", "coulomb", "stribeck", "quadratic_viscous", "static_friction", "viscous_power")
 """Effects that are functions of the velocity alone; together they are one friction curve, which is refitted."""
 DRY = ("coulomb", "stribeck", "static_friction")
@@ -85,6 +87,7 @@ class Vocabulary:
         drives: Kinds of drive whose gain it has.
         inexact: Term to how the target's differs.
         delay_step: Delays are whole multiples of this [s]; 0: any.
+        stribeck_exponent: The only exponent of a Stribeck peak that it has; None: any.
         no_motor: Why it has no motor with the torque constant of a data sheet, for a drive on a voltage of these terms,
             a clause; "" where it has one.
     """
@@ -95,6 +98,7 @@ class Vocabulary:
     drives: frozenset[str] = frozenset()
     inexact: Mapping[str, str] = field(default_factory=dict)
     delay_step: float = 0.0
+    stribeck_exponent: float | None = None
     no_motor: Callable[[Terms], str] = lambda _terms: ""
 
     def has(self, term: str) -> bool:
@@ -102,22 +106,28 @@ class Vocabulary:
         return term in self.terms
 
 
-def project(model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None = None) -> Projection:
+def project(
+    model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None = None, loads: FloatArray | None = None
+) -> Projection:
     """The model in the target's terms; friction that these cannot express is refitted by least squares.
 
     Args:
         model: Of one joint.
         target: What can be expressed.
         speeds: (T,) velocities at which the friction counts [rad/s]; None: all up to 2 rad/s or m/s alike.
+        loads: (T,) load torque at these [N m]: friction that grows with the load is refitted too; None: it is lost
+            where the target lacks it.
     """
-    terms, losses = _direct(model, target)
-    friction, refit = _friction(model, target, speeds)
+    known = speeds is not None and loads is not None
+    terms, losses = _direct(model, target, refits_load=known and target.has("frictionloss"))
+    friction, peak, refit = _friction(model, target, speeds, loads if known else None)
     terms = replace(
         terms,
         damping=friction["damping"],
         frictionloss=friction["frictionloss"] if target.has("frictionloss") else 0.0,
         quadratic=friction.get("quadratic", 0.0) if target.has("quadratic") else 0.0,
-        stribeck=_peak(model) if target.has("stribeck") else None,
+        stribeck=peak,
+        derivative_gain=min(terms.derivative_gain, friction["damping"]),
     )
     lost = [("rotor_inertia", "armature")] if model.inertia and "rotor_inertia" in _keys(model) else []
     lost += [(value.key, "frictionloss") for value in model.effects if value.effect.id in DRY]
@@ -136,35 +146,51 @@ def _keys(model: ActuatorModel) -> tuple[str, ...]:
     return tuple(value.key for value in model.effects)
 
 
-def _direct(model: ActuatorModel, target: Vocabulary) -> tuple[Terms, list[Loss]]:
+SUMS = (
+    *("delay", "backlash", "load_friction", "stiffness", "preload", "lag", "integral_rate", "compliance"),
+    "derivative_gain",
+)
+"""Terms of which several effects add up."""
+
+
+def _direct(model: ActuatorModel, target: Vocabulary, *, refits_load: bool) -> tuple[Terms, list[Loss]]:
     """Drive, inertia, delay, limit, friction under load and backlash; and everything that no target knows.
 
     Effects that are listed twice act one after the other: delays add up, and the smaller limit holds.
     """
     kp = _gain_factor(model) / model.drive.gain
-    found = {"delay": 0.0, "torque_limit": math.inf, "backlash": 0.0, "load_friction": 0.0}
+    found = dict.fromkeys(SUMS, 0.0) | {"torque_limit": math.inf}
+    ripple: Ripple | None = None
     losses, late = [], ""
     for value in model.effects:
         name = value.effect.id
         if name in OF_SPEED or name == "rotor_inertia" or (name == "servo_gain" and _gain_factor(model) != 1.0):
             continue
-        term, number = _term(value, model.drive.kind, kp)
-        if not (term and target.has(term)):
-            losses.append(_lost(value, term, target))
+        if value.key == LOADED and refits_load and not target.has("load_friction"):
             continue
-        found[term] = min(found[term], number) if term == "torque_limit" else found[term] + number
+        if value.key == "torque_ripple" and target.has("ripple") and ripple is None:
+            ripple = Ripple(*(value.parameters[each] for each in ("ripple_cosine", "ripple_sine", "cycles_per_turn")))
+            continue
+        numbers = _terms(value, model.drive.kind, kp)
+        if not numbers or not all(map(target.has, numbers)):
+            losses.append(_lost(value, next(iter(numbers), ""), target))
+            continue
+        for term, number in numbers.items():
+            found[term] = min(found[term], number) if term == "torque_limit" else found[term] + number
+        term = next(iter(numbers))
         late = value.key if term == "delay" else late
         losses += [Loss(value.key, target.inexact[term], partly=True)] if term in target.inexact else []
     found["delay"], rounded = _rounded(late, found["delay"], target.delay_step)
     armature = model.inertia if target.has("armature") else 0.0
-    terms = Terms(
-        model.drive.kind,
-        kp,
-        armature=armature,
-        load_friction=found["load_friction"],
-        delay=found["delay"],
-        torque_limit=found["torque_limit"] if math.isfinite(found["torque_limit"]) else None,
-        backlash=found["backlash"],
+    if found["lag"] and found["integral_rate"] and model.drive.kind == "position_servo":
+        key = next(value.key for value in model.effects if value.effect.id == "current_lag")
+        losses.append(Loss(key, "a servo with integral action has no filter of its command there"))
+        found["lag"] = 0.0
+    limit = found.pop("torque_limit")
+    terms = replace(
+        Terms(model.drive.kind, kp, armature=armature, torque_limit=limit if math.isfinite(limit) else None),
+        ripple=ripple,
+        **found,  # type: ignore[arg-type]
     )
     scaled = [key for key in _keys(model) if key == "servo_gain" and _gain_factor(model) != 1.0]
     if terms.delay or terms.torque_limit is not None:
@@ -199,18 +225,27 @@ def _rounded(key: str, delay: float, step: float) -> tuple[float, list[Loss]]:
     return found, [Loss(key, f"delays are whole physics steps, {found:.6g} s in place of {delay:.6g} s", partly=True)]
 
 
-def _term(value: EffectValue, drive: str, kp: float) -> tuple[str, float]:
-    """The term of an effect and its value; "" where no target has one."""
+def _terms(value: EffectValue, drive: str, kp: float) -> dict[str, float]:
+    """Terms of an effect and their values, the one that names a loss first; empty where no target has any."""
     key, parameters = value.key, value.parameters
     if key == "delay.command" or (key == "delay.loop" and drive != "position_servo"):  # the command is the effort
-        return "delay", parameters["delay"]
+        return {"delay": parameters["delay"]}
     if key == "saturation":
-        return "torque_limit", kp * parameters["limit"]
-    if key == "backlash":
-        return "backlash", parameters["backlash"]
-    if key == "load_dependent_friction":
-        return "load_friction", parameters["load_friction"]
-    return "", 0.0
+        return {"torque_limit": kp * parameters["limit"]}
+    if key == "saturation.servo" and drive == "position_servo":
+        return {"torque_limit": kp * parameters["limit"], "derivative_gain": kp * parameters["derivative_time"]}
+    if key in ("cable_spring", "cable_spring.beside_weight"):
+        return {"stiffness": parameters["spring_stiffness"], "preload": parameters.get("spring_preload", 0.0)}
+    if key == "current_lag.command" or (key == "current_lag" and drive != "position_servo"):
+        return {"lag": parameters["lag"]}
+    of_key = {
+        "backlash": ("backlash", "backlash"),
+        LOADED: ("load_friction", "load_friction"),
+        "servo_integrator": ("integral_rate", "integral_rate") if drive == "position_servo" else ("", ""),
+        "elasticity": ("compliance", "compliance"),
+    }
+    term, name = of_key.get(key, ("", ""))
+    return {term: parameters[name]} if term else {}
 
 
 OF_A_SENSOR = "an error of the sensor, not of the actuator"
@@ -222,17 +257,18 @@ SCALES_ALL = "the error of the gain also scales the delayed and limited part of 
 _WINDING = "the resistance of the winding is the same at all temperatures there"
 LOST = {
     "deadzone": "the servo answers small errors in the target, where the real one rests: errors at rest are too small",
-    "elasticity": "add a spring joint by hand: a second hinge with this stiffness between motor and link",
+    "elasticity": "the gear is stiff there",
     "asymmetric_friction": "the mean of both directions is exported",
     "presliding_hysteresis": "the target's friction at rest is stiff or creeps",
-    "load_dependent_friction": "friction does not grow with the load there",
+    "load_dependent_friction": "friction does not grow with the load there; with --rig and --log of runs with known"
+    " loads, its mean is refitted",
     "directional_efficiency": "friction does not grow with the load there",
     "torque_ripple": "the target's torque is smooth over the turn",
     "position_dependent_friction": "friction is the same over the turn there",
     "thermal_friction": "friction is that at 25 degrees Celsius there",
     "current_lag.command": "the target's drive takes its command at once",
     "saturation.servo": "the target limits the torque of the gain without that of the damping",
-    "current_lag": "the target's drive answers at once; a first-order actuator dynamics can be added by hand",
+    "current_lag": "the target's drive answers at once",
     "velocity_sign_switch": "the servo's switch at reversals is not there",
     "servo_integrator": "the target's servo has no integrator",
     "effort_bias": OF_A_SENSOR,
@@ -249,39 +285,58 @@ LOST = {
     "position_dependent_load": "the target has no load that is a curve over the position",
     "run_in_friction": "friction is that of a joint that has run in there",
     "payload": "belongs to the link: change its mass in the robot's model",
-    "cable_spring": "add a joint stiffness by hand where the target has one",
+    "cable_spring": "the target's joint has no spring",
     "unknown_load": "belongs to the link: change its mass and centre of mass in the robot's model",
 }
 """Effects that no target expresses, and what follows."""
 
 
 def _friction(
-    model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None
-) -> tuple[dict[str, float], Refit | None]:
-    """Dry, linear and quadratic friction of the target, and how well they do where they cannot be exact."""
-    parts = [(e, p) for e, p in model.torque_effects if e.id in OF_SPEED]
-    parts = parts if target.has("frictionloss") else [(e, p) for e, p in parts if e.id not in DRY]
+    model: ActuatorModel, target: Vocabulary, speeds: FloatArray | None, loads: FloatArray | None
+) -> tuple[dict[str, float], StribeckPeak | None, Refit | None]:
+    """Dry, linear and quadratic friction of the target with its peak, and how well they do where they are not exact."""
+    ids = (*OF_SPEED, LOADED) if loads is not None and not target.has("load_friction") else OF_SPEED
+    parts = [(e, p) for e, p in model.torque_effects if e.id in ids]
+    parts = parts if target.has("frictionloss") else [(e, p) for e, p in parts if e.id not in (*DRY, LOADED)]
     plain = {
         name: sum(float(p[key]) for e, p in parts if e.id == key)
         for name, key in (("frictionloss", "coulomb"), ("damping", "viscous"), ("quadratic", "quadratic_viscous"))
     }
     exact = {"viscous", *(["coulomb"] if target.has("frictionloss") else [])}
     exact |= {"quadratic_viscous"} if target.has("quadratic") else set()
-    if target.has("stribeck"):
+    peak = _peak(model) if target.has("stribeck") else None
+    only = target.stribeck_exponent
+    if peak is not None and only is not None and abs(peak.exponent - only) > SAME_EXPONENT:
+        peak = None
+    elif peak is not None:
         parts = [(e, p) for e, p in parts if e.id != "stribeck"]
     odd = tuple(e.id for e, _ in parts if e.id not in exact)
     if not odd:
-        return plain, None
-    v = np.linspace(0.0, FASTEST, 401)[1:] if speeds is None else np.abs(speeds[np.abs(speeds) > 0.0])
+        return plain, peak, None
+    moves = None if speeds is None else np.abs(speeds) > 0.0
+    v = np.linspace(0.0, FASTEST, 401)[1:] if speeds is None or moves is None else np.abs(speeds[moves])
+    load = np.zeros_like(v) if loads is None or moves is None else loads[moves]
     names = [name for name in ("frictionloss", "damping", "quadratic") if name == "damping" or target.has(name)]
-    curve = _curve(parts, v)
+    curve = _curve(parts, v, load)
     basis = np.column_stack(
         [{"frictionloss": np.ones_like(v), "damping": v, "quadratic": v**2}[name] for name in names]
     )
-    fitted, _ = nnls(basis, curve)
+    fitted, left = nnls(basis, curve)
+    if "stribeck" in odd and only is not None and target.has("stribeck"):
+        for velocity in np.geomspace(*PEAKS, 40):  # a peak of the exponent that the target has
+            with_peak = np.column_stack([basis, np.exp(-((v / velocity) ** only))])
+            tried, miss = nnls(with_peak, curve)
+            if miss < left:
+                left, fitted = miss, tried[:-1]
+                peak = StribeckPeak(float(tried[-1]), float(velocity), only) if tried[-1] > 0.0 else None
     left_out = curve - basis @ np.array([plain[name] for name in names])
-    refit = Refit(odd, _rms(left_out), _rms(curve - basis @ fitted), float(v.max()), speeds is not None)
-    return dict(zip(names, fitted.tolist(), strict=True)), refit
+    refit = Refit(odd, _rms(left_out), float(left) / math.sqrt(v.size), float(v.max()), speeds is not None)
+    return dict(zip(names, fitted.tolist(), strict=True)), peak, refit
+
+
+SAME_EXPONENT = 1e-3
+PEAKS = (1e-3, 2.0)
+"""Stribeck velocities that are tried [rad/s]."""
 
 
 def _peak(model: ActuatorModel) -> StribeckPeak | None:
@@ -292,9 +347,13 @@ def _peak(model: ActuatorModel) -> StribeckPeak | None:
     return None
 
 
-def _curve(parts: Sequence[tuple[TorqueEffect, Mapping[str, float]]], speed: FloatArray) -> FloatArray:
-    """(T,) friction torque at positive velocities (T,) [N m]."""
-    signals = plain_signals(speed.size, {"velocity": speed, "direction": np.ones_like(speed)})
+def _curve(
+    parts: Sequence[tuple[TorqueEffect, Mapping[str, float]]], speed: FloatArray, load: FloatArray
+) -> FloatArray:
+    """(T,) friction torque at positive velocities (T,) and load torques (T,) [N m]."""
+    known = {"velocity": speed, "direction": np.ones_like(speed), "load_torque": load}
+    known |= dict.fromkeys(("expected_torque", "slow_torque"), load)
+    signals = plain_signals(speed.size, known)
     return np.asarray(sum((e.torque(signals, p) for e, p in parts), np.zeros_like(speed)))
 
 

@@ -1,4 +1,4 @@
-"""SDFormat joints: `<axis><dynamics>` with damping and friction, and `<limit><effort>`."""
+"""SDFormat joints: `<axis><dynamics>` with damping, friction and spring, and `<limit><effort>`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,6 +37,9 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
         dynamics = child(axis, "dynamics")
         _set(child(dynamics, "damping"), terms.damping)
         _set(child(dynamics, "friction"), terms.frictionloss)
+        if terms.stiffness or any(node.nodeName.startswith("spring_") for node in dynamics.childNodes):
+            _set(child(dynamics, "spring_stiffness"), terms.stiffness)
+            _set(child(dynamics, "spring_reference"), -terms.preload / terms.stiffness if terms.stiffness else 0.0)
         if terms.torque_limit is not None:
             _set(child(child(axis, "limit"), "effort"), terms.torque_limit)
     return to_text(document)

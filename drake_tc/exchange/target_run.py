@@ -7,6 +7,7 @@ the rig file. Only the recorded command enters.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -44,8 +45,32 @@ class RunInput:
         return self.period / self.substeps
 
 
+@dataclass(frozen=True)
+class WrittenFile:
+    """A file of the target, one of whose joints is run.
+
+    Attributes:
+        text: Of the file.
+        joint: Name of the joint.
+        folder: In which the file finds its meshes; None: it needs none.
+        servo: Gain and damping of the user's controller [N m/rad, N m s/rad], where the file has no servo; None: the
+            command is that of the file's own drive.
+        torque_for_one: Torque for one unit of the command of a drive that is no servo [N m].
+        gear_of_command: Whether the file's servo takes its command before its gear.
+    """
+
+    text: str
+    joint: str
+    folder: Path | None = None
+    servo: tuple[float, float] | None = None
+    torque_for_one: float = 1.0
+    gear_of_command: bool = True
+
+
 Simulate = Callable[[Terms, Link | None, RunInput], FloatArray]
 """(T,) position of one joint [rad] with these terms and this link (None: the rotor alone); NaN once unstable."""
+SimulateFile = Callable[[WrittenFile, Link | None, RunInput], FloatArray]
+"""The same with a file and its own links; None in place of the link: the load is recorded."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +81,8 @@ class Runner:
         name: For people.
         simulate: The run.
         step: The longest one [s] at which the error of the integration is small beside that of a good model.
+        simulate_file: The run of a file as it was written; None: a file has nothing that the terms do not have.
+        file_step: The same of a file, whose integrator may be a simpler one.
         require: Raises ParamsError where it is not installed.
         too_old: Why the installed version cannot load these terms, a clause; "" where it can.
         ignores: Field of `Terms` that is written in the file and not used by the runner, to its name in the file.
@@ -64,6 +91,8 @@ class Runner:
     name: str
     simulate: Simulate
     step: float
+    simulate_file: SimulateFile | None = None
+    file_step: float = 2e-4
     require: Callable[[], object] = lambda: None
     too_old: Callable[[Terms], str] = lambda _terms: ""
     ignores: Mapping[str, str] = field(default_factory=dict)
@@ -100,14 +129,14 @@ class PointMass:
 
 
 def target_free_run(
-    runner: Runner, model: ActuatorModel, terms: Terms, rig: Rig, run: Run, longest: float = LONGEST
+    runner: Runner, model: ActuatorModel, what: Terms | WrittenFile, rig: Rig, run: Run, longest: float = LONGEST
 ) -> tuple[FloatArray, FloatArray] | None:
     """(recorded, simulated) position (T,) [rad] over the longest usable stretch of a run; None where nothing can run.
 
     Args:
         runner: Of the target.
         model: The identified one: its sensor effects are taken off the load and put on the position.
-        terms: What the target is given.
+        what: Terms that the target is given on a bench, or a file that was written.
         rig: Of the run.
         run: Whose command drives it.
         longest: At most so much of it [s].
@@ -131,8 +160,11 @@ def target_free_run(
         load,
         (side.start, recording.initial_velocity),
         recording.period,
-        max(1, math.ceil(recording.period / runner.step - 1e-9)),
+        max(1, math.ceil(recording.period / (runner.step if isinstance(what, Terms) else runner.file_step) - 1e-9)),
     )
-    return run.columns[f"{model.joint}/position"][stretch], side.shown(
-        runner.simulate(terms, recording.pendulum, given)
-    )
+    link, simulated = recording.pendulum, None
+    if isinstance(what, WrittenFile) and runner.simulate_file is not None:
+        simulated = runner.simulate_file(what, link, given)
+    elif isinstance(what, Terms):
+        simulated = runner.simulate(what, link, given)
+    return None if simulated is None else (run.columns[f"{model.joint}/position"][stretch], side.shown(simulated))

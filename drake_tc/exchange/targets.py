@@ -32,8 +32,10 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
     {
         "mjcf": Vocabulary(
             "MuJoCo (MJCF)",
-            frozenset({"armature", "frictionloss", "quadratic", "torque_limit", "delay", "backlash"}),
+            frozenset({"armature", "frictionloss", "quadratic", "torque_limit", "delay", "backlash"})
+            | {"stiffness", "preload", "lag", "integral_rate", "stribeck", "ripple", "compliance", "derivative_gain"},
             {},
+            stribeck_exponent=2.0,
             drives=frozenset({"position_servo", "current", "voltage", "torque"}),
         ),
         "urdf": Vocabulary(
@@ -48,7 +50,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "drake-urdf": Vocabulary(
             "Drake (URDF)",
-            frozenset({"armature", "torque_limit"}),
+            frozenset({"armature", "torque_limit", "derivative_gain"}),
             {
                 "frictionloss": "Drake's joints have none that is dry; put an ActuatorPlant in front of the plant",
                 "delay": "put drake_tc's ActuatorPlant in front of the plant",
@@ -59,7 +61,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "sdf": Vocabulary(
             "SDFormat",
-            frozenset({"frictionloss", "torque_limit"}),
+            frozenset({"frictionloss", "torque_limit", "stiffness", "preload"}),
             {
                 "armature": "add it to the link's inertia about the axis by hand",
                 "delay": _NO_DELAY,

@@ -82,7 +82,8 @@ def check_type(found: str, projection: Projection, into: Path | None) -> None:
 
 def _joint(element: minidom.Element, projection: Projection, *, friction: bool) -> None:
     terms = projection.terms
-    put(child(element, "dynamics"), damping=terms.damping, friction=terms.frictionloss if friction else None)
+    damping = terms.damping - terms.derivative_gain  # the servo has that part
+    put(child(element, "dynamics"), damping=damping, friction=terms.frictionloss if friction else None)
     if terms.torque_limit is not None:
         put(child(element, "limit"), effort=terms.torque_limit)
 
@@ -94,7 +95,7 @@ def _drake(root: minidom.Element, projection: Projection) -> None:
     put(child(actuator, "drake:rotor_inertia"), value=terms.armature)
     put(child(actuator, "drake:gear_ratio"), value=GEAR_RATIO)
     if terms.drive == "position_servo":
-        put(child(actuator, "drake:controller_gains"), p=terms.kp, d=0.0)
+        put(child(actuator, "drake:controller_gains"), p=terms.kp, d=terms.derivative_gain)
 
 
 def _actuator(root: minidom.Element, joint: str) -> minidom.Element:

@@ -10,6 +10,10 @@ from drake_tc.errors import ParamsError
 def read_xml(path: Path, root: str) -> minidom.Document:
     """The document of a file.
 
+    Args:
+        path: Of the file.
+        root: Name of its root; "": any.
+
     Raises:
         ParamsError: unreadable, no XML, or another root than `root`.
     """
@@ -20,7 +24,7 @@ def read_xml(path: Path, root: str) -> minidom.Document:
     except (ExpatError, ValueError) as error:
         raise ParamsError(f"{path}: not XML: {error}") from None
     found = document.documentElement
-    if found is None or found.tagName != root:
+    if found is None or (root and found.tagName != root):
         raise ParamsError(
             f"{path}: expected <{root}> at the top, got <{'nothing' if found is None else found.tagName}>"
         )
@@ -75,6 +79,14 @@ def top(document: minidom.Document) -> minidom.Element:
 def element(near: minidom.Element, tag: str) -> minidom.Element:
     """A new element for the document of another; it has no place yet."""
     return _document(near).createElement(tag)
+
+
+def imported(near: minidom.Element, other: minidom.Element) -> minidom.Element:
+    """A copy of another document's element for the document of an element; it has no place yet."""
+    copied = _document(near).importNode(other, True)
+    if not isinstance(copied, minidom.Element):
+        raise ParamsError(f"<{other.tagName}> cannot be copied")
+    return copied
 
 
 def text(near: minidom.Element, content: str) -> minidom.Text:

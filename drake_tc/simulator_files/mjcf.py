@@ -21,7 +21,7 @@ from drake_tc.simulator_files.mjcf_tree import Attributes, Defaults, bodies, wit
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
 from drake_tc.simulator_files.xml_tree import finite, place
 
-__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "joints_of", "mjcf_joints"]
+__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
 
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
@@ -204,7 +204,8 @@ def _driven(read: ReadJoint, joint: MjcfJoint, root: ET.Element, made: Any) -> R
     """The joint with its actuators; those that say nothing of a known drive are named as unused."""
     if "actuation" in _disabled(root):
         return read.also_unused(*(each.name for each in joint.actuators))
-    for actuator in joint.actuators:  # they act on the joint whatever drives it
+    acting = [each for each in joint.actuators if each.gear]
+    for actuator in acting:  # armature and damping of an actuator act on the joint whatever drives it
         gear = actuator.gear
         armature, damping = ((actuator.numbers(name, "0") or [0.0]) for name in ("armature", "damping"))
         terms = replace(
@@ -213,22 +214,26 @@ def _driven(read: ReadJoint, joint: MjcfJoint, root: ET.Element, made: Any) -> R
             damping=read.terms.damping + gear**2 * damping[0],
         )
         read = replace(read, terms=terms).also_unused(*_unused(actuator))
-    first = _first(joint.actuators)
+    first = drive_of(acting)
     read = read if first is None else _with_drive(read, first, made)
-    for actuator in joint.actuators:
+    for actuator in acting:
         if actuator is not first:
             read = _with_second(read, actuator, first)
     return read
 
 
-def _first(found: Sequence[Actuator]) -> Actuator | None:
-    """The actuator that is the drive: a position servo, else one whose force is proportional to the command."""
+def drive_of(found: Sequence[Actuator]) -> Actuator | None:
+    """The actuator of a joint that is its drive: a position servo, else one whose force is proportional to the command.
+
+    Args:
+        found: Actuators of the joint; None where none of them is a drive that is read.
+    """
 
     def dc(each: Actuator) -> bool:
         plain = each.values.get("input", "voltage") == "voltage" and not each.values.get("controller")
         return each.kind == "dcmotor" and plain and _motor_constants(each) is not None
 
-    known = [each for each in found if each.dynamics in ("none", "filter", "filterexact")]
+    known = [each for each in found if each.gear and each.dynamics in ("none", "filter", "filterexact")]
     servos = [each for each in known if each.is_servo or each.kind == "pid"]
     plain = [each for each in known if each.gain and not each.bias[1] and not _is_velocity(each)]
     return next(iter((*servos, *plain, *(each for each in known if dc(each)))), None)

@@ -44,6 +44,20 @@ def read_joints(path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise error(f"{path}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
+    return joints_of_text(text, path, error)
+
+
+def joints_of_text(text: str, path: Path, error: type[DrakeTcError]) -> dict[str, ReadJoint]:
+    """The same of a text.
+
+    Args:
+        text: Of a file.
+        path: Where the file is or will be: its ending, and the folder of what it includes.
+        error: Class of what is raised.
+
+    Raises:
+        DrakeTcError: of class `error`: a text that cannot be used; names file and reason.
+    """
     try:
         if path.suffix.lower() == ".json":
             return {ANY_JOINT: bam_servo(_mapping(json.loads(text)))}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.errors import ParamsError
+from drake_tc.exchange.comparison import changes
 from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
@@ -138,10 +138,76 @@ def test_a_drive_on_a_voltage_is_a_dc_motor(tmp_path, kind):
     assert torques(text, 1e3, 0.0, 0.0)[0] == pytest.approx(8.0, rel=1e-9)
 
 
-def test_several_actuators_of_a_joint_are_refused(tmp_path):
+def test_a_second_actuator_that_brakes_is_switched_off(tmp_path):
+    """It would act beside the identified model; one that only takes a command of its own stays."""
     path = tmp_path / "robot.xml"
-    both = '<position name="a" joint="knee"/> <velocity name="b" joint="knee"/>'
+    both = '<position name="a" joint="knee"/> <velocity name="b" joint="knee"/> <motor name="c" joint="knee"/>'
     path.write_text(FILE.format(default="", actuator=both))
-    said = r"robot\.xml: 2 actuators drive joint knee: <position name='a'>, <velocity name='b'>; expected at most one"
-    with pytest.raises(ParamsError, match=said):
-        to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+    model = ActuatorModel("knee", SERVO, FRICTION)
+    projections = [project(model, TARGETS["mjcf"])]
+    text = to_mjcf(projections, path)
+    compiled = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(compiled)
+    data.qvel[0] = 1.0
+    data.ctrl[:] = [0.0, 5.0, 2.0]
+    mujoco.mj_forward(compiled, data)
+    assert data.qfrc_actuator[0] == 2.0
+    (removed, kept) = changes(text, projections, path)
+    assert "the command of <velocity name='b'>" in removed and "its actuator <motor name='c'>" in kept
+
+
+LEFT = {
+    "spring": ('stiffness="1.5" springref="0.2"', "<position joint='knee' kp='5'/>", "a spring of 1.5 N m/rad"),
+    "filter": ("", "<position joint='knee' kp='5' timeconst='0.02'/>", "a filter of the command of 0.02 s"),
+    "general filter": (
+        "",
+        "<general joint='knee' gainprm='5' biastype='affine' biasprm='0 -5 0' dyntype='filter' dynprm='0.1'/>",
+        "a filter of the command of 0.1 s",
+    ),
+    "integral": ("", "<pid joint='knee' kp='5' ki='10'/>", "integral action of 2 1/s"),
+    "cogging": (
+        "",
+        "<position joint='knee'/><dcmotor joint='knee' motorconst='0.1' resistance='1' input='none' cogging='1 5 0'/>",
+        "a torque ripple",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", LEFT)
+def test_what_the_model_lacks_goes_and_is_named(tmp_path, kind):
+    """The file that was written moves as a file that never had it."""
+    joint, actuator, told = LEFT[kind]
+    path = tmp_path / "robot.xml"
+    model = ActuatorModel("knee", SERVO, FRICTION)
+    projections, moved = [project(model, TARGETS["mjcf"])], []
+    for has in (joint, ""), ("", "<position joint='knee' kp='5'/>"):
+        text = FILE.format(default="", actuator=actuator if has[0] or not has[1] else has[1])
+        path.write_text(text.replace('stiffness="0"', has[0] or 'stiffness="0"'))
+        written = to_mjcf(projections, path)
+        compiled = mujoco.MjModel.from_xml_string(written)
+        data = mujoco.MjData(compiled)
+        data.ctrl[:1] = 0.3
+        mujoco.mj_step(compiled, data, 300)
+        moved.append(data.qpos[0])
+        if not has[1]:
+            (line,) = changes(written, projections, path)
+            assert told in line and line.endswith("removed.")
+    assert moved[0] == moved[1] != 0.0
+
+
+def test_the_content_of_includes_is_written_with_the_rest(tmp_path):
+    (tmp_path / "drives.xml").write_text(
+        "<mujoco><actuator><position name='k' class='arm' joint='knee'/></actuator></mujoco>"
+    )
+    path = tmp_path / "robot.xml"
+    text = FILE.format(default=FILES["servo"][0], actuator="").replace(
+        "</mujoco>", "<include file='drives.xml'/></mujoco>"
+    )
+    path.write_text(text)
+    projections = [project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])]
+    compiled = mujoco.MjModel.from_xml_string(to_mjcf(projections, path))
+    assert compiled.nu == 1 and compiled.actuator_gear[0][0] == 1.0 and compiled.actuator_biasprm[0][2] == 0.0
+    assert compiled.actuator_gainprm[0][0] == pytest.approx(1.0 / 2e-4)
+    assert "What your file includes is in the written file: drives.xml." in changes(
+        to_mjcf(projections, path), projections, path
+    )

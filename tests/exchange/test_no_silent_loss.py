@@ -47,6 +47,15 @@ USUAL = {"viscous": {"viscous": 40.0}, "coulomb": {"coulomb": 3.0}, "rotor_inert
 EXPRESSIBLE = (
     *("viscous", "coulomb", "rotor_inertia", "stribeck", "quadratic_viscous", "load_dependent_friction"),
     *("static_friction", "viscous_power", "saturation", "servo_gain", "delay.command", "delay.loop", "backlash"),
+    *(
+        "servo_integrator",
+        "cable_spring",
+        "cable_spring.beside_weight",
+        "torque_ripple",
+        "current_lag",
+        "current_lag.command",
+        "elasticity",
+    ),
 )
 """Effects that at least one target has; only these can displace each other."""
 

@@ -223,4 +223,4 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys,
     document = json.loads(capsys.readouterr().out)
     (geared,) = document["free_runs"]
     assert geared["original"] > 3.0 * geared["export"] and geared["export"] < 0.5 * light["export"]
-    assert document["notes"] == []
+    assert not any("has no inertia" in note for note in document["notes"])

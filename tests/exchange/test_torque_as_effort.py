@@ -35,5 +35,5 @@ def test_fitted_links_that_are_not_written_are_pointed_out(tmp_path, capsys, lin
     assert drake_tc(command) == 0
     told = [note for note in json.loads(capsys.readouterr().out)["notes"] if "are not written" in note]
     assert [note.partition(" are not")[0] for note in told] == (
-        ["The fitted inertial parameters of thigh, shin"] if links else []
+        ["thigh: its fitted inertial parameters", "shin: its fitted inertial parameters"] if links else []
     )

@@ -1,0 +1,335 @@
+"""Masses and inertias of links that were found, in the user's file: physically consistent, or named as lost.
+
+A link's ten parameters are pi = [m, m c, I] about its origin in its own frame, I as it stands in the matrix. A model
+file has differences to the robot's model under `shared` and whole parameters under `links`:
+
+    link_mass   pi' = pi (1 + delta/m)                    the shape and the centre of mass stay
+    link_com    c' = c + delta                            mass and inertia about the centre of mass stay
+    payload     pi' = pi + delta
+    links       pi' of the link with all that is welded to it
+
+What is welded to a link in the file keeps its own inertia. A body exists with pi' if its pseudo-inertia
+[[tr(I)/2 1 - I, m c], [m c^T, m]] has no negative eigenvalue (Wensing, Kim and Slotine, 2018, eq. 14); negative ones
+are set to a small positive number, and how far that moves the parameters is told.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+from xml.dom import minidom
+
+import numpy as np
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.drake_run import no_warning_of_friction, without_shapes
+from drake_tc.exchange.mjcf import put_includes
+from drake_tc.exchange.mujoco_run import require_mujoco
+from drake_tc.exchange.xml_text import append, child, element, number, parsed, put, text, to_text, top
+from drake_tc.types import FloatArray
+
+NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+SMALLEST = 1e-6
+"""Least eigenvalue of a pseudo-inertia over its largest one."""
+OF_SENSORS = ("ft_bias", "ft_gain", "ft_alignment", "imu_bias", "imu_gain", "imu_alignment", "encoder_offset")
+
+
+@dataclass(frozen=True)
+class Body:
+    """A link of the user's file.
+
+    Attributes:
+        own: (10,) its parameters.
+        whole: (10,) those of the link with all that is welded to it.
+        write: Puts (10,) new own parameters into the document.
+    """
+
+    own: FloatArray
+    whole: FloatArray
+    write: Callable[[FloatArray], None]
+
+
+def with_links(
+    written: str,
+    target: str,
+    into: Path | None,
+    shared: Sequence[Mapping[str, Any]],
+    links: Mapping[str, Mapping[str, Any]],
+) -> tuple[str, list[str]]:
+    """The text with the links' parameters that were found, and sentences on what was written and what is lost.
+
+    Args:
+        written: Text of the export.
+        target: Name on the command line.
+        into: The user's file; None: the text is a bench, which has none of the links.
+        shared: Entries of the model file.
+        links: The same.
+    """
+    told = [f"{_named(each)}: an error of the sensor, not of the robot." for each in shared if _of_sensor(each)]
+    causes = [each for each in shared if not _of_sensor(each)]
+    if not causes and not links:
+        return written, told
+    where = list(dict.fromkeys([str(each.get("where")) for each in causes] + list(links)))
+    try:
+        bodies, text_of = _bodies(written, target, into, where)
+    except ParamsError as error:
+        bodies, text_of = {}, lambda: written
+        reason = str(error)
+    else:
+        reason = ""
+    for name in where:
+        mine = [each for each in causes if each.get("where") == name]
+        if name not in bodies:
+            why = reason or f"{into.name if into else 'the file'} has no link of this name"
+            told += [f"{_named(each)} is not written: {why}." for each in mine]
+            told += [f"{name}: its fitted inertial parameters are not written: {why}."] if name in links else []
+            continue
+        told += _put(name, bodies[name], mine, links.get(name))
+    return text_of(), told
+
+
+def _put(name: str, body: Body, causes: Sequence[Mapping[str, Any]], fitted: Mapping[str, Any] | None) -> list[str]:
+    whole, told = body.whole.copy(), []
+    if fitted is not None:
+        whole = np.array([float(fitted.get(each, value)) for each, value in zip(NAMES, whole, strict=True)])
+        told.append(f"{name}: its fitted inertial parameters were written")
+    for cause in causes:
+        changed = _changed(whole, cause)
+        if changed is None:
+            told.append(f"{_named(cause)} is not written: the target has no such error of a link")
+            continue
+        whole = changed
+        told.append(f"{_named(cause)} was written")
+    own = consistent(body.own + whole - body.whole)
+    body.write(own)
+    moved = np.abs(own - (body.own + whole - body.whole)).max()
+    lost = (
+        f"; no body has these, the nearest one differs by up to {moved:.2g} kg, kg m or kg m^2" if moved > 1e-9 else ""
+    )
+    mass = f"; the link weighs {own[0]:.4g} kg, {body.own[0]:.4g} kg before"
+    return [f"{line}{lost}{mass}." if line is told[-1] else f"{line}." for line in told]
+
+
+def _changed(whole: FloatArray, cause: Mapping[str, Any]) -> FloatArray | None:
+    """(10,) parameters with one cause; None for one that is no change of them."""
+    kind = cause.get("effect")
+    if kind == "link_mass" and whole[0] > 0.0:
+        return np.asarray(whole * (1.0 + float(cause["mass"]) / whole[0]))
+    if kind == "link_com":
+        moved = whole.copy()
+        centre = whole[1:4] / whole[0]
+        new = centre + np.array([float(cause[f"com_{axis}"]) for axis in "xyz"])
+        moved[1:4] = whole[0] * new
+        moved[4:] += whole[0] * (_points(new) - _points(centre))
+        return moved
+    if any(name in cause for name in NAMES):
+        return np.asarray(whole + [float(cause.get(name, 0.0)) for name in NAMES])
+    return None
+
+
+def _points(c: FloatArray) -> FloatArray:
+    """(6,) inertia of a unit mass at c."""
+    matrix = (c @ c) * np.eye(3) - np.outer(c, c)
+    return np.asarray(matrix[np.triu_indices(3)])
+
+
+def consistent(parameters: FloatArray) -> FloatArray:
+    """(10,) the nearest parameters that a body can have; the same where it can have them.
+
+    Args:
+        parameters: (10,).
+    """
+    inertia = _matrix(parameters)
+    pseudo = np.zeros((4, 4))
+    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    pseudo[:3, 3] = pseudo[3, :3] = parameters[1:4]
+    pseudo[3, 3] = parameters[0]
+    values, vectors = np.linalg.eigh(pseudo)
+    least = SMALLEST * max(float(values[-1]), 1e-9)
+    if values[0] >= 0.0:
+        return parameters
+    pseudo = vectors @ np.diag(np.maximum(values, least)) @ vectors.T
+    second = pseudo[:3, :3]
+    inertia = np.trace(second) * np.eye(3) - second
+    return np.array([pseudo[3, 3], *pseudo[:3, 3], *inertia[np.triu_indices(3)]])
+
+
+def _matrix(parameters: FloatArray) -> FloatArray:
+    xx, xy, xz, yy, yz, zz = parameters[4:]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _central(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Mass, centre of mass and inertia about it (3, 3)."""
+    centre = parameters[1:4] / parameters[0]
+    about = _matrix(parameters) - parameters[0] * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
+    return float(parameters[0]), centre, about
+
+
+def _of_sensor(cause: Mapping[str, Any]) -> bool:
+    return cause.get("effect") in OF_SENSORS
+
+
+def _named(cause: Mapping[str, Any]) -> str:
+    values = ", ".join(
+        f"{name} {value:+.4g}" for name, value in cause.items() if isinstance(value, float | int) and name != "ci95"
+    )
+    return f"{cause.get('where')}: {str(cause.get('effect')).replace('_', ' ')} ({values})"
+
+
+def _bodies(
+    written: str, target: str, into: Path | None, names: Sequence[str]
+) -> tuple[dict[str, Body], Callable[[], str]]:
+    """Links of the file by name, and what gives its text when they are written.
+
+    Raises:
+        ParamsError: a target without links, or a file that cannot be loaded.
+    """
+    if target not in ("mjcf", "urdf", "drake-urdf", "sdf"):
+        raise ParamsError("the target has actuators only: change the link in the robot's model")
+    if into is None:
+        raise ParamsError("a bench has no links: name the robot's file with --into")
+    document = parsed(written)
+    root = top(document)
+    if target == "mjcf":
+        put_includes(root, into)
+        found = _of_mjcf(root, into, names)
+    else:
+        found = _of_drake(written, root, names)
+    return found, lambda: to_text(document)
+
+
+def _of_drake(written: str, root: minidom.Element, names: Sequence[str]) -> dict[str, Body]:
+    """Links of a URDF or SDFormat file, by Drake's parser."""
+    bare, kind = without_shapes(written)
+    plant: Any = MultibodyPlant(0.0)
+    try:
+        with no_warning_of_friction():
+            Parser(plant).AddModelsFromString(bare, kind)
+        plant.Finalize()
+    except (RuntimeError, ValueError) as error:
+        raise ParamsError(f"Drake refuses the file: {' '.join(str(error).split())}") from None
+    context = plant.CreateDefaultContext()
+    elements = {each.getAttribute("name"): each for each in root.getElementsByTagName("link")}
+    found = {}
+    for name in names:
+        if name not in elements or not plant.HasBodyNamed(name):
+            continue
+        body = plant.GetBodyByName(name)
+        welded = [each.index() for each in plant.GetBodiesWeldedTo(body)]
+        own, whole = (
+            _parameters(plant.CalcSpatialInertia(context, body.body_frame(), each)) for each in ([body.index()], welded)
+        )
+        write = _write_urdf if kind == "urdf" else _write_sdf
+        found[name] = Body(own, whole, partial(write, elements[name]))
+    return found
+
+
+def _parameters(spatial: Any) -> FloatArray:
+    mass = spatial.get_mass()
+    inertia = np.asarray(spatial.CalcRotationalInertia().CopyToFullMatrix3())
+    return np.array([mass, *(mass * np.asarray(spatial.get_com())), *inertia[np.triu_indices(3)]])
+
+
+def _fresh(link: minidom.Element) -> minidom.Element:
+    """An `<inertial>` of the link without content."""
+    old = [node for node in link.childNodes if isinstance(node, minidom.Element) and node.tagName == "inertial"]
+    made = element(link, "inertial")
+    if old:
+        link.replaceChild(made, old[0])
+    else:
+        link.insertBefore(made, link.firstChild)
+    return made
+
+
+def _write_urdf(link: minidom.Element, parameters: FloatArray) -> None:
+    mass, centre, about = _central(parameters)
+    made = _fresh(link)
+    put(append(made, "origin"), xyz=" ".join(map(number, centre)), rpy="0 0 0")
+    put(append(made, "mass"), value=mass)
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    put(append(made, "inertia"), **dict(zip(names, about[np.triu_indices(3)].tolist(), strict=True)))
+
+
+def _write_sdf(link: minidom.Element, parameters: FloatArray) -> None:
+    mass, centre, about = _central(parameters)
+    made = _fresh(link)
+    parts = {"pose": " ".join(map(number, (*centre, 0.0, 0.0, 0.0))), "mass": number(mass)}
+    for tag, content in parts.items():
+        append(made, tag).appendChild(text(made, content))
+    inertia = child(made, "inertia")
+    for tag, value in zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), about[np.triu_indices(3)], strict=True):
+        append(inertia, tag).appendChild(text(made, number(float(value))))
+
+
+def _of_mjcf(root: minidom.Element, into: Path, names: Sequence[str]) -> dict[str, Body]:
+    """Bodies of an MJCF file, by MuJoCo's compiler."""
+    mujoco: Any = require_mujoco()
+    for each in root.getElementsByTagName("compiler"):
+        if each.getAttribute("inertiafromgeom") == "true" or each.getAttribute("settotalmass"):
+            raise ParamsError("the file's compiler makes its inertias (inertiafromgeom, settotalmass)")
+    try:
+        spec = mujoco.MjSpec.from_string(root.toxml())
+        spec.modelfiledir = str(into.parent)
+        model = spec.compile()
+    except ValueError as error:
+        raise ParamsError(f"MuJoCo refuses the file: {' '.join(str(error).split())}") from None
+    elements = {each.getAttribute("name"): each for each in root.getElementsByTagName("body")}
+    found = {}
+    for name in names:
+        if name not in elements:
+            continue
+        number_of = model.body(name).id
+        own = _of_body(mujoco, model, number_of)
+        whole = own + sum(
+            (_moved(mujoco, model, at, number_of) for at in _welded(model, number_of)), np.zeros(len(NAMES))
+        )
+        found[name] = Body(own, whole, partial(_write_mjcf, elements[name]))
+    return found
+
+
+def _of_body(mujoco: Any, model: Any, body: int) -> FloatArray:
+    """(10,) of one body in its own frame."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    return _about_origin(float(model.body_mass[body]), model.body_ipos[body], turn, model.body_inertia[body])
+
+
+def _about_origin(mass: float, centre: Any, turn: FloatArray, principal: Any) -> FloatArray:
+    axes = turn.reshape(3, 3)
+    inertia = axes @ np.diag(principal) @ axes.T
+    place = np.asarray(centre, dtype=np.float64)
+    inertia = inertia + mass * ((place @ place) * np.eye(3) - np.outer(place, place))
+    return np.array([mass, *(mass * place), *inertia[np.triu_indices(3)]])
+
+
+def _welded(model: Any, body: int) -> list[int]:
+    """Bodies that hang from a body without a joint."""
+    found = [i for i in range(1, model.nbody) if model.body_parentid[i] == body and model.body_jntnum[i] == 0]
+    return found + [deeper for i in found for deeper in _welded(model, i)]
+
+
+def _moved(mujoco: Any, model: Any, body: int, to: int) -> FloatArray:
+    """(10,) of a welded body in the frame of the body that carries it."""
+    turn, mass, principal = np.zeros(9), float(model.body_mass[body]), model.body_inertia[body]
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    axes, centre = turn.reshape(3, 3).copy(), np.array(model.body_ipos[body])
+    while body != to:
+        mujoco.mju_quat2Mat(turn, model.body_quat[body])
+        axes, centre = turn.reshape(3, 3) @ axes, turn.reshape(3, 3) @ centre + model.body_pos[body]
+        body = int(model.body_parentid[body])
+    return _about_origin(mass, centre, axes, principal)
+
+
+def _write_mjcf(body: minidom.Element, parameters: FloatArray) -> None:
+    mass, centre, about = _central(parameters)
+    full = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
+    put(
+        _fresh(body),
+        pos=" ".join(map(number, centre)),
+        mass=mass,
+        fullinertia=" ".join(number(float(value)) for value in full),
+    )
