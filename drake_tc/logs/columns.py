@@ -14,7 +14,7 @@ from drake_tc.errors import LogError
 from drake_tc.logs.bags.roles import undecided_topics
 from drake_tc.logs.column_hints import column_hints
 from drake_tc.logs.csv_file import ENDINGS, first_line
-from drake_tc.logs.inspection.names import stated_unit
+from drake_tc.logs.inspection.names import meaning, stated_unit
 from drake_tc.logs.joint_types import require_own_unit
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.unit_names import is_unit, unit_named
@@ -23,6 +23,8 @@ from drake_tc.types import BoolArray, FloatArray
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE)
 """A number as programs write it in countries with a decimal comma."""
+EFFORTS = ("effort", "eff")
+"""Words behind which drivers put currents, torques or loads; a rig file has to say which."""
 LARGEST = 1e12
 """No reading is as large, in whatever unit; times may be, as nanoseconds since 1970."""
 
@@ -126,7 +128,10 @@ def _missing(table: pd.DataFrame, requested: str, canonical: str, path: Path) ->
 
 
 def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
-    """Canonical name to the file's name, for every canonical column that the file has or the rig names."""
+    """Canonical name to the file's name, for every canonical column that the file has or the rig names.
+
+    Of what a joint of the rig needs, `<joint>.pos` stands for `<joint>/position`, and so do the other common words.
+    """
     names = {str(name) for name in table.columns}
     found = dict(rig.columns)
     found.pop("enabled", None)
@@ -137,6 +142,11 @@ def _candidates(rig: Rig, table: pd.DataFrame) -> dict[str, str]:
             if canonical in names and canonical not in claimed:
                 found.setdefault(canonical, canonical)
         found.pop(f"{joint}/enabled", None)
+    needed = {name for joint in rig.joints for name in rig.required_columns(joint)} - set(found)
+    for name in names - claimed if needed else ():
+        told = meaning(name) if name.rpartition(".")[0] in rig.joints else None
+        if told is not None and f"{told.joint}/{told.quantity}" in needed and told.by not in EFFORTS:
+            found.setdefault(f"{told.joint}/{told.quantity}", name)
     for name in names:
         owner, _, suffix = name.rpartition("/")
         if owner.startswith(("imu_", "ft_")) and suffix in SENSOR_SUFFIXES:

@@ -228,3 +228,11 @@ def test_stated_units_survive_whatever_the_names(tmp_path, data, time_unit, belo
     assert found.rig["drive"] == "current", found.columns
     run = load_run(path, parse_rig(dict(found.rig)))
     same_signals(run, found.rig["joint"])
+
+
+def test_a_joint_of_the_rig_finds_its_columns_behind_a_dot(tmp_path):
+    path = dotted(tmp_path / "run.csv")
+    rig = {"joint": "knee_joint", "drive": "current", "columns": {"time": "t"}}
+    run = load_run(path, parse_rig(rig))
+    assert_allclose(run.columns["knee_joint/current"], CURRENT, rtol=0, atol=1e-9)
+    same_signals(run, "knee_joint")

@@ -80,7 +80,7 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
         notes.append(_how(timed))
     columns, assigned = _assigned(columns)
     table = pd.DataFrame(columns)
-    table.attrs |= {"notes": [*notes, *assigned], "hints": list(choice.hints)}
+    table.attrs |= {"notes": [*notes, *assigned], "hints": [*choice.hints, *_other_clocks(choice, main.stream, needed)]}
     table.attrs |= {"aside": choice.aside, "undecided": choice.undecided}
     return table
 
@@ -112,6 +112,23 @@ def _main(choice: Taken, needed: Collection[str], path: Path) -> _Timed:
         return main
     note = f"{int((~rows).sum())} messages of {main.stream.topic} with other joints alone were left out."
     return main._replace(time=main.time[rows], table=main.table[rows], notes=(*main.notes, note))
+
+
+def _other_clocks(choice: Taken, main: Stream, needed: Collection[str]) -> list[str]:
+    """What to say where positions that are used are on other topics than the one that gives the rows."""
+    others = {
+        stream.topic
+        for stream in choice.streams
+        if stream is not main and stream.kind is Kind.measured and not set(stream.names) & set(choice.aside)
+        for name in stream.names
+        if name.endswith("/position") and (not needed or name in needed)
+    }
+    if not others:
+        return []
+    return [
+        f"The positions of {', '.join(sorted(others))} were interpolated at the rows of {main.topic}. A rig file with"
+        " the joints of one topic alone takes the rows of that topic."
+    ]
 
 
 class _Apart(NamedTuple):
