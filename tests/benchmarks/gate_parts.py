@@ -34,6 +34,8 @@ Size = Literal["small", "full"]
 Progress = Callable[[str, float], None]
 COVERAGE = (0.92, 0.98)
 """Share of 95 % intervals that hold the truth: smallest and largest that is accepted."""
+ENOUGH = 100
+"""Intervals by which a share is judged; with fewer, chance alone moves the share of right ones out of these limits."""
 
 
 @dataclass(frozen=True)
@@ -188,9 +190,10 @@ def coverage_rows(runs: GateRuns) -> list[FigureRow]:
 
 
 def interval_row(name: str, hits: Sequence[bool]) -> FigureRow:
-    """Share of 95 % intervals that hold the truth."""
+    """Share of 95 % intervals that hold the truth; it is judged where there are enough of them."""
     middle, half = sum(COVERAGE) / 2.0, (COVERAGE[1] - COVERAGE[0]) / 2.0
-    return FigureRow.share(f"95 % intervals that hold: {name}", hits, "within", middle, half)
+    judged = middle if len(hits) >= ENOUGH else None
+    return FigureRow.share(f"95 % intervals that hold: {name}", hits, "within", judged, half)
 
 
 def blind_intervals(truth: Mapping[str, Any], report: Mapping[str, Any]) -> list[tuple[str, bool]]:

@@ -118,6 +118,11 @@ def test_intervals_of_an_exact_answer_are_held_against_the_truth():
     ]
 
 
+@pytest.mark.parametrize(("right", "of", "met"), [(20, 20, None), (95, 100, True), (91, 100, False), (99, 100, False)])
+def test_too_few_intervals_are_reported_and_not_judged(right, of, met):
+    assert gate_parts.interval_row("x", [True] * right + [False] * (of - right)).met is met
+
+
 @dataclass(frozen=True)
 class Drawn:
     """What a part of the gate reads of `GateRuns`."""
