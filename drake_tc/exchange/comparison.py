@@ -97,7 +97,10 @@ def run_notes(projections: Sequence[Projection], target: str, rig: Rig, into: Pa
         rig: Of the runs.
         into: The user's file; None: there is none.
     """
-    runner, lines = RUNS[target], []
+    runner, lines = RUNS[target], list[str]()
+    inertias = (
+        {} if into is None else {name: each.terms.armature for name, each in read_joints(into, ParamsError).items()}
+    )
     for joint, (exported, original) in _terms_to_run(projections, target, into).items():
         for what, terms in (("the export", exported), ("your file", original)):
             if terms is not None and (old := runner.too_old(terms)):
@@ -107,7 +110,8 @@ def run_notes(projections: Sequence[Projection], target: str, rig: Rig, into: Pa
             for term, why in runner.ignores.items()
             if any(getattr(terms, term) for terms in (exported, original) if terms is not None)
         ]
-        if not (TARGETS[target].has("armature") or exported.armature) and rig.load[joint] == "torque":
+        has_inertia = TARGETS[target].has("armature") or exported.armature or inertias.get(joint)
+        if not has_inertia and rig.load[joint] == "torque":
             lines.append(
                 f"{joint}: the load is a recorded torque, so the run of the export has no inertia:"
                 f" {TARGETS[target].name} has no rotor inertia."

@@ -35,10 +35,10 @@ FRICTION = "_friction"
 """End of the name of the actuator without input that is the friction of a joint."""
 SMALL_CONSTANT = 1e-6
 """Motor constant of that actuator: MuJoCo wants one, and its back-EMF must be nothing [N m/A]."""
-BRISTLE = 2e-3
+BRISTLE = 1e-3
 """Deflection of the bristles at which they slide [rad], [m]."""
-BRISTLE_DAMPING = 0.1
-"""Damping of the bristles over their stiffness [s]; they slide before it counts."""
+BRISTLE_DAMPING = 5e-3
+"""Damping of the bristles over their stiffness [s]: they neither ring nor brake what slides."""
 OF_OTHERS = ("dampratio", "timeconst", "damping", "armature", "inheritrange")
 """Attributes of a servo or motor that the identified model replaces."""
 OF_MOTORS = ("controller", "input", "nominal", "lugre", "cogging", "thermal", "saturation")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.errors import ParamsError
 from drake_tc.exchange.comparison import changes
 from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.mjcf import to_mjcf

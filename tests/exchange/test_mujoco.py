@@ -14,7 +14,7 @@ from drake_tc.exchange.target_run import RunInput, target_free_run
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
-from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.terms import Ripple, StribeckPeak, Terms
 
 pytest.importorskip("mujoco")
 
@@ -157,3 +157,81 @@ def test_mujoco_writes_no_log_and_what_is_unstable_is_nan(tmp_path, monkeypatch)
     found = simulate(Terms("torque", 1e12, armature=1e-6), None, np.full(T.size, 1e9), NONE, (0.0, 0.0), H)
     assert np.isnan(found[-1]) and found[0] == 0.0
     assert not list(tmp_path.iterdir())
+
+
+def held_by_friction(terms, link, command, step=2e-5):
+    """A servo with a Stribeck peak by small steps: friction takes at most what stops the joint."""
+    inertia, q, v, out = terms.armature + link.inertia, 0.0, 0.0, np.empty(command.size)
+    for i, wanted in enumerate(command):
+        out[i] = q
+        for _ in range(round(H / step)):
+            torque = terms.kp * (wanted - q) - link.gravity_moment * np.sin(q) - terms.damping * v
+            most = terms.frictionloss + terms.stribeck.height * np.exp(-((v / terms.stribeck.velocity) ** 2))
+            stop = inertia / step * v + torque
+            v += step * (torque - np.sign(stop) * min(abs(stop), most)) / inertia
+            q += step * v
+    return out
+
+
+@pytest.mark.parametrize(
+    ("armature", "dry", "peak", "kp", "damping"), [(0.3, 1.5, 1.0, 80.0, 10.0), (6e-3, 0.12, 0.1, 6.0, 0.1)]
+)
+def test_a_stribeck_peak_moves_as_by_small_steps(armature, dry, peak, kp, damping):
+    require_version("3.12")
+    link = Link(1.6 * armature, 0.3 * kp / 50.0, 0.0)
+    terms = Terms("position_servo", kp, armature, damping, frictionloss=dry, stribeck=StribeckPeak(peak, 0.2, 2.0))
+    command = 0.6 * np.sin(2.0 * T[:3000]) + 0.1 * np.sin(5.0 * T[:3000])
+    expected = held_by_friction(terms, link, command)
+    found, without = (
+        simulate(each, link, command, NONE[:3000], (0.0, 0.0), H) for each in (terms, replace(terms, stribeck=None))
+    )
+    assert rms(found, expected) < 0.01 * np.std(expected)
+    assert rms(without, expected) > 3.0 * rms(found, expected)
+
+
+SMOOTH = {
+    "spring": {"stiffness": 8.0, "preload": -1.5},
+    "filter": {"lag": 0.05},
+    "integral action": {"integral_rate": 3.0},
+    "ripple": {"ripple": Ripple(0.7, -1.1, 6.0)},
+    "limit of a damped servo": {"torque_limit": 4.0, "derivative_gain": 2.0},
+    "elasticity": {"compliance": 0.004},
+}
+
+
+@pytest.mark.parametrize("kind", SMOOTH)
+def test_terms_of_a_servo_move_as_their_equations(kind):
+    """The equations of `terms`, integrated by SciPy."""
+    from scipy.integrate import solve_ivp
+
+    require_version("3.12")
+    terms = replace(Terms("position_servo", 40.0, armature=0.1, damping=3.0), **SMOOTH[kind])
+    link, size = Link(0.05, 2.0, 0.0), 2000
+    command = 0.4 * np.sin(4.0 * T[:size])
+
+    def rate(t, y):
+        q, v, act, integral, far, speed = y
+        wanted = command[min(int(t / H + 1e-9), size - 1)]
+        effort = (act if terms.lag else wanted) - q
+        drive = terms.kp * (effort + terms.integral_rate * integral) - terms.derivative_gain * v
+        drive = np.clip(drive, -terms.torque_limit, terms.torque_limit) if terms.torque_limit else drive
+        torque = drive - (terms.damping - terms.derivative_gain) * v - terms.stiffness * q - terms.preload
+        if terms.ripple:
+            angle = terms.ripple.cycles * q
+            torque -= terms.ripple.cosine * np.cos(angle) + terms.ripple.sine * np.sin(angle)
+        lag = (wanted - act) / terms.lag if terms.lag else 0.0
+        if terms.compliance:
+            gear = (q - far) / terms.compliance
+            return [v, (torque - gear) / 0.1, lag, effort, speed, (gear - 2.0 * np.sin(far)) / 0.05]
+        acceleration = (torque - 2.0 * np.sin(q)) / 0.15
+        return [v, acceleration, lag, effort, v, acceleration]
+
+    solved = solve_ivp(rate, (0.0, size * H), np.zeros(6), t_eval=T[:size], max_step=H, rtol=1e-7, atol=1e-9)
+    expected = solved.y[4] if terms.compliance else solved.y[0]
+    given = RunInput(command, NONE[:size], (0.0, 0.0), H, substeps=4)
+    found = simulate_in_mujoco(terms, link, given)
+    assert rms(found, expected) < 0.01 * np.std(expected)
+
+
+def require_version(least: str) -> None:
+    pytest.importorskip("mujoco", minversion=least)
