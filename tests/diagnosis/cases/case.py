@@ -171,7 +171,7 @@ def answer_of(recorded: Recorded, engine: str | None) -> Answer:
             values |= {f"{place}{key}.{name}": estimate for name, estimate in group.items()}
     found |= {f"{e.id}@{e.where}": e.parameters for e in result.shared}
     if result.set_up is not None:
-        found |= {f"set_up.{e.kind}@{','.join(e.joints or e.runs)}": {} for e in result.set_up.errors}
+        found |= {f"set_up.{e.kind}@{','.join(e.joints or sorted(e.runs))}": {} for e in result.set_up.errors}
     if result.links is not None:
         for run, payload in result.links.payloads.items():
             values |= {f"{run}.{name}": estimate for name, estimate in payload.items()}

@@ -389,7 +389,7 @@ SET_UPS = [
     set_up("a loaded log that is held out", armed(Arm(payloads=(0.0, 0.0, PAYLOAD))), "payload@run_2_loaded"),
     set_up("a load that the held-out log lacks", armed(Arm(payloads=(PAYLOAD, PAYLOAD, 0.0))), "payload@run_0_loaded,run_1_loaded"),
     set_up("a heavy load in all logs, known links", known(Arm(payloads=(PAYLOAD,) * 4), train=3), "payload@"),
-    Case("set-up: a load in all logs is taken up by fitted links", armed(Arm(payloads=(PAYLOAD,) * 3))),
+    Case("set-up: a load in all logs is taken up by fitted links", armed(Arm(payloads=(PAYLOAD,) * 3)), verdicts=NULL | RED),
     Case("set-up: right of an arm whose axes are not parallel", elbow()),
     Case("set-up: friction of one direction is none of its errors", armed(change=uneven), never=frozenset({"set_up.drive_gain@fold", "set_up.gravity@"}),
          verdicts=OPEN),

@@ -51,7 +51,7 @@ TORQUES = [
     Case("sensors: a scale 25 % too large beside a heavy rotor",
          logs_of(Joint(inertia=1.2, torque_noise=0.05, sensor=lambda m: 0.25 * m.tau)),
          {"torque_sensor_gain": {"gain_error": Is(0.25, 0.02)}}, values={"drive.gain": Is(0.08, 0.01), "viscous.viscous": Is(6.0, 0.01)}),
-    Case("sensors: a torque that drifts", read_by(lambda m: 0.15 * (m.time - 6.0)), {"torque_sensor_drift": {}}),
+    Case("sensors: a torque that drifts", read_by(lambda m: 0.15 * m.time), {"torque_sensor_drift": {}}),
     Case("sensors: the zero of a servo's encoder",
          logs_of(replace(servo(torque_noise=0.05), extra=lambda m: -OFFSET / 2e-3 * np.ones_like(m.q))),
          {"encoder_offset": {"offset": Is(OFFSET, 0.01)}},
