@@ -82,27 +82,23 @@ def _unpacked(chunk: bytes) -> bytes:
     (length,) = struct.unpack_from("<I", chunk, CHUNK_HEADER)
     begin = CHUNK_HEADER + 4 + length
     packed = chunk[begin + 8 :]
-    match chunk[CHUNK_HEADER + 4 : begin]:
-        case b"":
-            return packed
-        case b"lz4":
-            from lz4.frame import LZ4FrameDecompressor as Unpacker  # type: ignore[import-untyped]
-        case b"zstd":
-            Unpacker = _zstd_unpacker()
-        case _:
-            return b""
+    name = chunk[CHUNK_HEADER + 4 : begin]
+    if not name:
+        return packed
     try:
-        return bytes(Unpacker().decompress(packed))
-    except Exception:  # the unpackers' own errors: nothing of the chunk is usable
+        return bytes(_unpacker(name.decode()).decompress(packed))
+    except Exception:  # an unknown compression, or the unpackers' own errors: nothing of the chunk is usable
         return b""
 
 
-def _zstd_unpacker() -> Any:
-    """The class that unpacks zstd: Python's own from 3.14 on, before that the one that rosbags brings."""
+def _unpacker(compression: str) -> Any:
+    """What unpacks a chunk piece by piece. rosbags brings these packages; Python 3.14 has zstd of its own."""
+    if compression == "lz4":
+        return import_module("lz4.frame").LZ4FrameDecompressor()
     try:
-        return import_module("compression.zstd").ZstdDecompressor
+        return import_module(f"compression.{compression}").ZstdDecompressor()
     except ModuleNotFoundError:
-        return import_module("backports.zstd").ZstdDecompressor
+        return import_module(f"backports.{compression}").ZstdDecompressor()
 
 
 def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
