@@ -52,7 +52,6 @@ from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.tick import problem_at
-from tests.benchmarks.tsid_timing import tick_timings
 
 folder = Path(tempfile.mkdtemp())
 humanoid = tsid_entry()
@@ -328,16 +327,9 @@ print(f"the robust controller stands: {reached['individual'].fell is None}")
 # motion on other approximations of contact, on which the robust controller's forces leave their cones too.
 #
 # ## 7. What a tick costs, and what was missed
-
-# %%
-rows = tick_timings(humanoid.scenario("com_move", text="{duration: 0.5}"), lambda what, share: None)
-print(f"{'own time of a tick, on this machine [us]':<72}{'median':>8}{'99 %':>8}  goal")
-for row in (row for row in rows if row.unit == "us"):
-    print(f"{row.name:<72}{row.value:8.0f}{row.highest:8.0f}  {row.goal}")
-
-# %% [markdown]
-# the benchmark `tick` measures that along a longer motion. Terms and reduction are what all controllers share, the
-# rest is the programs. Read the times as those of a machine that may have been busy.
+#
+# `python -m tests.benchmarks tick` measures the time of a tick along a longer motion, by measure and by stage; the page
+# of the benchmarks has its stored result.
 #
 # And the paper's results? At the states of section 1, of the project's goals:
 
