@@ -121,7 +121,8 @@ def with_declared_file(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> "R
         for name in ("drive_gain", "saturation", "derivative_gain")
     }
     changed = {name: {**values, **getattr(rig, name)} for name, values in stated.items()}
-    return replace(rig, declared=declared, **changed)  # type: ignore[arg-type]
+    told = tuple(f"{path}: {each.line(rig.drive[each.joint], rig.joint_type(each.joint))}" for each in found)
+    return replace(rig, declared=declared, declared_by_files=(*rig.declared_by_files, *told), **changed)  # type: ignore[arg-type]
 
 
 ALWAYS = ("viscous", "coulomb")

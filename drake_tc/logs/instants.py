@@ -88,8 +88,8 @@ def sampling_instants(time: FloatArray, positions: Sequence[FloatArray], others:
         return Instants(time)
     stretches = list(_stretches(stamps, period))
     away = np.concatenate([stamps[s.rows] - s.smooth for s in stretches]) if stretches else np.zeros(0)
-    if away.size < 0.5 * stamps.size or float(away.std()) < LEAST_SCATTER * period:
-        return Instants(time)
+    if away.size < 0.5 * stamps.size or not LEAST_SCATTER * period < float(away.std()) < float(steps.std()):
+        return Instants(time)  # independent scatter is 0.7 of that of the steps; a clock whose rate changes has more
     share, error = _share(stamps, [q[index] for q in channels], stretches, period)
     if error > LARGEST_ERROR or share + 3.0 * error > MOSTLY_NOISE:
         return Instants(time)

@@ -82,6 +82,7 @@ class Rig:
         coupled: By joint, turns of its motor for one turn of another joint (`estimation.coupled_gears`).
         tares: Begin and end of the stretch of every run in which an F/T sensor is zeroed [s], by its column name.
         robot_sensors: Column names of the sensors that the robot file lists (`ft_foot`, `imu_trunk`).
+        declared_by_files: Sentences on what files of other simulators declare, and what of them is not used.
         joint_types: Whether a joint turns or slides, by joint; see `joint_type`. The units above are those of joints
             that turn; `units_of` gives those of each joint.
 
@@ -111,6 +112,7 @@ class Rig:
     coupled: Mapping[str, Mapping[str, float]] = field(default_factory=_empty)
     robot_sensors: tuple[str, ...] = ()
     joint_types: Mapping[str, JointType] = field(default_factory=_empty)
+    declared_by_files: tuple[str, ...] = ()
 
     def joint_sensors(self, joint: str) -> JointSensors:
         """What is declared of the joint's own channels; all None where nothing is."""

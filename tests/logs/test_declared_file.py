@@ -175,3 +175,46 @@ def test_a_file_that_is_not_there_is_refused(tmp_path, name):
         RigError, match="no such file; expected a URDF, an SDFormat file, an MJCF or a parameter file of BAM"
     ):
         load_rig(tmp_path / "rig.yaml")
+
+
+def test_a_rig_file_that_names_a_file_says_what_was_taken_and_what_not(tmp_path):
+    exported(tmp_path, "mjcf")
+    path = tmp_path / "rig.yaml"
+    path.write_text(yaml.safe_dump(RIG | {"declared": "bench.xml", "drive": "current"}), encoding="utf-8")
+    (line,) = load_rig(path).declared_by_files
+    assert "bench.xml: knee: declared: rotor_inertia 0.31" in line and "not used: its drive (position_servo)" in line
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [
+        (EffectValue("cable_spring", {"spring_stiffness": 12.0, "spring_preload": -3.0}), None),
+        (EffectValue("torque_ripple", {"ripple_cosine": 0.5, "ripple_sine": -0.7, "cycles_per_turn": 9.0}), None),
+        (EffectValue("servo_integrator", {"integral_rate": 2.5}), {"servo_integrator": 2.5}),
+        (EffectValue("current_lag.command", {"lag": 0.03}), {"current_lag.command": 0.03}),
+        (EffectValue("elasticity", {"compliance": 1e-4}), {"elasticity": 1e-4}),
+    ],
+    ids=lambda each: each.key if isinstance(each, EffectValue) else "",
+)
+def test_effects_in_mjcf_come_back(tmp_path, effect, expected):
+    """Written, read and declared with the same numbers."""
+    rest = tuple(each for each in MODEL.effects if each.effect.id not in ("saturation", "delay", "backlash"))
+    model = ActuatorModel("knee", MODEL.drive, (*rest, effect))
+    rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "mjcf", model))
+    expected = expected or {f"{effect.key}.{name}": value for name, value in effect.parameters.items()}
+    for name, value in expected.items():
+        assert rig.declared["knee"][name] == pytest.approx(value, rel=1e-8), name
+
+
+def test_a_limit_of_a_servo_with_damping_is_that_of_the_whole(tmp_path):
+    limited = EffectValue("saturation.servo", {"limit": 0.01, "derivative_time": 2e-3})
+    model = ActuatorModel("knee", MODEL.drive, (*MODEL.effects[:3], limited))
+    rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "mjcf", model))
+    declared = rig.declared["knee"]
+    assert declared["saturation.servo.limit"] == pytest.approx(0.01, rel=1e-8)
+    assert declared["saturation.servo.derivative_time"] == pytest.approx(2e-3, rel=1e-8)
+    assert declared["viscous"] + rig.derivative_gain["knee"] == pytest.approx(32.5, rel=1e-8)
+    again = load_rig(save_rig(rig, tmp_path / "again.yaml"))
+    assert again.declared == rig.declared
+    stated = parse_rig(RIG | {"saturation": 0.01, "proportional_gain": 5000.0, "derivative_gain": 10.0})
+    assert stated.declared["knee"]["saturation.servo.derivative_time"] == pytest.approx(2e-3)
