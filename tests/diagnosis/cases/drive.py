@@ -339,7 +339,7 @@ def inside(
 OF_INSIDE = {"coulomb.coulomb": Is(0.3, 0.1), "drive.gain": Is(1.0 / 60.0, 0.02)}
 INSIDE = [
     Case("drive: a servo with an inside at 500 Hz", inside(500.0), values=OF_INSIDE, seeds=(0, 1)),
-    Case("drive: a servo with an inside at 1 kHz", inside(1000.0), values=OF_INSIDE, slow=True),
+    Case("drive: a servo with an inside at 1 kHz", inside(1000.0), values=OF_INSIDE),
     Case("drive: a servo with an inside at 333 Hz", inside(1.0 / 3e-3), values=OF_INSIDE),
     Case("drive: a servo with an inside and a derivative gain", inside(500.0, kd=1.5), values=OF_INSIDE),
     Case("drive: a servo with an inside whose gains are declared",
