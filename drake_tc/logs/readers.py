@@ -13,8 +13,10 @@ from drake_tc.config.is_file import is_file, is_folder
 from drake_tc.config.utf8_names import utf8_text
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
+from drake_tc.logs.clock import MIN_ROWS
 from drake_tc.logs.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.episodes import Source, source_of
+from drake_tc.logs.inspection.names import meaning
 from drake_tc.logs.json_log import read_json, read_json_lines
 from drake_tc.logs.lerobot import is_data_set, read_data_set, without_lists
 from drake_tc.logs.mat_file import Value, read_mat
@@ -33,16 +35,46 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
         return with_texts(without_lists(pd.read_parquet(file), Source(path, episode)))
 
 
-def _columns_of(name: str, value: np.ndarray) -> dict[str, np.ndarray]:
-    """One column for a vector, `name_0, name_1, ...` for a matrix (samples first); scalars are no columns."""
+def _columns_of(name: str, value: np.ndarray, rows: int) -> dict[str, np.ndarray]:
+    """One column for a vector, `name_0, name_1, ...` for a matrix of (rows, n) or (n, rows); scalars are no columns."""
     array = np.squeeze(value)
     if array.ndim == 1 and array.size > 1:
         return {name: array}
-    if array.ndim == 2:
+    if array.ndim == 2 and rows in array.shape:
+        array = array if array.shape[0] == rows else array.T
         return {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
     if value.size == 0:
         return {name: np.empty(0)}
     return {}
+
+
+def _rows_of(arrays: Mapping[str, np.ndarray]) -> int:
+    """Samples: values of a vector that is called like a time, else the longest first axis, or second of few rows."""
+    shapes = {name: np.squeeze(value).shape for name, value in arrays.items() if value.size > 1}
+    vectors = {name: shape[0] for name, shape in shapes.items() if len(shape) == 1}
+    for name, size in vectors.items():
+        if (told := meaning(name)) is not None and told.quantity == "time":
+            return int(size)
+    longest = max((shape[0] for shape in shapes.values() if len(shape) in (1, 2)), default=0)
+    return longest if longest >= MIN_ROWS else max((max(s) for s in shapes.values() if len(s) in (1, 2)), default=0)
+
+
+def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """A table of the arrays of a file, with a time from the rate that a single number states where there is none."""
+    rows = _rows_of(arrays)
+    columns: dict[str, np.ndarray] = {}
+    left_out = []
+    for name, value in arrays.items():
+        own = _columns_of(name, value, rows)
+        columns |= own
+        if not own and value.size > 1:
+            left_out.append(f"{name} {np.squeeze(value).shape}".replace(",)", ")"))
+    table = _table(path, columns)
+    if left_out:
+        note = f"Arrays without {rows} rows or columns are no samples and were left out: {', '.join(left_out)}."
+        table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+    single = {name: value for name, value in arrays.items() if value.size == 1 and value.dtype.kind in "iuf"}
+    return with_times(table, stated_period({name: float(value.ravel()[0]) for name, value in single.items()}))
 
 
 def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
@@ -68,33 +100,20 @@ def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def _read_npz(path: Path) -> pd.DataFrame:
-    columns: dict[str, np.ndarray] = {}
-    arrays = read_arrays(path)
-    for name, values in arrays.items():
-        columns |= _columns_of(name, values)
-    return _with_stated_time(_table(path, columns), arrays)
-
-
-def _with_stated_time(table: pd.DataFrame, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """The table with a time from the rate that a single number states, where no column is called like a time."""
-    single = {name: value for name, value in arrays.items() if value.size == 1 and value.dtype.kind in "iuf"}
-    period = stated_period({name: float(value.ravel()[0]) for name, value in single.items()})
-    return with_times(table, period)
+    return _of_arrays(path, read_arrays(path))
 
 
 def _flatten(prefix: str, value: Value) -> Iterator[tuple[str, np.ndarray]]:
-    """Columns of a MATLAB value: the fields of a struct become `struct/field`, a double underscore a slash."""
+    """Arrays of a MATLAB value: the fields of a struct become `struct/field`, a double underscore a slash."""
     if isinstance(value, dict):
         for field, inner in value.items():
             yield from _flatten(f"{prefix}/{field}", inner)
     else:
-        yield from _columns_of(prefix.replace("__", "/"), value).items()
+        yield prefix.replace("__", "/"), value
 
 
 def _read_mat(path: Path) -> pd.DataFrame:
-    found = read_mat(path)
-    table = _table(path, dict(pair for name, value in found.items() for pair in _flatten(name, value)))
-    return _with_stated_time(table, {name: value for name, value in found.items() if isinstance(value, np.ndarray)})
+    return _of_arrays(path, dict(pair for name, value in read_mat(path).items() for pair in _flatten(name, value)))
 
 
 READERS: Mapping[str, Reader] = MappingProxyType(

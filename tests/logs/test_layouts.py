@@ -230,6 +230,18 @@ def test_stated_units_survive_whatever_the_names(tmp_path, data, time_unit, belo
     same_signals(run, found.rig["joint"])
 
 
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+def test_arrays_with_the_joints_first_and_matrices_beside(tmp_path, ending):
+    path = tmp_path / f"run{ending}"
+    own = {"t": TIME, "q": np.stack([POSITION, -POSITION]), "q_cmd": np.stack([COMMAND, -COMMAND]), "K": np.eye(3)}
+    np.savez(path, **own) if ending == ".npz" else scipy.io.savemat(path, own)
+    found = inspect_log(path)
+    assert trial(found) == "" and found.rig["joints"] == ["joint_0", "joint_1"]
+    assert any("were left out: K (3, 3)" in note for note in found.notes)
+    run = load_run(path, parse_rig(dict(found.rig)))
+    assert_allclose(run.columns["joint_1/position"], -POSITION, rtol=0, atol=1e-12)
+
+
 def test_a_joint_of_the_rig_finds_its_columns_behind_a_dot(tmp_path):
     path = dotted(tmp_path / "run.csv")
     rig = {"joint": "knee_joint", "drive": "current", "columns": {"time": "t"}}
