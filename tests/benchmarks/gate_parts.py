@@ -1,6 +1,7 @@
 """The parts of the gate on simulated rigs: blind and hard rigs, coverage of intervals, arms, the leg, time."""
 
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -295,6 +296,7 @@ def time_rows(runs: GateRuns) -> list[FigureRow]:
             case = write_runs(Path(folder), seconds, joints=joints)
             runs.progress(case.name, 0.0 if joints == 1 else 0.3)
             cost = command_cost(case, words)
-        out.append(FigureRow(f"{case.name}: wall time", cost.wall, "s", most, "max"))
+        busy = f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs"
+        out.append(FigureRow(f"{case.name}: wall time", cost.wall, "s", most, "max", note=busy))
         out.append(FigureRow(f"{case.name}: CPU time", cost.cpu, "s"))
     return out

@@ -148,6 +148,13 @@ def test_results_join_the_file_and_stand_side_by_side(one_part, tmp_path):
     assert gate.side_by_side(found) == [("blind: exact", ">= 98", "-", "", "50.0 % of 2", "NO")]
 
 
+def test_the_stored_results_are_of_parts_of_the_gate():
+    stored = gate.load_results(gate.STORED)["rules"]
+    assert stored and set(stored) <= set(gate.PARTS)
+    assert all(part["rows"] and part["size"] in gate_parts.SIZES for part in stored.values())
+    assert len(gate.side_by_side({"rules": stored})) == sum(len(part["rows"]) for part in stored.values())
+
+
 def test_the_command_prints_rows_and_stores_them(one_part, tmp_path, capsys):
     path = tmp_path / "gate.json"
     assert run(["gate", "--part", "blind", "--json", "--jobs", "1", "--store", str(path)]) == 0
