@@ -66,7 +66,7 @@ def _content(path: Path) -> _Content:
     names = commented_names(above, below[:LONGEST_LINE].splitlines()[0])
     whole = names.encode() + b"\n" + below if names else below
     left_out = len(above) - bool(names) + sum(1 for line in within if line.strip())
-    notes = (f"{left_out} lines of comments, or empty ones above the names, were not read.",) if left_out else ()
+    notes = (f"{left_out} comment lines or empty lines were skipped.",) if left_out else ()
     return _Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes)
 
 

@@ -97,6 +97,6 @@ def of_pairs(cells: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
         joined = pd.concat(series, axis=1, sort=True)
         table = joined.reset_index(names=pairs.time)
     table.attrs["notes"] = [
-        f"Each of the {len(series)} channels has a time column of its own: the rows are the times of all of them."
+        f"Each of the {len(series)} channels has its own time column; the rows are the times of all channels."
     ]
     return table

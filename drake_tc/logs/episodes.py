@@ -61,8 +61,8 @@ def one_log(episodes: Mapping[int, pd.DataFrame], time: str, source: Source) -> 
         start = (float(own[-1]) if own.size else start) + max(GAP_SECONDS, GAP_PERIODS * period)
     joined = pd.concat(parts, ignore_index=True)
     joined.attrs["notes"] = [
-        f"The {len(episodes)} episodes ({_span(list(episodes))}) follow each other with gaps of the clock between;"
-        f" {path.name}#{next(iter(episodes))} names the first of them alone."
+        f"The log has {len(episodes)} episodes ({_span(list(episodes))}), with gaps of the clock between them;"
+        f" {path.name}#{next(iter(episodes))} is the first episode alone."
     ]
     return joined
 

@@ -103,8 +103,8 @@ def sampling_instants(time: FloatArray, positions: Sequence[FloatArray], others:
     for row in np.flatnonzero(known)[repeats].tolist():
         result[row] = result[row - 1]
     note = (
-        f"The time stamps scatter by {1e3 * float(away.std()):.3g} ms RMS about a steady clock, and the positions are"
-        " smooth on that clock and not on the stamps: its times were used for the rows."
+        f"The time stamps scatter by {1e3 * float(away.std()):.3g} ms RMS about a steady clock. The positions are"
+        " smooth on that clock and not on the stamps, so the times of the clock were used."
     )
     return Instants(result, (note,))
 

@@ -71,7 +71,7 @@ def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
             left_out.append(f"{name} {np.squeeze(value).shape}".replace(",)", ")"))
     table = _table(path, columns)
     if left_out:
-        note = f"Arrays without {rows} rows or columns are no samples and were left out: {', '.join(left_out)}."
+        note = f"Arrays that have neither {rows} rows nor {rows} columns were left out: {', '.join(left_out)}."
         table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     single = {name: value for name, value in arrays.items() if value.size == 1 and value.dtype.kind in "iuf"}
     return with_times(table, stated_period({name: float(value.ravel()[0]) for name, value in single.items()}))

@@ -51,7 +51,9 @@ def require_different_files(logs: Sequence[Path], holdout: Sequence[Path]) -> No
     for path, source in sources:
         whole = next((other for other, each in sources if each.path == source.path and each.episode is None), None)
         if source.episode is not None and whole is not None:
-            raise LogError(f"{path}: {whole} is given, too, and has all episodes; name each run by its episode")
+            raise LogError(
+                f"{path}: {whole} is also given and has all episodes; give each run by its episode, as {whole.name}#0"
+            )
     for option, paths in (("--log", logs), ("--holdout", holdout)):
         for path in paths:
             file, episode = source_of(path)

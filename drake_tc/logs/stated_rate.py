@@ -40,6 +40,6 @@ def with_times(table: pd.DataFrame, period: float | None) -> pd.DataFrame:
     if period is None or any(each is not None and each.quantity == "time" for each in told):
         return table
     table.insert(0, "time", period * np.arange(len(table)))
-    note = f"The file has no times, but states a rate of {1.0 / period:.6g} Hz: its rows are {period:.6g} s apart."
+    note = f"The file has no times but states a rate of {1.0 / period:.6g} Hz, so its rows are {period:.6g} s apart."
     table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table

@@ -124,6 +124,6 @@ def test_an_episode_that_is_not_there_and_one_given_twice(tmp_path):
     folder = written(tmp_path / "set", version=3, names=["hip", "knee"])
     with pytest.raises(LogError, match=r"no episode 3; episodes here: 0 to 2"):
         read_table(Path(f"{folder}#3"))
-    with pytest.raises(LogError, match=r"set#1: .*set is given, too, and has all episodes"):
+    with pytest.raises(LogError, match=r"set#1: .*set is also given and has all episodes"):
         require_different_files([folder], [Path(f"{folder}#1")])
     require_different_files([Path(f"{folder}#0")], [Path(f"{folder}#1")])

@@ -75,7 +75,8 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
             else:
                 columns[f"{stream.topic.strip('/')}/{name}"] = column
                 notes.append(
-                    f"{name} of {stream.topic} is called {stream.topic.strip('/')}/{name}: another topic has it."
+                    f"Column {name} of {stream.topic} is called {stream.topic.strip('/')}/{name}, because another topic"
+                    " has a column of this name."
                 )
         notes.append(_how(timed))
     columns, assigned = _assigned(columns)
@@ -110,7 +111,7 @@ def _main(choice: Taken, needed: Collection[str], path: Path) -> _Timed:
     rows = np.isfinite(main.table[:, used]).any(axis=1) if used else np.ones(len(main.time), dtype=bool)
     if rows.all() or not rows.any():
         return main
-    note = f"{int((~rows).sum())} messages of {main.stream.topic} with other joints alone were left out."
+    note = f"{int((~rows).sum())} messages of {main.stream.topic} have only other joints and were left out."
     return main._replace(time=main.time[rows], table=main.table[rows], notes=(*main.notes, note))
 
 

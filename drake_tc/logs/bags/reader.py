@@ -141,12 +141,12 @@ def _told_of_files(path: Path) -> list[str]:
     """What is missing of a bag: its end, or its metadata."""
     files = _files(path)
     told = [
-        f"The file {file.name} ends early, as after a recording that was not stopped: it was read up to its end."
+        f"The file {file.name} is cut off, as after a recording that was not stopped; it was read up to the cut."
         for file in files
         if is_cut(file)
     ]
     if is_folder(path) and not (path / METADATA).is_file():
-        told.append(f"The folder has no {METADATA}: its only bag, {files[0].name}, was read.")
+        told.append(f"The folder has no {METADATA}; its only bag file, {files[0].name}, was read.")
     return told
 
 

@@ -90,12 +90,12 @@ def taken(streams: Sequence[Stream], others: Sequence[Stream]) -> Taken:
             hints.append(_undecided_hint(rest))
         for stream in rest:
             result.append(_named_by_topic(stream))
-            why = f"of {stream.topic}; {chosen.topic} is taken" if chosen else f"of {stream.topic}; choose a topic"
+            why = f"of {stream.topic}; {chosen.topic} is used" if chosen else f"of {stream.topic}; choose a topic"
             aside |= dict.fromkeys(result[-1].names, why)
     measured = {name for stream in result for name in stream.names}
     for stream in others:
         result.append(_named_by_topic(stream))
-        aside |= dict.fromkeys(result[-1].names, f"of {stream.topic}, which is no measurement by its name")
+        aside |= dict.fromkeys(result[-1].names, f"of {stream.topic}, whose name says that it is no measurement")
         lone = [name for name in stream.names if name not in measured and name not in undecided]
         undecided |= {name: (*undecided.get(name, ()), stream.topic) for name in lone}
     return Taken(tuple(result), aside, undecided, (*_commands_hint(result, aside), *hints))
@@ -153,9 +153,7 @@ def _commands_hint(streams: Sequence[Stream], aside: Collection[str]) -> tuple[s
     measured = [s for s in used if s.kind in (Kind.measured, Kind.feedback)]
     commanded = [s for s in used if s.kind not in (Kind.measured, Kind.feedback)]
     pairs = [(m, c) for c in commanded for m in measured if _joints(m) & _joints(c)]
-    return tuple(
-        f"The joints' measurements are those of {m.topic}, their commands those of {c.topic}." for m, c in pairs
-    )
+    return tuple(f"The joints' measurements come from {m.topic}, and their commands from {c.topic}." for m, c in pairs)
 
 
 def _named_by_topic(stream: Stream) -> Stream:
@@ -166,11 +164,11 @@ def _named_by_topic(stream: Stream) -> Stream:
 def _chosen_hint(chosen: Stream, rest: Sequence[Stream]) -> str:
     what = "measurements" if chosen.kind in (Kind.measured, Kind.feedback) else "commands"
     topics = ", ".join(dict.fromkeys(s.topic for s in rest))
-    has = "has" if len({s.topic for s in rest}) == 1 else "have"
+    has, is_are = ("has", "is") if len({s.topic for s in rest}) == 1 else ("have", "are")
     entry = _entry(rest[0], f"{'position' if what == 'measurements' else 'position_command'}")
     return (
-        f"{chosen.topic} was taken for the {what} of its joints; {topics} {has} the same joints and {has} not been used"
-        f" ({entry} in the rig file would use {rest[0].topic})."
+        f"{chosen.topic} is used for the {what} of its joints. {topics} {has} the same joints and {is_are} not used;"
+        f" {entry} in the rig file would use {rest[0].topic}."
     )
 
 
@@ -178,7 +176,7 @@ def _undecided_hint(rest: Sequence[Stream]) -> str:
     topics = " and ".join(dict.fromkeys(s.topic for s in rest))
     suffix = next(iter(_signals(rest[0]))).rpartition("/")[2]
     return (
-        f"{topics} have the same joints, and none was taken: {_entry(rest[0], suffix)} in the rig file takes"
+        f"{topics} have the same joints, and none of them is used: {_entry(rest[0], suffix)} in the rig file would use"
         f" {rest[0].topic}."
     )
 

@@ -43,8 +43,8 @@ def suggested_rig(
         if "position" not in has and "motor_position" in has:
             has["position"] = replace(has.pop("motor_position"), canonical=f"{joint}/position")
             notes.append(
-                f"Joint {joint} has only the position of its motor, {has['position'].name!r}, which is taken for the"
-                " joint's. With a gear, divide it by the gear ratio: write the factor under `units:`."
+                f"Joint {joint} has only the position of its motor, {has['position'].name!r}, which is used as the"
+                " position of the joint. If there is a gear, write the factor 1 / ratio under `units:`."
             )
     drives: dict[str, str] = {}
     chosen = effort_drive(by_joint, meanings)

@@ -124,7 +124,7 @@ def test_what_is_no_bag_or_has_no_joints(tmp_path):
     (file,) = path.glob("*.mcap")
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(file.read_bytes()[:300])
-    with pytest.raises(LogError, match=r"no joint states in this bag; .*The file cut\.mcap ends early"):
+    with pytest.raises(LogError, match=r"no joint states in this bag; .*The file cut\.mcap is cut off"):
         read_table(cut)
     (tmp_path / "odd.db3").write_text("no database")
     with pytest.raises(LogError, match=r"odd\.db3: cannot be read as a ROS bag"):

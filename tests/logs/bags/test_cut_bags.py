@@ -47,7 +47,7 @@ def test_a_cut_file_is_read_up_to_the_cut(tmp_path, mcap, share):
         table = read_table(path)
         assert 0.2 * len(whole) < len(table) <= len(whole)
         assert_allclose(table["knee/position"], whole["knee/position"][: len(table)], rtol=0, atol=1e-12)
-        assert f"The file {place.name} ends early" in " ".join(inspect_log(path).notes)
+        assert f"The file {place.name} is cut off" in " ".join(inspect_log(path).notes)
 
 
 @pytest.mark.parametrize("packed", PACKERS)

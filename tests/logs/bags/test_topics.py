@@ -44,7 +44,7 @@ def test_what_is_no_measurement_is_never_taken_for_one(tmp_path, topic):
     run = load_run(path, parse_rig(TORQUE_DRIVE))
     assert_allclose(run.columns["knee/position"], MEASURED, rtol=0, atol=1e-9)
     (hint,) = [hint for hint in run.hints if topic in hint]
-    assert "/joint_states was taken for the measurements" in hint
+    assert "/joint_states is used for the measurements" in hint
     entry = f"{topic.strip('/')}/<joint>/position"
     assert f"`columns: {{position: {entry}}}`" in hint
     other = TORQUE_DRIVE["columns"] | {"position": entry}
@@ -61,7 +61,7 @@ def test_goals_are_commands(tmp_path, topic):
     run = load_run(found.path, parse_rig(dict(found.rig)))
     assert_allclose(run.columns["knee/position"], MEASURED, rtol=0, atol=1e-9)
     assert_allclose(run.columns["knee/position_command"], 1.0 + MEASURED, rtol=0, atol=1e-9)
-    assert f"The joints' measurements are those of /joint_states, their commands those of {topic}." in run.hints
+    assert f"The joints' measurements come from /joint_states, and their commands from {topic}." in run.hints
 
 
 def test_a_follower_is_measured_and_its_leader_is_not(tmp_path):
