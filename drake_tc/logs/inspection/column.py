@@ -110,7 +110,8 @@ def describe(
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
     if told.quantity == "enabled" and not told.joint:
         canonical = "enabled"
-    by = "canonical name" if name == canonical else f"called {told.by}"
+    called = f"called {told.by}" if told.by else "recognised by its unit"
+    by = "canonical name" if name == canonical else called
     return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)
 
 

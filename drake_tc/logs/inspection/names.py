@@ -126,7 +126,7 @@ class Meaning:
     Attributes:
         joint: Its name; empty for the time, and where the column names none.
         quantity: A key of `QUANTITIES`.
-        by: The words that told.
+        by: The words that told; empty where the unit told.
         unit: That the name states, as rig files write it; empty where it states none.
         unknown_unit: What the name states in its place: a unit, but none that a rig file may name for the quantity.
         unit_by: What states the unit.
@@ -232,7 +232,7 @@ def _of_unit(name: str, told: Meaning | None, stated: str) -> Meaning | None:
         quantity = COMMANDS.get(quantity, quantity)
     known = set(told.by.split("_")) if told else set()
     rest = [word for word in words(name) if word.lower() not in known]
-    return Meaning(_joint(_naming(rest)), quantity, "the unit", unit)
+    return Meaning(_joint(_naming(rest)), quantity, "", unit)
 
 
 def _is_d_axis(parts: Sequence[str]) -> bool:
