@@ -38,7 +38,7 @@ class DynamicsTerms:
                 " the base's motion from an IMU"
             )
         plant = MultibodyPlant(0.0)
-        add_robot(plant, robot, rotors=False)
+        add_robot(plant, robot, rotors=False, followers="free")
         frames = []
         for mount in robot.force_torque:
             body = plant.GetBodyByName(mount.contact.link)
@@ -51,16 +51,21 @@ class DynamicsTerms:
         joints = [plant.GetJointByName(name) for name in robot.joints]
         positions = np.array([joint.position_start() for joint in joints])
         self.size, self.wrenches = len(joints), 6 * len(frames)
-        if plant.num_velocities() != self.size:
+        if plant.num_velocities() != self.size + len(robot.followers):
             raise ParamsError(
                 f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {plant.num_velocities()}"
             )
-        self._from = np.argsort(positions)  # plant order from ours; one velocity a joint, so the same for both
-        self._to = positions
+        self._moves, self._offset = np.zeros((plant.num_velocities(), self.size)), np.zeros(plant.num_velocities())
+        self._moves[positions, np.arange(self.size)] = 1.0  # plant's joints from ours; one velocity a joint
+        for name, law in robot.followers.items():
+            at = plant.GetJointByName(name).position_start()
+            self._moves[at, robot.joints.index(law.of)], self._offset[at] = law.multiplier, law.offset
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
         order, pose = np.arange(self.size), robot.base_pose.transform
-        tree = tree_of(plant, plant.GetBodyByName(robot.base), robot.joints, order, order, {}, {})
+        tree = tree_of(
+            plant, plant.GetBodyByName(robot.base), robot.joints, order, order, {}, {}, followers=robot.followers
+        )
         gravity: FloatArray = np.array(plant.gravity_field().gravity_vector())
         still = [*pose.rotation().ToQuaternion().wxyz(), *np.zeros(12), *(-gravity)]
         self.tree, self._still = (tree.places, tree.constants, tree.trunk), np.array(still)
@@ -85,7 +90,7 @@ class DynamicsTerms:
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:
         """(6k, n) J."""
-        state: Any = np.concatenate((scratch.q[self._from], scratch.v[self._from]))
+        state: Any = np.concatenate((self._moves @ scratch.q + self._offset, self._moves @ scratch.v))
         self._plant.SetPositionsAndVelocities(scratch.context, state)
         with_respect_to, base = JacobianWrtVariable.kV, self._base
         rows: Any = [
@@ -94,8 +99,8 @@ class DynamicsTerms:
             ]
             for frame in self._frames
         ]
-        jacobian = np.concatenate(rows) if rows else np.zeros((0, self.size))
-        return np.asarray(jacobian[:, self._to])
+        jacobian = np.concatenate(rows) if rows else np.zeros((0, self._plant.num_velocities()))
+        return np.asarray(jacobian @ self._moves)
 
 
 class Scratch:

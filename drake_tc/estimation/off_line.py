@@ -126,7 +126,7 @@ def torques_of_motion(model: TorqueModel, q: FloatArray, v: FloatArray, vdot: Fl
     """
     context, nothing = model.create_context(), np.zeros(6)
     forces = [model.motion_forces(context, *row, nothing, nothing[:3]) for row in zip(q, v, vdot, strict=True)]
-    return np.array(forces)[:, model.model.velocity_index]
+    return model.joint_torques(np.array(forces))
 
 
 def wrench_bias(

@@ -100,7 +100,7 @@ def build_plant(robot: Robot, *, cuts: bool = True) -> EstimationPlant:
         ParamsError: A joint or link that is not in the URDF, or a sensor's joint that moves.
     """
     plant = MultibodyPlant(0.0)
-    Parser(plant).AddModelsFromString(reduced_urdf(robot), "urdf")
+    Parser(plant).AddModelsFromString(reduced_urdf(robot, followers="free"), "urdf")
     body = plant.GetBodyByName(robot.base)
     plant.AddJoint(QuaternionFloatingJoint(robot.base, plant.world_frame(), body.body_frame()))
     still: Any = np.zeros(3)

@@ -194,6 +194,14 @@ class TorqueModel:
         acceleration = self.acceleration(context, q, v, vdot, imu, gyro_dot)
         return np.asarray(self._plant.CalcInverseDynamics(context, acceleration, self._forces))
 
+    def joint_torques(self, forces: FloatArray) -> FloatArray:
+        """(..., n) torques of the joints, which move those that follow them, from `motion_forces` (..., nv)."""
+        torques = forces[..., self.model.velocity_index]
+        for name, law in self.robot.followers.items():
+            at = self._plant.GetJointByName(name).velocity_start()
+            torques[..., self.robot.joints.index(law.of)] += law.multiplier * forces[..., at]
+        return torques
+
     def acceleration(
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
     ) -> FloatArray:
@@ -206,6 +214,11 @@ class TorqueModel:
         state[self._in_state] = v
         acceleration = np.zeros(self._num_velocities)
         acceleration[self._velocities] = vdot
+        for name, law in self.robot.followers.items():
+            joint, leader = self._plant.GetJointByName(name), self.robot.joints.index(law.of)
+            state[joint.position_start()] = law.multiplier * q[leader] + law.offset
+            state[self._num_positions + joint.velocity_start()] = law.multiplier * v[leader]
+            acceleration[joint.velocity_start()] = law.multiplier * vdot[leader]
         if self._motion is None:
             self._plant.SetPositionsAndVelocities(context, state)
             acceleration[:6] = self._still

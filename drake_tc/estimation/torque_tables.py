@@ -31,7 +31,9 @@ def kernel_tables(
         frames |= {f"{i} sensor": cuts[i].sensor, f"{i} contact": cuts[i].contact}
     held = [mount.joint + CUT_SUFFIX for mount in robot.force_torque]
     places = np.arange(len(robot.joints))
-    tree = tree_of(model.plant, model.base.body(), robot.joints, places, places, frames, {}, held, context)
+    tree = tree_of(
+        model.plant, model.base.body(), robot.joints, places, places, frames, {}, held, context, robot.followers
+    )
     rows = dict(zip(frames, tree.frame_bodies.tolist(), strict=True))
     sensors = [(i, rows[f"{i} sensor"], rows[f"{i} contact"]) for i in order]
     return (

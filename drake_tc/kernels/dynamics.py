@@ -12,7 +12,8 @@ acceleration is that of the point Bo. The base's rows of M and C v are momentum 
 
 A tree is two tables, one row a joint, parents first:
     places (n, 4): row of the parent's body (0 is the base), 1 for a slide or 0 for a turn, index in q, index in v
-    constants (n, 26): R (9) and p (3) of the joint's frame in the parent's body, its axis (3), mass, centre of mass (3)
+    constants (n, 26): R (9) and p (3) of the joint's frame in the parent's body, its axis (3; of a joint that follows
+        another one, whose indices in q and v it has, times its turns for one of that joint), mass, centre of mass (3)
         and inertia about it (xx yy zz xy xz yz) of the body, whose frame is the joint's moved one; rotor inertia
 The base's body is (10,) mass, centre of mass, inertia. A frame is (12,) R and p in its body.
 `bodies` has a row a body: R (9), p from Bo (3), screw (6), V (6), A (6).
@@ -26,6 +27,7 @@ from drake_tc.kernels.compiling import helper
 from drake_tc.types import FloatArray, IntArray
 
 BODY_WIDTH = 30
+UNIT = 1e-9
 _ROTATION, _PLACE, _SCREW, _VELOCITY, _ACCELERATION = 0, 9, 12, 18, 24
 
 
@@ -99,7 +101,11 @@ def move(
                 body[_SCREW + 3 + k] = body[_SCREW + k]
                 body[_SCREW + k] = 0.0
         else:
-            turn_about(turn, fixed[12], fixed[13], fixed[14], position)
+            x, y, z = fixed[12], fixed[13], fixed[14]
+            length = math.sqrt(x * x + y * y + z * z)
+            if abs(length - 1.0) > UNIT:  # a joint that follows another one turns by `length` times its angle
+                x, y, z, position = x / length, y / length, z / length, position * length
+            turn_about(turn, x, y, z, position)
             product_into(body, frame, turn)
             cross_into(body, _SCREW + 3, body, _PLACE, body, _SCREW)
         for k in range(6):

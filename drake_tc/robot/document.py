@@ -136,7 +136,7 @@ class RobotDocument(Keys):
         "By joint that is not driven: the position at which it is fixed.",
         unit="rad or m",
         example={"neck": 0.1},
-        absent="0 or the nearest limit; a joint that mimics a locked one follows it",
+        absent="0 or the nearest limit; a joint that mimics another one follows it, a driven one too",
     )
     imu: dict[str, ImuSensorKeys] | None = key(
         "IMUs by name.", example={"torso": {"link": "torso", "xyz": [0.0, 0.0, 0.15]}}, absent="none"

@@ -31,6 +31,7 @@ class LinkModel:
     Attributes:
         tree: Kinematics, joints in the order of the plant.
         order: (n,) place of each of the robot's joints in the tree.
+        moves, offset: G (l, n) and g (l,) of the tree's joints; those that follow others are among them.
         nominal: pi (10 n,) of the robot's file, in the order of `tree.parameters`; what is welded to a link is part
             of it.
         size: (n,) of each link [m]: the largest of radius of gyration, distance of the centre of mass and half the
@@ -39,13 +40,18 @@ class LinkModel:
 
     tree: LinkTree
     order: IntArray
+    moves: FloatArray
+    offset: FloatArray
     nominal: FloatArray
     size: FloatArray
 
     def columns(self, q: FloatArray, v: FloatArray, vdot: FloatArray) -> FloatArray:
-        """Y (T, n, 10 n), of (T, n) in the order of the robot's joints."""
-        back = np.argsort(self.order)
-        return regressor(self.tree, q[:, back], v[:, back], vdot[:, back])[:, self.order]
+        """Y (T, n, 10 l) of l links, of (T, n) in the order of the robot's joints.
+
+        With the joints that follow others, q_tree = G q + g, tau = G^T Y(q_tree) pi.
+        """
+        of_tree = regressor(self.tree, q @ self.moves.T + self.offset, v @ self.moves.T, vdot @ self.moves.T)
+        return np.asarray(np.einsum("ji,tjp->tip", self.moves, of_tree))
 
     @property
     def payload_deviations(self) -> FloatArray:
@@ -79,11 +85,16 @@ def link_model(robot: Robot) -> LinkModel:
             f"{robot.source or robot.name}: fixed_base: load: {{robot: fitted}} requires a robot whose base is fixed "
             "to the ground, got a floating one"
         )
-    plant = make_plant(robot, 0.0)
+    plant = make_plant(robot, 0.0, followers="free")
     tree = link_tree(plant)
     order = np.array([tree.joints.index(name) for name in robot.joints], dtype=np.int64)
+    moves, offset = np.zeros((len(tree.joints), len(robot.joints))), np.zeros(len(tree.joints))
+    moves[order, np.arange(order.size)] = 1.0
+    for name, law in robot.followers.items():
+        at = tree.joints.index(name)
+        moves[at, robot.joints.index(law.of)], offset[at] = law.multiplier, law.offset
     nominal = np.concatenate([_inertial(plant, link) for link in tree.links])
-    return LinkModel(tree, order, nominal, _sizes(tree, nominal.reshape(-1, 10)))
+    return LinkModel(tree, order, moves, offset, nominal, _sizes(tree, nominal.reshape(-1, 10)))
 
 
 def _inertial(plant: MultibodyPlant, link: str) -> FloatArray:

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot, position_range
 from drake_tc.robot.rotors import file_rotors
-from drake_tc.robot.urdf import reduced_urdf
+from drake_tc.robot.urdf import Followers, reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray
 
@@ -53,7 +53,13 @@ def joint_limits(robot: Robot) -> Limits:
 
 
 def add_robot(
-    plant: MultibodyPlant, robot: Robot, *, visuals: bool = False, collisions: bool = False, rotors: bool = True
+    plant: MultibodyPlant,
+    robot: Robot,
+    *,
+    visuals: bool = False,
+    collisions: bool = False,
+    rotors: bool = True,
+    followers: Followers | None = None,
 ) -> None:
     """Add a robot to a plant that is not finalized.
 
@@ -68,6 +74,8 @@ def add_robot(
         visuals: Keep primitive visuals (meshes never).
         collisions: Keep primitive collisions.
         rotors: Give the joints the inertia of their drives.
+        followers: What is made of joints that follow a driven one by `<mimic>`. None: Drake couples them in a
+            discrete plant, after the robot's joints in its state, and a continuous one, which cannot, refuses them.
 
     Raises:
         ParamsError: the URDF cannot be read or is refused by Drake, or the actuator file cannot or lacks a joint.
@@ -79,7 +87,10 @@ def add_robot(
         6
     """
     parser = Parser(plant)
-    text = reduced_urdf(robot, visuals=visuals, collisions=collisions)
+    how = followers or ("mimic" if plant.time_step() > 0.0 else "refuse")
+    if how == "mimic" and robot.followers:
+        plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)  # only SAP couples joints
+    text = reduced_urdf(robot, visuals=visuals, collisions=collisions, followers=how)
     try:
         (model,) = parser.AddModelsFromString(text, "urdf")
     except (RuntimeError, ValueError) as error:
@@ -99,7 +110,7 @@ def add_robot(
         actuator.set_default_gear_ratio(1.0)
 
 
-def make_plant(robot: Robot, dt: float) -> MultibodyPlant:
+def make_plant(robot: Robot, dt: float, *, followers: Followers | None = None) -> MultibodyPlant:
     """A finalized plant with the robot's links alone: the model inside estimators and controllers.
 
     It has no geometry and no rotor inertia: rotors belong to the models of the drives.
@@ -107,11 +118,12 @@ def make_plant(robot: Robot, dt: float) -> MultibodyPlant:
     Args:
         robot: From `load_robot`.
         dt: Time step [s]; 0 for a continuous plant.
+        followers: See `add_robot`.
 
     Raises:
         ParamsError: the URDF cannot be read.
     """
     plant = MultibodyPlant(dt)
-    add_robot(plant, robot, rotors=False)
+    add_robot(plant, robot, rotors=False, followers=followers)
     plant.Finalize()
     return plant

@@ -15,7 +15,7 @@ from drake_tc.robot.document import RobotDocument
 from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
 from drake_tc.robot.split_link import LinkSplit
-from drake_tc.robot.urdf_tree import UrdfTree, read_urdf
+from drake_tc.robot.urdf_tree import Mimic, UrdfTree, read_urdf
 from drake_tc.simulator_files.packages import resolve
 from drake_tc.types import FloatArray
 
@@ -35,7 +35,8 @@ class Robot:
         fixed_base: Whether it is welded.
         base_pose: X_WB of the welded base, or where the floating base starts.
         joints: Driven joints, in the order of every vector of joints.
-        locked: Position of each joint that is not driven [rad or m]; every movable joint outside `joints` has one.
+        locked: Position of each joint that neither is driven nor follows one [rad or m].
+        followers: Joints that follow a driven one, by the URDF's `<mimic>`: q = multiplier q_of + offset.
         imu: IMU frames.
         force_torque: Force/torque sensors, in the order of their logs.
         actuators: Actuator model file, or None.
@@ -66,6 +67,7 @@ class Robot:
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     splits: tuple[LinkSplit, ...] = ()
+    followers: Mapping[str, Mimic] = field(default_factory=dict)
 
 
 def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
@@ -120,6 +122,7 @@ def _locked(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTree)
     for name in given:
         if name not in free:
             raise ParamsError(f"locked: {unknown_key(name, free)}")
+    following = _followers(given, joints, tree)
 
     def position(name: str, followers: tuple[str, ...] = ()) -> float:
         if name in given:
@@ -129,7 +132,23 @@ def _locked(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTree)
             value = tag.mimic.multiplier * position(tag.mimic.of, (name, *followers)) + tag.mimic.offset
         return min(max(value, tag.lower), tag.upper)
 
-    return {name: position(name) for name in free}
+    return {name: position(name) for name in free if name not in following}
+
+
+def _followers(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTree) -> dict[str, Mimic]:
+    """Joints that follow a driven one, over others where it is so; not those that the robot file locks."""
+    found = {}
+    for name in tree.movable:
+        multiplier, offset, at, seen = 1.0, 0.0, name, {name}
+        while at not in joints and at not in given and at in tree.joints:
+            mimic = tree.joints[at].mimic
+            if mimic is None or mimic.of in seen:
+                break
+            offset, multiplier, at = offset + multiplier * mimic.offset, multiplier * mimic.multiplier, mimic.of
+            seen.add(at)
+        if at in joints and at != name:
+            found[name] = Mimic(at, multiplier, offset)
+    return found
 
 
 def _robot(source: Path, read: RobotDocument) -> Robot:
@@ -150,6 +169,7 @@ def _robot(source: Path, read: RobotDocument) -> Robot:
         base_pose=Pose() if read.base_pose is None else read.base_pose.pose,
         joints=joints,
         locked=_locked(read.locked or {}, joints, tree),
+        followers=_followers(read.locked or {}, joints, tree),
         imu=imu_mounts(read.imu or {}, tree),
         force_torque=force_torque_mounts(read.force_torque or {}, joints, base, tree, splits),
         actuators=None if read.actuators is None else resolve(read.actuators, source.parent),

@@ -1,11 +1,15 @@
 """The tables of a robot's tree (`drake_tc.kernels.dynamics`), read from a plant of Drake that holds the robot alone."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform
 
 from drake_tc.robot.joint_axis import joint_axes
+from drake_tc.robot.urdf_tree import Mimic
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -29,6 +33,7 @@ def tree_of(
     rotors: Mapping[str, float],
     held: Sequence[str] = (),
     context: Any = None,
+    followers: Mapping[str, Mimic] = MappingProxyType({}),
 ) -> Tree:
     """Walk from the base over the joints, whichever way round each of them stands.
 
@@ -42,6 +47,8 @@ def tree_of(
         rotors: Reflected inertia by joint [kg m^2, or kg of a slide].
         held: More joints, of any kind, that stay where they are; in the tree they have a zero axis.
         context: Of the plant, at q = 0, with the links' inertias; None: its default one.
+        followers: Joints of the plant that follow one of `joints`: in the tree they have its place, and their torque
+            is part of its own.
     """
     context = plant.CreateDefaultContext() if context is None else context
     rows = {int(body.index()): 0 for body in plant.GetBodiesWeldedTo(base)}
@@ -49,6 +56,9 @@ def tree_of(
     places, constants = [], []
     axes = dict(zip(joints, joint_axes(plant, [plant.GetJointByName(name) for name in joints]), strict=True))
     left = dict(zip(joints, zip(places_q.tolist(), places_v.tolist(), strict=True), strict=True))
+    for name, law in followers.items():
+        axes[name] = law.multiplier * joint_axes(plant, [plant.GetJointByName(name)])[0]
+        left[name] = left[law.of]
     axes |= {name: np.zeros(3) for name in held}
     left |= dict.fromkeys(held, (0, 0))
     while left:
@@ -61,6 +71,8 @@ def tree_of(
         X_PI = poses[parent].inverse() @ inner.CalcPoseInWorld(context)
         slides = joint.type_name() == "prismatic" or name in held
         axis = axes[name] * (-1.0 if turned else 1.0)
+        if name in followers and followers[name].offset:
+            X_PI = X_PI @ _moved(axis / followers[name].multiplier, followers[name].offset, slides=slides)
         places.append((parent, int(slides), in_q, in_v))
         pose = outer.CalcPoseInWorld(context)
         body = _body(plant, context, outer.body(), pose)
@@ -81,6 +93,12 @@ def tree_of(
         np.array(table, dtype=np.float64).reshape(-1, 12),
         np.array(bodies, dtype=np.int64),
     )
+
+
+def _moved(axis: FloatArray, position: float, *, slides: bool) -> RigidTransform:
+    """Pose of the outer frame of a joint at a position."""
+    way: Any = axis
+    return RigidTransform(position * way) if slides else RigidTransform(AngleAxis(position, way), 0.0 * way)
 
 
 def _known(plant: Any, name: str, rows: Mapping[int, int]) -> list[int | None]:

@@ -3,12 +3,13 @@
 import copy
 import math
 import xml.etree.ElementTree as ET
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot, position_range
 from drake_tc.robot.urdf_tree import JointTag, UrdfTree, read_urdf
 
@@ -47,8 +48,12 @@ def _turned_over(robot: Robot, tree: UrdfTree) -> set[str]:
     return turned
 
 
-def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool) -> ET.Element:
-    driven = joint.name in robot.joints
+Followers = Literal["refuse", "free", "mimic"]
+"""Joints that follow a driven one: an error, joints that a program moves, or joints that Drake couples."""
+
+
+def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool, mimic: bool) -> ET.Element:
+    driven = joint.name in robot.joints or joint.name in robot.followers
     kind = ("prismatic" if joint.kind == "prismatic" else "revolute") if driven else "fixed"
     tag = ET.Element("joint", {"name": joint.name, "type": kind})
     ET.SubElement(tag, "parent", {"link": joint.child if turned else joint.parent})
@@ -66,6 +71,9 @@ def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool) -
             "effort": given.get("effort", joint.effort),
         }
         ET.SubElement(tag, "limit", {key: repr(value) for key, value in values.items() if math.isfinite(value)})
+    if mimic and joint.name in robot.followers:
+        law = robot.followers[joint.name]
+        ET.SubElement(tag, "mimic", {"joint": law.of, "multiplier": repr(law.multiplier), "offset": repr(law.offset)})
     return tag
 
 
@@ -103,21 +111,30 @@ def links_without_solids(robot: Robot) -> list[str]:
     return out
 
 
-def reduced_urdf(robot: Robot, *, visuals: bool = False, collisions: bool = False) -> str:
-    """URDF text in which exactly the driven joints move.
+def reduced_urdf(
+    robot: Robot, *, visuals: bool = False, collisions: bool = False, followers: Followers = "refuse"
+) -> str:
+    """URDF text in which exactly the driven joints, and those that follow them, move.
 
-    Joints outside `robot.joints` are fixed at their locked position, which keeps frames and masses exactly. Meshes,
-    mimic, transmission, gazebo and dynamics tags go (friction and damping belong to the actuators), as does a link
+    All other joints are fixed at their locked position, which keeps frames and masses exactly. Meshes, transmission,
+    gazebo and dynamics tags go (friction and damping belong to the actuators), as does a link
     `world`; a floating base is the root; limits are the robot file's where it has some.
 
     Args:
         robot: From `load_robot`.
         visuals: Keep visuals that are boxes, cylinders, spheres or capsules.
         collisions: The same for collisions.
+        followers: What is made of joints that follow a driven one.
 
     Raises:
-        ParamsError: the URDF cannot be read.
+        ParamsError: the URDF cannot be read, or joints follow others and are to be refused.
     """
+    if followers == "refuse" and robot.followers:
+        name, law = next(iter(robot.followers.items()))
+        raise ParamsError(
+            f"{robot.source}: joint {name!r} follows {law.of!r} (<mimic> in {robot.urdf.name}), and what was asked for"
+            f" has no joints that follow others: lock it (locked: {{{name}: 0}}), or take {law.of!r} out of joints"
+        )
     tree = read_urdf(robot.urdf, robot.splits)
     root = ET.Element("robot", {"name": robot.name})
     if visuals:
@@ -126,6 +143,9 @@ def reduced_urdf(robot: Robot, *, visuals: bool = False, collisions: bool = Fals
         if link.get("name") in tree.links:
             root.append(_link_tag(link, visuals=visuals, collisions=collisions))
     turned = _turned_over(robot, tree)
-    root.extend(_joint_tag(joint, robot, tree, turned=joint.name in turned) for joint in tree.joints.values())
+    root.extend(
+        _joint_tag(joint, robot, tree, turned=joint.name in turned, mimic=followers == "mimic")
+        for joint in tree.joints.values()
+    )
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")

@@ -21,7 +21,7 @@ def link_notes(shared: Sequence[SharedEffect], logs: RobotLogs | None) -> tuple[
     masses = [cause for cause in shared if cause.id == "link_mass"]
     if logs is None or not masses or not logs.robot.fixed_base or logs.reads_imu or logs.robot.force_torque:
         return ()
-    plant = make_plant(logs.robot, 0.0)
+    plant = make_plant(logs.robot, 0.0, followers="free")
     whole = float(plant.CalcTotalMass(plant.CreateDefaultContext()))  # no arm carries more than itself
     notes = []
     for cause in masses:
