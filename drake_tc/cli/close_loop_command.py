@@ -114,7 +114,7 @@ def close_loop_command(
         )
     if declared is not None and rig is None:
         raise LogError("expected --rig RIG.yaml with --declared, got none; it says what the columns of the logs are")
-    if rig is not None and declared is not None:
+    if rig is not None:
         _tell_declared(rig, declared)
     read = [rig, declared, *(log or []), *(holdout or [])]
     with (
@@ -187,16 +187,12 @@ def _with_export(
     return replace(result, export=try_export(models, file, to.value, what, parts, declared))
 
 
-def _tell_declared(rig: Path, declared: Path) -> None:
-    """What the file declares, on stderr."""
-    from drake_tc.logs.declared_file import declared_terms
+def _tell_declared(rig: Path, declared: Path | None) -> None:
+    """What files of other simulators declare, on stderr."""
     from drake_tc.logs.rig import load_rig
 
-    own = load_rig(rig)
-    for each in declared_terms(own, declared):
-        print(
-            f"close-loop: {declared}: {each.line(own.drive[each.joint], own.joint_type(each.joint))}", file=sys.stderr
-        )
+    for line in load_rig(rig, declared).declared_by_files:
+        print(f"close-loop: {line}", file=sys.stderr)
 
 
 def _demo(
