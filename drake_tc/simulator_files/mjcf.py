@@ -406,6 +406,9 @@ def _in_effect(read: ReadJoint, joint: MjcfJoint, made: Any) -> ReadJoint:
     span = joint.numbers("actuatorfrcrange", "")
     if len(span) == 2 and joint.values.get("actuatorfrclimited") != "false" and span[0] < span[1]:
         if _is_symmetric((span[0], span[1])):
+            several = sum(1 for each in joint.actuators if each.gear) > 1
+            if several and any(each.limits("forcerange") for each in joint.actuators):
+                read = read.also_unused("actuatorfrcrange, which limits several actuators together")
             read = _with_joint_limit(read, span[1])
         else:
             read = read.also_unused("actuatorfrcrange, which is not symmetric")
