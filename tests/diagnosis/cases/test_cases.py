@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from .case import Case, run_case
-from .table import CASES, ENGINES
+from .table import CASES, ENGINES, WRONG
 
 ROWS = [
     pytest.param(case, seed, id=f"{case.name}[{seed}]", marks=[pytest.mark.slow] if case.slow else [])
@@ -18,8 +18,12 @@ ROWS = [
 @pytest.mark.parametrize(("case", "seed"), ROWS)
 def test_the_answer_is_right(case: Case, seed: int, engine: str, tmp_path: Path) -> None:
     outcome = run_case(case, seed, tmp_path, engine)
+    if not outcome.is_right and case.name in WRONG.get(engine, ()):
+        pytest.xfail("; ".join(outcome.problems))
     assert outcome.is_right, "\n".join([outcome.case, str(outcome.answer), *outcome.problems])
 
 
-def test_names_are_unique() -> None:
-    assert len({case.name for case in CASES}) == len(CASES)
+def test_names_are_unique_and_those_of_expected_failures_exist() -> None:
+    names = {case.name for case in CASES}
+    assert len(names) == len(CASES)
+    assert names.issuperset(*WRONG.values())
