@@ -11,6 +11,7 @@ ENGINES: tuple[str, ...] = ("rules",)
 WRONG: dict[str, frozenset[str]] = {
     "rules": frozenset(
         {
+            "timing: a continuous command at 100 Hz",
             "timing: goals 40 ms late beside another clock",
             "timing: a torque with spikes from a topic of 60 Hz in a log of 200 Hz",
             "friction: grows with the torque on the motor's side",
