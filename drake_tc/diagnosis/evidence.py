@@ -125,7 +125,7 @@ class Evidence:
 
     def prior_odds(self, terms: Sequence[Term]) -> float:
         """Log prior odds of a set of terms over the declared one."""
-        rare = {e.key for e in UNCOMMON_EFFECTS}
+        rare = {e.key for e in UNCOMMON_EFFECTS} | {"delay.position_sensor", "delay.torque_sensor"}
         asked = [t for t in terms if not self.model.is_declared(t.effect)]
         return sum(UNCOMMON if t.effect.key in rare else COMMON for t in asked)
 
@@ -214,11 +214,8 @@ class Evidence:
         parts = [Prior(*(getattr(prior, n)[s] for n in ("mean", "deviation", "positive")))
                  for s in (slice(None, size), slice(size, None))]  # fmt: skip
         joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
-        found = posterior(
-            Products.of(joined, self.target(self.model.train, scored.terms)),
-            Prior.stacked([parts[0], shaped, parts[1]]),
-            scored.posterior.variance,
-        )
+        products = Products.of(joined, self.target(self.model.train, scored.terms))
+        found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
         return self._scored(scored.terms, found, size, k)
 
     def heard(self, terms: Sequence[Term]) -> "Evidence":
@@ -271,8 +268,9 @@ def with_run_spread(evidence: Evidence, terms: Sequence[Term]) -> Evidence:
     """The evidence with what differs from run to run as these terms show it, most probable first."""
     if len(evidence.model.train.samples.runs) < 2:
         return evidence
-    best = evidence
+    model = replace(evidence.model, common_zero=True)  # what all runs share is no spread
+    best = RunSpread()
     for name in ("zero", "friction"):
-        tried = [Evidence(evidence.model, evidence.noise, replace(best.spread, **{name: size})) for size in RUN_SPREADS]
-        best = max(tried, key=lambda e: e.score(terms).log_odds)
-    return best
+        tried = [replace(best, **{name: size}) for size in RUN_SPREADS]
+        best = max(tried, key=lambda spread: Evidence(model, evidence.noise, spread).score(terms).log_odds)
+    return Evidence(evidence.model, evidence.noise, best)

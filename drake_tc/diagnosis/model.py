@@ -10,7 +10,7 @@ the effort (delay, lag) enters by its inverse, computed on w, which has no noise
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -34,9 +34,6 @@ from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 
-INVERSE_ROUNDS = 3
-"""Of the fixed point x <- x + w - T(x) for the inverse of a filter T."""
-
 
 def rms(values: FloatArray) -> float:
     """Root of the mean square."""
@@ -58,19 +55,26 @@ class Split:
     Attributes:
         recorded: Columns computed from the recorded effort: the target.
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
-        needed: (T,) w [effort].
+        modelled: (T,) w, the effort that the model needs [effort].
+        share: l of `latent_share`, by which the latent effort follows the recorded one.
         gain: K of the fit that computed w [effort/(N m)].
     """
 
     recorded: Columns
     clean: Columns
-    needed: FloatArray
+    modelled: FloatArray
+    share: float
     gain: float
 
     @property
     def samples(self) -> Samples:
         """Filtered signals and rows."""
         return self.recorded.samples
+
+    @cached_property
+    def latent(self) -> FloatArray:
+        """(T,) x, see `latent_share` [effort]."""
+        return np.asarray(self.modelled + self.share * (self.samples.signals.effort - self.modelled))
 
     @cached_property
     def rows(self) -> Rows:
@@ -83,20 +87,20 @@ class Split:
         out = self.recorded.effort([t for t in acting if not is_filter(t)])
         for term in acting:
             if is_filter(term):
-                out = out - self._inverse(term)
+                out = out - self._offset(term)
         return out
 
     @cached_property
     def _kept(self) -> dict[tuple[object, ...], Any]:
         return {}
 
-    def _inverse(self, term: Term) -> FloatArray:
-        """(N,) T^-1(w) - w of a filter T."""
+    def _offset(self, term: Term) -> FloatArray:
+        """(N,) l (u - T(u)) + (1 - l) (T^-1(w) - w) of a filter T."""
         if term.cache_key not in self._kept:
-            x = self.needed
-            for _ in range(INVERSE_ROUNDS):
-                x = x + self.needed - self.samples.by_segment(term.effect, term.shape, x)
-            self._kept[term.cache_key] = self.samples.reduce(x - self.needed)
+            u, w = self.samples.signals.effort, self.modelled
+            act = partial(self.clean.samples.by_segment, term.effect, term.shape)
+            values = self.share * (u - act(u)) + (1.0 - self.share) * (act(w, undo=True) - w)
+            self._kept[term.cache_key] = self.samples.reduce(values)
         return np.asarray(self._kept[term.cache_key])
 
     def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
@@ -104,7 +108,7 @@ class Split:
 
         Where the drive does not pass the effort on, u is known up to its own range and nothing else.
         """
-        static = [t for t in drives(terms) if not is_filter(t) and getattr(t.effect, "acts_on", "") == "effort"]
+        static = [t for t in drives(terms) if not is_filter(t)]
         if not static:
             return 0.0
         key = ("slope", *(k for t in static for k in t.cache_key))
@@ -128,8 +132,8 @@ def drives(terms: Sequence[Term]) -> list[Term]:
 
 
 def is_filter(term: Term) -> bool:
-    """Whether the term is a linear filter of the effort."""
-    return isinstance(term.effect, DriveEffect) and term.effect.filters
+    """Whether the term is a linear filter of the effort, or of the command within it."""
+    return isinstance(term.effect, DriveEffect) and (term.effect.filters or term.effect.acts_on == "command")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +145,8 @@ class JointModel:
         declared: Terms of the declared model.
         context: What the training logs offer to the effects.
         held_gain: K at which the drive is held [effort/(N m)]; None where it is fitted.
-        friction: Fitted Coulomb friction of the declared model [N m].
+        friction, viscous: Fitted Coulomb [N m] and viscous friction [N m s/rad] of the declared model.
+        common_zero: Whether a constant that all runs share is a nuisance.
     """
 
     train: Split
@@ -151,6 +156,7 @@ class JointModel:
     held_gain: float | None
     friction: float
     viscous: float
+    common_zero: bool = False
 
     @cached_property
     def scale(self) -> float:
@@ -207,8 +213,8 @@ class JointModel:
         s, out = split.samples.signals, []
         rate: dict[str, Callable[[], FloatArray]] = {
             "command": lambda: np.gradient(s.command, s.period),
-            "effort": lambda: -np.gradient(split.needed, s.period),
-            "inside": lambda: np.gradient(split.needed, s.period),
+            "effort": lambda: -np.gradient(split.latent, s.period),
+            "inside": lambda: np.gradient(split.latent, s.period),
             "rate": lambda: split.gain * self.viscous * s.acceleration,
             "torque": lambda: split.gain * np.gradient(s.slow_torque, s.period),
         }
@@ -216,6 +222,9 @@ class JointModel:
             values = split.samples.reduce(_inside(rate[channel](), split.samples))
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
             out.append(Block(values[:, None], prior))
+        if self.common_zero:
+            one = np.ones((split.samples.rows.size, 1))
+            out.append(Block(one, Prior(np.zeros(1), np.array([CONTRIBUTION * self.scale]), np.zeros(1, dtype=bool))))
         return out
 
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
@@ -279,6 +288,26 @@ def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray) -> S
         if theta.size:
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
     gain = 1.0 / float(beta[0])
-    needed = gain * torque
-    clean = recorded.changed(samples=replace(samples, signals=replace(s, effort=needed)))
-    return Split(recorded, clean, needed, gain)
+    first = Split(recorded, recorded, gain * torque, latent_share(recorded, gain * torque), gain)
+    command = first.latent + s.position if samples.floor.servo else first.latent
+    signals = replace(s, effort=first.latent, command=command)
+    return replace(first, clean=recorded.changed(samples=replace(samples, signals=signals)))
+
+
+def latent_share(recorded: Columns, modelled: FloatArray) -> float:
+    """By which share l the most probable effort x follows what was recorded, u, and not what the model needs, w.
+
+    x = w + l (u - w),   l = 1 - Var(n_u)/Var(u - w)
+
+    with the noise n_u of the recorded effort. The errors of this average are not correlated with the residual u - w, so
+    that no function of x explains the residual's noise by itself.
+    """
+    samples = recorded.samples
+    resolution, s = samples.resolution, samples.signals
+    noise = max(resolution.effort_noise**2, resolution.effort_step**2 / 12.0)
+    if samples.floor.servo:
+        noise += resolution.position_noise**2
+    kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+    error = samples.reduce(s.effort - modelled)
+    share = 1.0 - noise * float(kernel @ kernel) / max(float(np.mean(error**2)), 1e-300)
+    return min(max(share, 0.0), 1.0)

@@ -86,8 +86,14 @@ class Sets:
             if np.isfinite(odds)
         ]
         trials.sort(key=lambda t: -t[0])
-        worth = [term for odds, term in trials[: 2 * BEAM] if odds > max(parent.log_odds, trials[0][0] - WIDE) - WIDE]
-        return [self.score([*parent.terms, term]) for term in worth]
+        found: list[Scored] = []
+        for odds, term in trials:
+            if odds < parent.log_odds - WIDE or len(found) == 2 * BEAM:
+                break
+            child = self.score([*parent.terms, term])
+            if np.isfinite(child.log_odds):
+                found.append(child)
+        return found
 
     def _best_start(self, parent: Scored, effect: Effect, residual: FloatArray) -> tuple[float, Term]:
         grid = effect.shape_grid(self.evidence.model.context)
@@ -105,7 +111,7 @@ class Sets:
         design, prior, products = self._parent(parent)
         if drives([term]):  # two drive effects act as the sum of both, to first order
             offset, target = evidence.drive_offset(split, term), evidence.target(split, parent.terms)
-            square = float(np.sum((target - offset) ** 2))
+            square = products.square + float(offset @ offset - 2.0 * offset @ target)
             moved = Products(products.gram, products.moment - design.T @ offset, square, products.rows)
             found = posterior(moved, prior)
             jacobian = split.log_jacobian([term], float(np.sqrt(found.variance)))
@@ -125,7 +131,7 @@ class Sets:
         if self._last is None or self._last[0] is not parent:
             split = self.evidence.model.train
             design, prior = self.evidence.design(split, parent.terms)
-            self._last = parent, (design, prior, Products.of(design, self.evidence.target(split, parent.terms)))
+            self._last = parent, (design, prior, self.evidence.products(split, parent.terms)[0])
         return self._last[1]
 
 

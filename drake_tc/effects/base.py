@@ -243,6 +243,10 @@ class DriveEffect(Effect):
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """y* over a whole uniform stretch of log, (T,) to (T,)."""
 
+    def undone(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """The effort (T,) of which y* is `effort`: exact where `transform` adds something that does not depend on it."""
+        return 2.0 * effort - self.transform(effort, signals, shape)
+
     @abstractmethod
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """One joint sampled at `period` [s], one sample at a time."""

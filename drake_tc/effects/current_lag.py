@@ -57,6 +57,10 @@ class CurrentLag(DriveEffect):
         start = effort[0] - new * effort[0]
         return np.asarray(lfilter([new, old], [1.0, -pole], effort, zi=[start])[0])
 
+    def undone(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """y* + T dy*/dt."""
+        return np.asarray(effort + shape["lag"] * np.gradient(effort, signals.period))
+
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """The same recursion; memory is [y*, last y]."""
         if parameters["lag"] <= 0.0:

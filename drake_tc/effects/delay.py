@@ -56,6 +56,10 @@ class Delay(DriveEffect):
         """y(t - d)."""
         return shift(effort, shape["delay"] / signals.period)
 
+    def undone(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """y*(t + d)."""
+        return shift(effort, -shape["delay"] / signals.period)
+
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """Memory is a ring of past values and the place of the newest."""
         samples = parameters["delay"] / period
@@ -86,3 +90,7 @@ class CommandDelay(Delay):
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """The late effort y - (q_d - q_d(t - d))."""
         return effort - signals.command + shift(signals.command, shape["delay"] / signals.period)
+
+    def undone(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
+        """The effort y* + (q_d - q_d(t - d))."""
+        return 2.0 * effort - self.transform(effort, signals, shape)

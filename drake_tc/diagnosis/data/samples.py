@@ -192,14 +192,20 @@ class Samples:
             run_of_sample=self.run_of_sample[kept],
         )
 
-    def by_segment(self, effect: Effect, shape: Shape, values: FloatArray | None = None) -> FloatArray:
-        """An effect's columns, or with `values` its transform of them, stretch by stretch: memory never spans a gap."""
+    def by_segment(
+        self, effect: Effect, shape: Shape, values: FloatArray | None = None, *, undo: bool = False
+    ) -> FloatArray:
+        """An effect's columns, or with `values` its transform of them, stretch by stretch: memory never spans a gap.
+
+        `undo`: the inverse of the transform.
+        """
         parts = []
         for segment, piece in zip(self.segments, self._pieces, strict=True):
             if values is None:
                 parts.append(effect.columns(piece, shape))
             else:
-                parts.append(effect.transform(values[self._settled(segment)], piece, shape))  # type: ignore[attr-defined]
+                act = effect.undone if undo else effect.transform  # type: ignore[attr-defined]
+                parts.append(act(values[self._settled(segment)], piece, shape))
         width = parts[0].shape[1:]
         out = np.zeros((len(self.signals), *width))
         for segment, part in zip(self.segments, parts, strict=True):
