@@ -205,6 +205,10 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
         if was is None or now is None:
             continue
         left = [_term(name, now.terms) for name in LEFTOVERS if _differs(name, now.terms, each.terms)]
+        if now.driven and now.terms.drive == each.terms.drive:
+            more = now.derivative_gain - each.terms.derivative_gain
+            left += [f"a servo gain of {now.terms.kp:.4g} N m/rad"] if _other(now.terms.kp, each.terms.kp) else []
+            left += [f"a servo damping of {more:.4g} N m s/rad"] if _other(more, 0.0) else []
         gone = [
             _term(name, was.terms)
             for name in LEFTOVERS
@@ -240,6 +244,10 @@ LEFTOVERS: Mapping[str, str] = MappingProxyType(
 """Terms that a file may have and a model lack, in words."""
 _INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
 _LINE = re.compile(r" in line \d+")
+
+
+def _other(value: float, wanted: float) -> bool:
+    return abs(value - wanted) > 1e-6 * max(abs(wanted), 1e-6)
 
 
 def _differs(name: str, now: Terms, wanted: Terms) -> bool:

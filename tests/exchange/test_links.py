@@ -1,0 +1,106 @@
+"""Masses and inertias of links that were found are in the written file, as its reader has it, or named as lost."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_tc.exchange.links import NAMES, consistent, with_links
+
+URDF = """<robot name="r"><link name="base"/>
+<link name="arm"><inertial><origin xyz="0.1 0 -0.2" rpy="0.3 0 0"/><mass value="2"/>
+<inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="0" izz="0.015"/></inertial></link>
+<link name="tool"><inertial><origin xyz="0 0 0.1"/><mass value="0.5"/>
+<inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+<joint name="t" type="fixed"><parent link="arm"/><child link="tool"/><origin xyz="0.3 0 0" rpy="0 0.4 0"/></joint>
+</robot>
+"""
+SDF = """<sdf version="1.9"><model name="r"><link name="base"/><link name="arm"><inertial>
+<pose>0.1 0 -0.2 0 0 0</pose><mass>2</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.015</izz></inertia>
+</inertial></link><joint name="a" type="revolute"><parent>base</parent><child>arm</child><axis><xyz>0 1 0</xyz></axis></joint>
+</model></sdf>
+"""
+MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="a" axis="0 1 0"/>
+<geom type="box" size="0.05 0.04 0.1" pos="0.1 0 -0.2" euler="0.3 0 0" mass="2"/>
+<body name="tool" pos="0.3 0 0" euler="0 0.4 0"><geom type="box" size="0.02 0.03 0.04" mass="0.5"/></body>
+</body></worldbody></mujoco>
+"""
+MASS = {"effect": "link_mass", "where": "arm", "mass": 0.7, "ci95": {"mass": [0.6, 0.8]}}
+
+
+def whole_of_drake(text, kind):
+    """(10,) of the arm with all that is welded to it."""
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(text, kind)
+    plant.Finalize()
+    body = plant.GetBodyByName("arm")
+    spatial = plant.CalcSpatialInertia(
+        plant.CreateDefaultContext(), body.body_frame(), [each.index() for each in plant.GetBodiesWeldedTo(body)]
+    )
+    inertia = spatial.CalcRotationalInertia().CopyToFullMatrix3()
+    moment = spatial.get_mass() * spatial.get_com()
+    return np.array([spatial.get_mass(), *moment, *inertia[np.triu_indices(3)]])
+
+
+def whole_of_mujoco(text):
+    """Mass, weight's moment and inertia about the joint's axis of the arm and its tool."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return np.array([model.body_subtreemass[1], data.qfrc_bias[0], data.qM[0] if hasattr(data, "qM") else data.M[0]])
+
+
+@pytest.mark.parametrize(("kind", "text"), [("urdf", URDF), ("sdf", SDF)])
+def test_a_mass_scales_the_link_with_what_is_welded_to_it(tmp_path, kind, text):
+    path = tmp_path / f"robot.{kind}"
+    written, (told,) = with_links(text, kind, path, [MASS], {})
+    before = whole_of_drake(text, kind)
+    assert_allclose(whole_of_drake(written, kind), before * (1.0 + 0.7 / before[0]), rtol=1e-8, atol=1e-10)
+    assert told.startswith("arm: link mass (mass +0.7) was written; the link weighs 2.7 kg, 2 kg before")
+
+
+def test_a_mass_scales_the_body_of_an_mjcf_file(tmp_path):
+    before, path = whole_of_mujoco(MJCF), tmp_path / "robot.xml"
+    written, _ = with_links(MJCF, "mjcf", path, [MASS], {})
+    assert_allclose(whole_of_mujoco(written), before * (1.0 + 0.7 / 2.5), rtol=1e-6)
+
+
+def test_a_centre_of_mass_moves_and_fitted_parameters_replace_those_of_the_file(tmp_path):
+    path = tmp_path / "robot.urdf"
+    shift = {"effect": "link_com", "where": "arm", "com_x": 0.02, "com_y": -0.01, "com_z": 0.03}
+    written, _ = with_links(URDF, "urdf", path, [shift], {})
+    before, after = whole_of_drake(URDF, "urdf"), whole_of_drake(written, "urdf")
+    assert_allclose(after[:4], before[:4] + before[0] * np.array([0.0, 0.02, -0.01, 0.03]), atol=1e-9)
+    fitted = dict(zip(NAMES, (before * 1.1).tolist(), strict=True))
+    written, (told,) = with_links(URDF, "urdf", path, [], {"arm": fitted})
+    assert_allclose(whole_of_drake(written, "urdf"), 1.1 * before, rtol=1e-8, atol=1e-10)
+    assert "fitted inertial parameters were written" in told and "no body" not in told
+
+
+def test_parameters_of_no_body_become_those_of_the_nearest_one_and_the_loss_is_told(tmp_path):
+    wrong = dict(zip(NAMES, [0.4, 0.5, 0.0, 0.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.02], strict=True))
+    written, (told,) = with_links(URDF, "urdf", tmp_path / "robot.urdf", [], {"arm": wrong})
+    assert "no body has these, the nearest one differs by up to" in told
+    after = consistent(whole_of_drake(written, "urdf"))
+    assert_allclose(after, whole_of_drake(written, "urdf"), rtol=1e-9)
+    possible = np.array([2.0, 0.2, 0.0, 0.1, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1])
+    assert_allclose(consistent(possible), possible)
+
+
+@pytest.mark.parametrize(
+    ("target", "into", "where", "why"),
+    [
+        ("mjcf", False, "arm", "a bench has no links"),
+        ("isaaclab", True, "arm", "the target has actuators only"),
+        ("urdf", True, "leg", "robot.urdf has no link of this name"),
+    ],
+)
+def test_what_is_not_written_is_named(tmp_path, target, into, where, why):
+    path = tmp_path / "robot.urdf" if into else None
+    text, (told,) = with_links(URDF, target, path, [MASS | {"where": where}], {})
+    assert text.endswith(URDF) and told.startswith(f"{where}: link mass (mass +0.7) is not written: {why}")
+    bias = {"effect": "ft_bias", "where": "foot", "fx": 1.0}
+    assert "an error of the sensor" in with_links(URDF, "urdf", path, [bias], {})[1][0]
