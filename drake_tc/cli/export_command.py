@@ -249,8 +249,9 @@ def _errors(
 
     what = load_rig(rig)
     written = None if into is None else text
-    rows = run_errors(models, projections, to.value, what, load_runs(runs, what), into, written)
-    return rows, run_notes(projections, to.value, what, into)
+    problems: list[str] = []
+    rows = run_errors(models, projections, to.value, what, load_runs(runs, what), into, written, problems)
+    return rows, [*problems, *run_notes(projections, to.value, what, into)]
 
 
 def _document(

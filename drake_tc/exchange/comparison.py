@@ -55,6 +55,7 @@ def run_errors(
     runs: Sequence[Run],
     original: Path | None,
     text: str | None = None,
+    problems: list[str] | None = None,
 ) -> list[ExportErrors]:
     """One row a joint and run.
 
@@ -66,6 +67,7 @@ def run_errors(
         runs: Held-out ones.
         original: The user's file; None: there is none.
         text: Of the file that the terms were merged into; the run is that of this file. None: of a bench of the terms.
+        problems: Takes sentences on files that their simulator does not load, whose errors are None; None: they raise.
 
     Raises:
         ParamsError: the target is not installed, or refuses the model; an unreadable file; a rig whose loads come from
@@ -77,7 +79,15 @@ def run_errors(
     def error(what: Terms | WrittenFile | None, terms: Terms | None, joint: str, run: Run) -> float | None:
         if what is None or terms is None or runner.too_old(terms):
             return None
-        return _rms(target_free_run(runner, models[joint], what, rig, run))
+        try:
+            return _rms(target_free_run(runner, models[joint], what, rig, run))
+        except ParamsError as problem:
+            if problems is None or not isinstance(what, WrittenFile):
+                raise
+            told = f"{joint}: {'the export' if what.text == text else 'your file'} was not run: {problem}."
+            if told not in problems:
+                problems.append(told)
+            return None
 
     rows = []
     for run in runs:

@@ -19,7 +19,8 @@ URDF = """<robot name="r"><link name="base"/>
 """
 SDF = """<sdf version="1.9"><model name="r"><link name="base"/><link name="arm"><inertial>
 <pose>0.1 0 -0.2 0 0 0</pose><mass>2</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.015</izz></inertia>
-</inertial></link><joint name="a" type="revolute"><parent>base</parent><child>arm</child><axis><xyz>0 1 0</xyz></axis></joint>
+</inertial></link>
+<joint name="a" type="revolute"><parent>base</parent><child>arm</child><axis><xyz>0 1 0</xyz></axis></joint>
 </model></sdf>
 """
 MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="a" axis="0 1 0"/>

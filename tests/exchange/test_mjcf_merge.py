@@ -212,3 +212,25 @@ def test_the_content_of_includes_is_written_with_the_rest(tmp_path):
     assert "What your file includes is in the written file: drives.xml." in changes(
         to_mjcf(projections, path), projections, path
     )
+
+
+def test_a_file_that_mujoco_does_not_load_is_written_and_its_run_named(tmp_path, capsys):
+    from drake_tc.actuation.model_file import save_models
+    from drake_tc.cli.main import run as drake_tc
+
+    time = np.arange(400) * 2e-3
+    wave = np.sin(9.0 * time)
+    table = np.column_stack([time, 0.1 * wave, 0.11 * wave + 0.01, 2.0 * np.cos(9.0 * time)])
+    names = "time,knee/position,knee/position_command,knee/torque"
+    np.savetxt(tmp_path / "held.csv", table, delimiter=",", header=names, comments="")
+    (tmp_path / "rig.yaml").write_text("{joint: knee, drive: position_servo, load: torque}\n")
+    save_models({"knee": ActuatorModel("knee", SERVO, FRICTION)}, tmp_path / "model.yaml")
+    mesh = "<asset><mesh name='gone' file='gone.stl'/></asset><worldbody>"
+    text = FILE.format(default="", actuator="<position joint='knee'/>").replace("<worldbody>", mesh)
+    (tmp_path / "robot.xml").write_text(text.replace('<geom size="0.1"', '<geom type="mesh" mesh="gone"'))
+    command = ["export", str(tmp_path / "model.yaml"), "--to", "mjcf", "--into", str(tmp_path / "robot.xml")]
+    command += ["--rig", str(tmp_path / "rig.yaml"), "--holdout", str(tmp_path / "held.csv")]
+    assert drake_tc([*command, "--out", str(tmp_path / "out.xml")]) == 0
+    told = capsys.readouterr().out
+    assert "knee: the export was not run: MuJoCo refuses" in told and "gone.stl" in told
+    assert (tmp_path / "out.xml").is_file()
