@@ -244,7 +244,7 @@ class DriveEffect(Effect):
         """y* over a whole uniform stretch of log, (T,) to (T,)."""
 
     def undone(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
-        """The effort (T,) of which y* is `effort`: exact where `transform` adds something that does not depend on it."""
+        """The effort (T,) of which y* is `effort`: exact where `transform` adds what does not depend on it."""
         return 2.0 * effort - self.transform(effort, signals, shape)
 
     @abstractmethod
