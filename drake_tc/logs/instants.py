@@ -32,6 +32,8 @@ LARGEST_ERROR = 0.1
 """Standard error of lambda up to which the positions tell it."""
 MOSTLY_NOISE = 0.5
 """Lambda below which, by three standard errors, the scatter is noise of the stamps."""
+OUT_OF_ORDER = 10.0
+"""Step backwards, over the median scatter of the stamps, that is none of it: about five of its standard deviations."""
 GAP = 5.0
 """Steps of time in periods that begin another stretch."""
 
@@ -65,7 +67,8 @@ class _Stretch(NamedTuple):
 def sampling_instants(time: FloatArray, positions: Sequence[FloatArray], others: Sequence[FloatArray] = ()) -> Instants:
     """The instants of the samples: a smooth clock where the stamps scatter about it and the motion does not.
 
-    Rows that repeat the stamp and all values of the row before keep its time.
+    Rows that repeat the stamp and all values of the row before keep its time. Where rows are out of order, the stamps
+    are returned as they are.
 
     Args:
         time: (T,) stamps [s], NaN where there is none.
@@ -88,7 +91,9 @@ def sampling_instants(time: FloatArray, positions: Sequence[FloatArray], others:
         return Instants(time)
     stretches = list(_stretches(stamps, period))
     away = np.concatenate([stamps[s.rows] - s.smooth for s in stretches]) if stretches else np.zeros(0)
-    if away.size < 0.5 * stamps.size or not LEAST_SCATTER * period < float(away.std()) < float(steps.std()):
+    if away.size < 0.5 * stamps.size or float(steps.min()) < -OUT_OF_ORDER * float(np.median(np.abs(away))):
+        return Instants(time)  # rows that are out of order are no scatter
+    if not LEAST_SCATTER * period < float(away.std()) < float(steps.std()):
         return Instants(time)  # independent scatter is 0.7 of that of the steps; a clock whose rate changes has more
     share, error = _share(stamps, [q[index] for q in channels], stretches, period)
     if error > LARGEST_ERROR or share + 3.0 * error > MOSTLY_NOISE:

@@ -59,6 +59,16 @@ def test_a_clock_whose_rate_changes_is_no_scatter():
     assert sampling_instants(stamps, [motion(stamps)]).notes == ()
 
 
+@pytest.mark.parametrize("scatter", [0.0, 0.05, 0.3])
+def test_rows_out_of_order_are_no_scatter(scatter):
+    """Two rows far from each other change places; their neighbours' scatter could not do it."""
+    steady = 1e-3 * np.arange(2000)
+    stamps = np.maximum.accumulate(steady + scatter * 1e-3 * np.random.default_rng(5).normal(size=2000))
+    stamps[[800, 804]] = stamps[[804, 800]]
+    found = sampling_instants(stamps, [motion(steady)])
+    assert found.notes == () and np.array_equal(found.time, stamps)
+
+
 @pytest.mark.parametrize("resolution", [1e-6, 1e-3])
 def test_a_run_with_scattering_stamps_is_that_of_a_steady_clock(tmp_path, resolution):
     """Whole milliseconds at 1 kHz repeat many stamps; none of their rows is dropped."""
