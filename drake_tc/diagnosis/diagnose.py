@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.evidence import Evidence, Scored, with_run_spread
+from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed
 from drake_tc.diagnosis.intervals import parameters_of
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
@@ -27,7 +26,7 @@ from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
-from drake_tc.diagnosis.search import Found, Progress, find
+from drake_tc.diagnosis.search import Found, Progress, find, pruned
 from drake_tc.diagnosis.selection.joint_problem import candidates
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, LargerOnHeldOut
 from drake_tc.effects.base import Effect
@@ -67,14 +66,13 @@ def diagnose_joint(
     prepared = prepare_joint(train_runs, held_runs, rig, joint, link_prior=link_prior, common=options.common)
     model = _model(prepared)
     context = model.context
-    first = Evidence(model).heard(model.declared)
-    first = with_run_spread(first, model.declared)
+    first = Evidence(model).heard(model.declared, spread=False)
     rare = uncommon(context) if options.effects is None else ()
     library = [e for e in (*looked_for(context, options.effects), *rare) if e.id not in options.without]
     usable, obstacles = candidates(library, context, prepared.declared)
     found = find(first, usable, progress)
-    found = _relinearised(found)
-    best, dropped = confirmed(found.evidence, found.best)
+    best, dropped = confirmed(found.evidence, pruned(found.evidence, found.best))
+    best = pruned(found.evidence, best) if dropped else best
     model, evidence = found.evidence.model, found.evidence
     floor = noise_floor(model.train.recorded, _fit(evidence, model.train, best))
     best, small = _large_enough(evidence, best, floor)
@@ -127,7 +125,8 @@ def _model(prepared: Prepared) -> JointModel:
     """The joint's model, its needed effort that of the declared fit."""
     columns = prepared.train
     plain = fit(prepared.train, prepared.terms)
-    train, held = (with_needed(c, plain.terms, plain.beta) for c in (columns, prepared.held))
+    measured = prepared.context.load == "torque"
+    train, held = (with_needed(c, plain.terms, plain.beta, measured=measured) for c in (columns, prepared.held))
     size = {t.effect.key: float(v[0]) for t, v in coefficients_by_term(plain.terms, plain.beta) if v.size}
     return JointModel(
         train,
@@ -138,17 +137,6 @@ def _model(prepared: Prepared) -> JointModel:
         max(size.get("coulomb", 0.0), 0.0),
         max(size.get("viscous", 0.0), 0.0),
     )
-
-
-def _relinearised(found: Found) -> Found:
-    """The same sets once the effort that the best one needs is known."""
-    model = found.evidence.model
-    best = found.best
-    gain = max(float(best.b[0]), 1e-300)
-    moved = model.relinearised(best.terms, best.b[1:] / gain, gain)
-    evidence = Evidence(moved, found.evidence.noise, found.evidence.spread).heard(best.terms)
-    return replace(found, evidence=evidence, best=evidence.refined(evidence.score(best.terms)),
-                   declared=evidence.score(model.declared))  # fmt: skip
 
 
 def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:

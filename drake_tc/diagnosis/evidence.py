@@ -9,10 +9,11 @@ import numpy as np
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise
-from drake_tc.diagnosis.priors import COMMON, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.priors import COMMON, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
+from drake_tc.effects.library import place
 from drake_tc.types import FloatArray, IntArray
 
 STEP = 1e-3
@@ -125,9 +126,10 @@ class Evidence:
 
     def prior_odds(self, terms: Sequence[Term]) -> float:
         """Log prior odds of a set of terms over the declared one."""
+        order = sum(ORDER * place(t.effect.key) for t in terms if not self.model.is_declared(t.effect))
         rare = {e.key for e in UNCOMMON_EFFECTS} | {"delay.position_sensor", "delay.torque_sensor"}
         asked = [t for t in terms if not self.model.is_declared(t.effect)]
-        return sum(UNCOMMON if t.effect.key in rare else COMMON for t in asked)
+        return sum(UNCOMMON if t.effect.key in rare else COMMON for t in asked) - order
 
     def score(self, terms: Sequence[Term], variance: float | None = None) -> Scored:
         """Log odds with the shapes held; each shape costs what its starting points count."""
@@ -218,20 +220,24 @@ class Evidence:
         found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
         return self._scored(scored.terms, found, size, k)
 
-    def heard(self, terms: Sequence[Term]) -> "Evidence":
-        """The evidence under the noise model of what these terms leave."""
-        residual = self.residual(self.model.train, self.score(terms))
-        return Evidence(self.model, fitted_noise(self.model.train.rows, residual), self.spread)
+    def heard(self, terms: Sequence[Term], *, spread: bool = True) -> "Evidence":
+        """The evidence under the noise that these terms leave, and what they show to differ from run to run."""
+        found = self
+        for _ in range(2):
+            residual = found.residual(found.model.train, found.score(terms), runs=True)
+            found = Evidence(found.model, fitted_noise(found.model.train.rows, residual), found.spread)
+            found = with_run_spread(found, terms) if spread else found
+        return found
 
-    def residual(self, split: Split, scored: Scored, *, ages: bool = True) -> FloatArray:
-        """(N,) recorded effort less the prediction on all rows [effort]."""
+    def residual(self, split: Split, scored: Scored, *, runs: bool = False) -> FloatArray:
+        """(N,) recorded effort less the prediction on all rows [effort]; `runs`: with what differs from run to run."""
         blocks = self.model.blocks(split, scored.terms)
         out = split.target(scored.terms) - np.concatenate([b.values for b in blocks], axis=1) @ scored.b
-        if ages:
-            at = scored.coefficients + scored.shapes
-            for block in self.model.nuisances(split):
-                out = out - block.values @ scored.posterior.beta[at : at + block.values.shape[1]]
-                at += block.values.shape[1]
+        at = scored.coefficients + scored.shapes
+        others = self._others(split) if runs else self.model.nuisances(split)
+        for block in others:
+            out = out - block.values @ scored.posterior.beta[at : at + block.values.shape[1]]
+            at += block.values.shape[1]
         return np.asarray(out)
 
     def predictive(self, terms: Sequence[Term], variance: float) -> float:

@@ -1,6 +1,7 @@
 """Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.priors import FALLS
 from drake_tc.diagnosis.problem.columns import Term
 
 
@@ -20,7 +21,7 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
         gains = [(held_gain(evidence, scored, t), i) for i, t in enumerate(asked)]
-        if not gains or min(gains)[0] >= 0.0:
+        if not gains or min(gains)[0] >= -FALLS:
             return scored, tuple(dropped)
         worst = asked[min(gains)[1]]
         dropped.append(worst)

@@ -10,15 +10,15 @@ s^2 is where RSS/s^2 equals N less the number of parameters that the rows determ
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from drake_tc.types import BoolArray, FloatArray
 
 ROUNDS = 4
 """Of the fixed point for s^2, which contracts by the share of determined parameters, K/N."""
-RELATIVE_JITTER = 1e-12
+JITTER = 1e-12
 
 
 @dataclass(frozen=True)
@@ -59,63 +59,73 @@ class Products:
         return max(float(self.square - 2.0 * beta @ self.moment + beta @ self.gram @ beta), 1e-12 * self.square)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Posterior:
     """The Gaussian posterior of a linear model.
 
     Attributes:
         beta: (k,) most probable coefficients.
-        covariance: (k, k).
+        hessian: (k, k) H, the inverse of their covariance.
         variance: s^2 of the white part of the noise.
         log_evidence: log Z without the determinant of the whitening.
     """
 
     beta: FloatArray
-    covariance: FloatArray
+    hessian: FloatArray
     variance: float
     log_evidence: float
 
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(k, k) H^-1, its eigenvalues bounded where rounding hides them."""
+        scale = 1.0 / np.sqrt(np.diag(self.hessian))
+        eigenvalues, vectors = np.linalg.eigh(self.hessian * np.outer(scale, scale))
+        return np.asarray((vectors / np.maximum(eigenvalues, JITTER)) @ vectors.T * np.outer(scale, scale))
+
 
 def mode(products: Products, prior: Prior, variance: float) -> FloatArray:
-    """The most probable coefficients (k,) under noise of this variance, within their bounds."""
+    """The most probable coefficients (k,) under noise of this variance.
+
+    Those that a bound holds are set to 0, all that would be negative at once, until none is.
+    """
     precision = variance / prior.deviation**2
     hessian = products.gram + np.diag(precision)
     right = products.moment + precision * prior.mean
     scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    scaled = hessian * np.outer(scale, scale) + RELATIVE_JITTER * np.eye(scale.size)
-    beta = scale * np.linalg.solve(scaled, scale * right)
-    if not np.any(prior.positive & (beta < 0.0)):
-        return np.asarray(beta)
-    root = np.linalg.cholesky(scaled).T
-    lower = np.where(prior.positive, 0.0, -np.inf)
-    found = lsq_linear(root, np.linalg.solve(root.T, scale * right), bounds=(lower, np.inf), method="bvls")
-    return np.asarray(scale * np.maximum(found.x, lower))
+    scaled = hessian * np.outer(scale, scale) + JITTER * np.eye(scale.size)
+    beta, free = np.zeros(scale.size), np.ones(scale.size, dtype=bool)
+    while True:
+        beta[free] = scale[free] * np.linalg.solve(scaled[np.ix_(free, free)], (scale * right)[free])
+        below = prior.positive & free & (beta < 0.0)
+        if not below.any():
+            return beta
+        beta[below], free = 0.0, free & ~below
 
 
-def posterior(products: Products, prior: Prior, variance: float | None = None) -> Posterior:
-    """Coefficients, their covariance and the log evidence.
+def posterior(
+    products: Products, prior: Prior, variance: float | None = None, *, start: float | None = None
+) -> Posterior:
+    """The most probable coefficients and the log evidence.
 
     Args:
         products: Of the whitened rows.
         prior: Of their coefficients.
         variance: s^2 where it is known; None estimates it.
+        start: Where the estimate of s^2 begins; the fixed point is then one step away.
     """
-    known, size = variance is not None, prior.mean.size
-    value = variance if variance is not None else max(products.square, 1e-300) / max(products.rows, 1)
-    for _ in range(1 if known else ROUNDS):
+    size, guess = prior.mean.size, variance if start is None else start
+    value = max(products.square, 1e-300) / max(products.rows, 1) if guess is None else guess
+    for _ in range(ROUNDS if guess is None else 1 if start is None else 2):
         beta = mode(products, prior, value)
         rss = products.rss(beta)
-        if not known:
+        if variance is None:
             value = max(rss / max(products.rows - size, 1), 1e-300)
-    free = ~(prior.positive & (beta <= 0.0))
     hessian = products.gram / value + np.diag(1.0 / prior.deviation**2)
     scale = 1.0 / np.sqrt(np.diag(hessian))
-    eigenvalues, vectors = np.linalg.eigh(hessian * np.outer(scale, scale))
-    eigenvalues = np.maximum(eigenvalues, RELATIVE_JITTER)
-    log_determinant = float(np.sum(np.log(eigenvalues)) - 2.0 * np.sum(np.log(scale)))
-    covariance = (vectors / eigenvalues) @ vectors.T * np.outer(scale, scale)
-    kept = ((beta - prior.mean) / prior.deviation)[free | (prior.mean != 0.0)]
-    evidence = -0.5 * products.rows * np.log(2.0 * np.pi * value) - 0.5 * rss / value - 0.5 * float(kept @ kept)
+    sign, scaled = np.linalg.slogdet(hessian * np.outer(scale, scale) + JITTER * np.eye(size))
+    log_determinant = float(scaled if sign > 0 else size * np.log(JITTER)) - 2.0 * float(np.sum(np.log(scale)))
+    off = (beta - prior.mean) / prior.deviation
+    evidence = -0.5 * products.rows * np.log(2.0 * np.pi * value) - 0.5 * rss / value - 0.5 * float(off @ off)
     evidence += -float(np.sum(np.log(prior.deviation))) - 0.5 * log_determinant
     evidence += float(np.log(2.0) * np.count_nonzero(prior.positive))
-    return Posterior(beta, covariance, value, evidence)
+    return Posterior(beta, hessian, value, evidence)

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.noise import Rows
@@ -32,6 +33,7 @@ from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
+from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
 
@@ -216,7 +218,7 @@ class JointModel:
             "effort": lambda: -np.gradient(split.latent, s.period),
             "inside": lambda: np.gradient(split.latent, s.period),
             "rate": lambda: split.gain * self.viscous * s.acceleration,
-            "torque": lambda: split.gain * np.gradient(s.slow_torque, s.period),
+            "torque": lambda: split.gain * np.gradient(split.clean.samples.signals.slow_torque, s.period),
         }
         for channel, (mean, deviation) in self.ages.items():
             values = split.samples.reduce(_inside(rate[channel](), split.samples))
@@ -255,8 +257,8 @@ class JointModel:
         beta = np.concatenate([[1.0 / gain], theta])
         return replace(
             self,
-            train=with_needed(self.train.recorded, terms, beta),
-            held=with_needed(self.held.recorded, terms, beta),
+            train=with_needed(self.train.recorded, terms, beta, measured=self.context.load == "torque"),
+            held=with_needed(self.held.recorded, terms, beta, measured=self.context.load == "torque"),
         )
 
 
@@ -277,8 +279,12 @@ def _inside(values: FloatArray, samples: Samples) -> FloatArray:
     return out
 
 
-def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray) -> Split:
-    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit."""
+def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, measured: bool) -> Split:
+    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit.
+
+    All columns are computed from the latent effort and, where the load is `measured`, from the load torque that it
+    means: two channels of which each has its own noise would together explain the noise of the residual.
+    """
     samples = recorded.samples
     s = samples.signals
     torque = s.load_torque + s.rotor_inertia * s.acceleration + s.known_torque
@@ -290,7 +296,9 @@ def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray) -> S
     gain = 1.0 / float(beta[0])
     first = Split(recorded, recorded, gain * torque, latent_share(recorded, gain * torque), gain)
     command = first.latent + s.position if samples.floor.servo else first.latent
-    signals = replace(s, effort=first.latent, command=command)
+    load = s.load_torque + (first.latent - first.modelled) / gain if measured else s.load_torque
+    slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
+    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow)
     return replace(first, clean=recorded.changed(samples=replace(samples, signals=signals)))
 
 

@@ -10,6 +10,10 @@ COMMON = -5.0
 """Log prior odds that a common effect acts: one of a hundred and fifty, as a joint lacks one or two of some forty."""
 UNCOMMON = -10.0
 """The same of an uncommon effect."""
+ORDER = 0.05
+"""Log prior odds by which each effect of the library is less common than the one before it."""
+FALLS = 3.0
+"""Log predictive density of the held-out runs that an effect must cost before it does not hold."""
 CURVE = -12.0
 """The same of a curve over a signal, which names no cause."""
 

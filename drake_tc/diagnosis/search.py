@@ -19,6 +19,8 @@ from drake_tc.types import FloatArray
 
 WIDE = 12.0
 """Log odds by which the start of a set may be behind: what refining the shapes may gain."""
+PASSES = 3
+SETTLING = 2
 SHAPES = 4
 """Starting points of a long grid that are tried beside each set, those that correlate most with its residual."""
 
@@ -113,7 +115,7 @@ class Sets:
             offset, target = evidence.drive_offset(split, term), evidence.target(split, parent.terms)
             square = products.square + float(offset @ offset - 2.0 * offset @ target)
             moved = Products(products.gram, products.moment - design.T @ offset, square, products.rows)
-            found = posterior(moved, prior)
+            found = posterior(moved, prior, start=parent.posterior.variance)
             jacobian = split.log_jacobian([term], float(np.sqrt(found.variance)))
             return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
         block = evidence.model._term(split, term)
@@ -123,7 +125,7 @@ class Sets:
         gram = np.block([[products.gram, cross], [cross.T, columns.T @ columns]])
         moment = np.concatenate([products.moment, columns.T @ target])
         joined = Products(gram, moment, products.square, products.rows)
-        found = posterior(joined, Prior.stacked([prior, block.prior]))
+        found = posterior(joined, Prior.stacked([prior, block.prior]), start=parent.posterior.variance)
         return evidence.odds(parent.terms, found) + evidence.prior_odds([term])
 
     def _parent(self, parent: Scored) -> tuple[FloatArray, Prior, Products]:
@@ -148,27 +150,43 @@ def _impossible(scored: Scored) -> Scored:
 def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lambda text, share: None) -> Found:
     """The most probable set.
 
-    The noise of a model that lacks effects is too large, which hides weak ones: after the first search the noise is
-    that of what its best set leaves, and the search goes on from there.
+    The noise of a model that lacks effects is too large, which hides weak ones, and the effort that it needs is wrong.
+    So the search is repeated under the noise and the latent effort of its own result until the result stays the same.
     """
     declared = evidence.model.declared
-    sets, best = Sets(evidence, effects), None
-    for number in range(2):
-        progress("effects", 0.1 + 0.4 * number)
-        pool = _beam(sets, [sets.evidence.score(declared)] if best is None else _starts(sets, best))
-        best = max(pool, key=lambda s: s.log_odds)
-        if number == 0 and len(best.terms) > len(declared):
-            sets = Sets(evidence.heard(best.terms), effects)
-        else:
+    best = evidence.score(declared)
+    for number in range(PASSES):
+        progress("effects", 0.1 + 0.25 * number)
+        sets, before = Sets(evidence, effects), best.ids
+        pool = _beam(sets, [sets.score(best.terms), evidence.score(declared)])
+        best = found = max(pool, key=lambda s: s.log_odds)
+        if best.ids == before:
             break
-    assert best is not None
-    near = [s for s in pool if s.ids != best.ids and s.log_odds > best.log_odds - ALTERNATIVE]
+        evidence, best = settled(evidence, best)
+    near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
-    return Found(sets.evidence, best, tuple(near), sets.evidence.score(declared))
+    return Found(evidence, best, tuple(near), evidence.score(declared))
 
 
-def _starts(sets: Sets, best: Scored) -> list[Scored]:
-    return [sets.score(best.terms), sets.evidence.score(sets.evidence.model.declared)]
+def settled(evidence: Evidence, scored: Scored) -> tuple[Evidence, Scored]:
+    """The evidence under the noise and the latent effort that a set means, and the set under it."""
+    for _ in range(SETTLING):
+        gain = max(float(scored.b[0]), 1e-300)
+        model = evidence.model.relinearised(scored.terms, scored.b[1:] / gain, gain)
+        evidence = Evidence(model, evidence.noise, evidence.spread).heard(scored.terms)
+        scored = evidence.refined(evidence.score(scored.terms))
+    return evidence, scored
+
+
+def pruned(evidence: Evidence, scored: Scored) -> Scored:
+    """The set without the effects that lower its log odds, one after the other."""
+    while True:
+        asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
+        smaller = [evidence.refined(evidence.score([t for t in scored.terms if t is not each])) for each in asked]
+        best = max(smaller, key=lambda s: s.log_odds, default=scored)
+        if best.log_odds <= scored.log_odds:
+            return scored
+        scored = best
 
 
 def _beam(sets: Sets, starts: Iterable[Scored]) -> list[Scored]:
