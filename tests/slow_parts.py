@@ -109,12 +109,12 @@ PARTS = {
             "benchmarks/test_known_arms.py::*",
             "diagnosis/set_up/test_gains_of_makers_arms.py::*",
             "diagnosis/robot/test_current_offsets_of_makers_arms.py::*",
-            "diagnosis/cases/test_cases.py::*",
             "diagnosis/test_blind_mini.py::*",
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",
         ),
     ),
+    "cases": Part("the table of physical cases of the diagnosis", ("diagnosis/cases/test_cases.py::*",)),
     "experiments": Part("what checks and designs promise, held against simulated rigs", ("experiments/*",), alone=True),
     "blind-middle": Part(
         "the full blind benchmark: effects of middle strength, and pairs",

@@ -73,7 +73,6 @@ class Case:
         may_refuse: Pattern of a refusal that counts as right as well.
         twin: Records the same in another way: names, verdict and values (`twin_within`) must be the same.
         seeds: Of the recorder; each is a case of its own.
-        slow: Whether it takes more than 10 s alone.
     """
 
     name: str
@@ -89,7 +88,6 @@ class Case:
     twin: Record | None = None
     twin_within: float = 1e-6
     seeds: Sequence[int] = (0,)
-    slow: bool = False
 
     @property
     def right(self) -> Sequence[frozenset[str]]:

@@ -72,7 +72,7 @@ PLANTED = [
          {"asymmetric_friction": {"viscous_asymmetry": Is(1.2, 0.1)}}),
     Case("friction: a load over the position",
          logs_of(replace(QUIET, extra=lambda m: 2.0 * np.exp(-(((m.q - 0.2) / 0.2) ** 2)))), {"position_dependent_load": {}},
-         verdicts=ANY - NULL, slow=True),
+         verdicts=ANY - NULL),
     Case("friction: a ripple of another form is left", logs_of(replace(servo(torque_noise=0.05), extra=square)),
          never=frozenset({"servo_integrator"}), verdicts=ANY - NULL),
 ]  # fmt: skip

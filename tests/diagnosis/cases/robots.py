@@ -389,14 +389,14 @@ SET_UPS = [
     set_up("a loaded log that is held out", armed(Arm(payloads=(0.0, 0.0, PAYLOAD))), "payload@run_2_loaded"),
     set_up("a load that the held-out log lacks", armed(Arm(payloads=(PAYLOAD, PAYLOAD, 0.0))), "payload@run_0_loaded,run_1_loaded"),
     set_up("a heavy load in all logs, known links", known(Arm(payloads=(PAYLOAD,) * 4), train=3), "payload@"),
-    Case("set-up: a load in all logs is taken up by fitted links", armed(Arm(payloads=(PAYLOAD,) * 3)), verdicts=NULL | RED, slow=True),
+    Case("set-up: a load in all logs is taken up by fitted links", armed(Arm(payloads=(PAYLOAD,) * 3)), verdicts=NULL | RED),
     Case("set-up: right of an arm whose axes are not parallel", elbow()),
     Case("set-up: friction of one direction is none of its errors", armed(change=uneven), never=frozenset({"set_up.drive_gain@fold", "set_up.gravity@"}),
          verdicts=OPEN),
-    Case("set-up: friction that grows with the load is no torque constant", elbow(load_loss), {"lift/load_dependent_friction": {}}, verdicts=OPEN, slow=True),
+    Case("set-up: friction that grows with the load is no torque constant", elbow(load_loss), {"lift/load_dependent_friction": {}}, verdicts=OPEN),
     Case("set-up: three times the friction in one log is no payload",
          armed(change=lambda c, n: c | {f"{j}/current": c[f"{j}/current"] + 0.3 * (n == 1) * np.tanh(speed(c, j) / 1e-2) for j in JOINTS}, train=3),
-         never=frozenset({"set_up.payload@run_1"}), slow=True),
+         never=frozenset({"set_up.payload@run_1"})),
 ]  # fmt: skip
 
 CASES = [*FITTED, *SMALL, *KNOWN_LINKS, *FELT, *SET_UPS]

@@ -33,3 +33,38 @@ WRONG: dict[str, frozenset[str]] = {
     ),
 }
 """Rows that an engine is known to answer wrongly, by engine: expected failures, and to be shortened."""
+QUICK: frozenset[str] = frozenset(
+    {
+        "timing: a goal logged after it was written is no delay",
+        "timing: a command held at 100 Hz",
+        "timing: a current that is logged two samples late",
+        "friction: nothing is missing",
+        "friction: Stribeck",
+        "friction: a random torque below 4 Hz",
+        "friction: only viscous friction differs by direction",
+        "drive: a dead zone",
+        "drive: a supply that sags",
+        "drive: a declared gain 12 % too small",
+        "load: a pendulum lighter than declared",
+        "load: smooth",
+        "load: a run without a mass is refused",
+        "load: a measured torque in mN m is refused",
+        "sensors: a bias of five tolerances",
+        "sensors: the zero of a current of six tolerances",
+        "sensors: a torque that drifts",
+        "gear: play of 1.2 mrad",
+        "gear: without play",
+        "speed only: quadratic friction",
+        "speed only: a pendulum asks for the position",
+        "faults: one run with spike",
+        "faults: one run, time backwards, is refused",
+        "faults: a rig file without a drive is refused",
+        "faults: one run is refused",
+        "robots: known links, nothing is missing",
+        "robots: the zero of the lift's encoder",
+        "robots: a robot file that is not there is refused",
+        "set-up: a reversed joint",
+        "set-up: another zero",
+    }
+)
+"""Rows of every theme that take a few seconds. `make test` runs their first seeds; all else is slow."""
