@@ -147,22 +147,20 @@ class Evidence:
         return found.log_evidence - 0.5 * self._log_determinant + self.prior_odds(terms) + jacobian
 
     def tangents(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
-        """Whitened (n, s) change of what the target lacks of the prediction with each shape parameter."""
+        """Whitened (n, s) change of the prediction less the target with each shape parameter."""
         where, values = shape_places(terms)
-        out = []
-        first = self._prediction(split, terms, b)
-        for j, value in enumerate(values):
-            step = STEP * abs(value) + 1e-9
-            moved = values.copy()
-            moved[j] += step
-            out.append((self._prediction(split, with_shapes(terms, where, moved), b) - first) / step)
-        if not out:
-            return np.zeros((split.rows.index.size, 0))
-        return split.rows.whitened(np.stack(out, axis=-1), self.noise)[0]
-
-    def _prediction(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
-        values = np.concatenate([block.values for block in self.model.blocks(split, terms)], axis=1)
-        return np.asarray(values @ b - split.target(terms))
+        out = np.zeros((split.samples.rows.size, len(where)))
+        sizes = np.cumsum([1, *(len(t.effect.coefficients) for t in terms)])
+        for j, ((i, name), value) in enumerate(zip(where, values, strict=True)):
+            term, step = terms[i], STEP * abs(value) + 1e-9
+            moved = Term(term.effect, {**term.shape, name: value + step})
+            own = b[sizes[i] : sizes[i + 1]]
+            change = (split.clean.of(moved) - split.clean.of(term)) @ own if own.size else out[:, j]
+            if drives([term]):
+                others = [moved if t is term else t for t in terms]
+                change = change - (split.target(others) - split.target(terms))
+            out[:, j] = change / step
+        return split.rows.whitened(out, self.noise)[0] if where else np.zeros((split.rows.index.size, 0))
 
     def refined(self, scored: Scored, rounds: int = 6) -> Scored:
         """The set at its most probable shapes, by Gauss-Newton steps, with the evidence of the shapes.

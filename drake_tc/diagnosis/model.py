@@ -178,7 +178,17 @@ class JointModel:
         size = max(rms(self.train.recorded.target), 1e-300)
         return Block(values, Prior(0.0 * one, DECLARED_CONTRIBUTION * self.scale / size * one, yes))
 
+    @cached_property
+    def _blocks(self) -> dict[tuple[object, ...], Block]:
+        return {}
+
     def _term(self, split: Split, term: Term) -> Block:
+        key = (split is self.train, *term.cache_key)
+        if key not in self._blocks:
+            self._blocks[key] = self._made(split, term)
+        return self._blocks[key]
+
+    def _made(self, split: Split, term: Term) -> Block:
         values = split.clean.of(term)
         effect = term.effect
         train = values if split is self.train else self.train.clean.of(term)

@@ -90,7 +90,7 @@ class Sets:
         trials.sort(key=lambda t: -t[0])
         found: list[Scored] = []
         for odds, term in trials:
-            if odds < parent.log_odds - WIDE or len(found) == 2 * BEAM:
+            if odds < parent.log_odds - WIDE or len(found) > BEAM:
                 break
             child = self.score([*parent.terms, term])
             if np.isfinite(child.log_odds):
