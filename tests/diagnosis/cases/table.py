@@ -58,7 +58,6 @@ QUICK: frozenset[str] = frozenset(
         "faults: a rig file without a drive is refused",
         "faults: one run is refused",
         "robots: known links, nothing is missing",
-        "robots: the zero of the lift's encoder",
         "robots: a robot file that is not there is refused",
         "set-up: a reversed joint",
         "set-up: another zero",

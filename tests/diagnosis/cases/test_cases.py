@@ -31,4 +31,4 @@ def test_the_answer_is_right(case: Case, seed: int, engine: str, tmp_path: Path)
 def test_names_are_unique_and_those_of_quick_rows_and_expected_failures_exist() -> None:
     names = {case.name for case in CASES}
     assert len(names) == len(CASES)
-    assert names.issuperset(QUICK, *WRONG.values())
+    assert names >= QUICK.union(*WRONG.values())
