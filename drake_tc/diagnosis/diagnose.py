@@ -162,13 +162,16 @@ def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Sco
 
 
 def contributions(evidence: Evidence, split: Split, scored: Scored) -> list[tuple[Term, float]]:
-    """RMS [effort] by which the residual changes when each asked effect is left out and the rest is fitted again."""
-    out, after = [], evidence.residual(split, scored)
+    """RMS [effort] of what each asked effect adds that the other terms cannot take over, the ages held."""
+    model, out = evidence.model, []
     for term in scored.terms:
-        if evidence.model.is_declared(term.effect):
+        if model.is_declared(term.effect):
             continue
-        rest = evidence.score([t for t in scored.terms if t is not term], scored.posterior.variance)
-        out.append((term, rms(evidence.residual(split, rest) - after)))
+        rest = [t for t in scored.terms if t is not term]
+        columns = np.concatenate([block.values for block in model.blocks(split, rest)], axis=1)
+        whole = np.concatenate([block.values for block in model.blocks(split, scored.terms)], axis=1) @ scored.b
+        added = whole - split.target(scored.terms) + split.target(rest)
+        out.append((term, rms(added - columns @ np.linalg.lstsq(columns, added, rcond=None)[0])))
     return out
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
-from drake_tc.diagnosis.noise import NoiseModel, fitted_noise
+from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import COMMON, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
@@ -16,6 +16,8 @@ from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray, IntArray
 
+HEARINGS = 4
+"""Rounds of the fixed point of noise and coefficients."""
 STEP = 1e-3
 """Relative step of a difference quotient over a shape parameter."""
 
@@ -122,7 +124,7 @@ class Evidence:
     def products(self, split: Split, terms: Sequence[Term]) -> tuple[Products, Prior]:
         """Products of the whitened rows of a set of terms."""
         design, prior = self.design(split, terms)
-        return Products.of(design, self.target(split, terms)), prior
+        return Products.of(design, self.target(split, terms), self.noise.share), prior
 
     def prior_odds(self, terms: Sequence[Term]) -> float:
         """Log prior odds of a set of terms over the declared one."""
@@ -143,7 +145,7 @@ class Evidence:
 
     def odds(self, terms: Sequence[Term], found: Posterior) -> float:
         """Log odds of a posterior of the terms: the determinants of whitening and drive, and the prior odds."""
-        jacobian = self.model.train.log_jacobian(terms, float(np.sqrt(found.variance)))
+        jacobian = self.noise.share * self.model.train.log_jacobian(terms, float(np.sqrt(found.variance)))
         return found.log_evidence - 0.5 * self._log_determinant + self.prior_odds(terms) + jacobian
 
     def tangents(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
@@ -214,17 +216,37 @@ class Evidence:
         parts = [Prior(*(getattr(prior, n)[s] for n in ("mean", "deviation", "positive")))
                  for s in (slice(None, size), slice(size, None))]  # fmt: skip
         joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
-        products = Products.of(joined, self.target(self.model.train, scored.terms))
+        products = Products.of(joined, self.target(self.model.train, scored.terms), self.noise.share)
         found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
         return self._scored(scored.terms, found, size, k)
 
     def heard(self, terms: Sequence[Term], *, spread: bool = True) -> "Evidence":
-        """The evidence under the noise that these terms leave, and what they show to differ from run to run."""
-        found = self
-        for _ in range(2):
+        """The evidence under the noise that these terms leave, and what they show to differ from run to run.
+
+        Noise and coefficients depend on each other. The fixed point is sought from the present noise and from white
+        noise, and the more probable one is taken.
+        """
+        found = [self._heard(Evidence(self.model, start, self.spread), terms) for start in (self.noise, NoiseModel())]
+        best = max(found, key=lambda e: e.score(terms).log_odds)
+        return with_run_spread(best, terms) if spread else best
+
+    def tempered(self, terms: Sequence[Term]) -> "Evidence":
+        """The evidence for models that leave much: white noise, as many independent rows as the residual itself has.
+
+        Under a discrepancy that holds whole effects, a fit would not see what is as slow as it.
+        """
+        white = Evidence(self.model, NoiseModel(), self.spread)
+        residual = white.residual(self.model.train, white.score(terms), runs=True)
+        return Evidence(self.model, NoiseModel(share=independent_share(self.model.train.rows, residual)), self.spread)
+
+    @staticmethod
+    def _heard(found: "Evidence", terms: Sequence[Term]) -> "Evidence":
+        for _ in range(HEARINGS):
             residual = found.residual(found.model.train, found.score(terms), runs=True)
-            found = Evidence(found.model, fitted_noise(found.model.train.rows, residual), found.spread)
-            found = with_run_spread(found, terms) if spread else found
+            noise = fitted_noise(found.model.train.rows, residual)
+            if noise == found.noise:
+                break
+            found = Evidence(found.model, noise, found.spread)
         return found
 
     def residual(self, split: Split, scored: Scored, *, runs: bool = False) -> FloatArray:

@@ -42,12 +42,13 @@ class Products:
     gram: FloatArray
     moment: FloatArray
     square: float
-    rows: int
+    rows: float
 
     @classmethod
-    def of(cls, design: FloatArray, target: FloatArray) -> "Products":
-        """The products of a design (N, k) and a target (N,)."""
-        return cls(design.T @ design, design.T @ target, float(target @ target), target.size)
+    def of(cls, design: FloatArray, target: FloatArray, share: float = 1.0) -> "Products":
+        """The products of a design (N, k) and a target (N,), of which a share of the rows is independent."""
+        scaled = share * design
+        return cls(scaled.T @ design, scaled.T @ target, share * float(target @ target), share * target.size)
 
     def __add__(self, other: "Products") -> "Products":
         return Products(

@@ -17,16 +17,21 @@ from drake_tc.types import FloatArray, IntArray
 
 _whiten = Kernel("whitening", "whiten")
 
+LONGEST_LAG = 500
+"""Rows over which correlation is summed."""
+UNCORRELATED = 0.05
+"""Correlation at which the sum ends."""
 INDEPENDENT = 0.6
 """Distance of the rows that count, over that at which white noise through the filters is independent."""
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Ratio r [-] and correlation time T [s] of the slow discrepancy."""
+    """Ratio r [-] and correlation time T [s] of the slow discrepancy, and the share of independent rows."""
 
     ratio: float = 0.0
     memory: float = 1.0
+    share: float = 1.0
 
 
 def independent_rows(samples: Samples) -> IntArray:
@@ -70,6 +75,19 @@ class Rows:
         values = np.ascontiguousarray(values.reshape(values.shape[0], -1)[self.index])
         out = np.empty_like(values)
         return out, float(_whiten(values, self.apart, noise.ratio, noise.memory, out))
+
+
+def independent_share(rows: Rows, residual: FloatArray) -> float:
+    """One over the integrated autocorrelation time of a residual (N,), in rows that count."""
+    values, total = residual[rows.index], np.zeros(LONGEST_LAG)
+    starts = np.flatnonzero(np.isinf(rows.apart))
+    for start, stop in zip(starts, np.append(starts[1:], values.size), strict=True):
+        own = values[start:stop]
+        for lag in range(min(LONGEST_LAG, own.size)):
+            total[lag] += own[: own.size - lag] @ own[lag:]
+    correlation = total[1:] / max(total[0], 1e-300)
+    end = int(np.argmax(correlation < UNCORRELATED)) if np.any(correlation < UNCORRELATED) else correlation.size
+    return float(1.0 / (1.0 + 2.0 * correlation[:end].sum()))
 
 
 def fitted_noise(rows: Rows, residual: FloatArray) -> NoiseModel:

@@ -19,6 +19,8 @@ from drake_tc.types import FloatArray
 
 WIDE = 12.0
 """Log odds by which the start of a set may be behind: what refining the shapes may gain."""
+CONTENDERS = 3
+"""Sets of a pass that are compared each under its own noise."""
 PASSES = 3
 SETTLING = 2
 SHAPES = 4
@@ -113,17 +115,19 @@ class Sets:
         design, prior, products = self._parent(parent)
         if drives([term]):  # two drive effects act as the sum of both, to first order
             offset, target = evidence.drive_offset(split, term), evidence.target(split, parent.terms)
-            square = products.square + float(offset @ offset - 2.0 * offset @ target)
-            moved = Products(products.gram, products.moment - design.T @ offset, square, products.rows)
+            share = evidence.noise.share
+            square = products.square + share * float(offset @ offset - 2.0 * offset @ target)
+            moved = Products(products.gram, products.moment - share * (design.T @ offset), square, products.rows)
             found = posterior(moved, prior, start=parent.posterior.variance)
-            jacobian = split.log_jacobian([term], float(np.sqrt(found.variance)))
+            jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)))
             return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
         block = evidence.model._term(split, term)
         columns = evidence._white(split, ("term", *term.cache_key), block.values)
         target = evidence.target(split, parent.terms)
-        cross = design.T @ columns
-        gram = np.block([[products.gram, cross], [cross.T, columns.T @ columns]])
-        moment = np.concatenate([products.moment, columns.T @ target])
+        weighed = evidence.noise.share * columns
+        cross = design.T @ weighed
+        gram = np.block([[products.gram, cross], [cross.T, columns.T @ weighed]])
+        moment = np.concatenate([products.moment, weighed.T @ target])
         joined = Products(gram, moment, products.square, products.rows)
         found = posterior(joined, Prior.stacked([prior, block.prior]), start=parent.posterior.variance)
         return evidence.odds(parent.terms, found) + evidence.prior_odds([term])
@@ -157,12 +161,13 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     best = evidence.score(declared)
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
-        sets, before = Sets(evidence, effects), best.ids
-        pool = _beam(sets, [sets.score(best.terms), evidence.score(declared)])
-        best = found = max(pool, key=lambda s: s.log_odds)
+        used = evidence.tempered(declared) if number == 0 else evidence
+        sets, before = Sets(used, effects), best.ids
+        pool = sorted(_beam(sets, [sets.score(best.terms), used.score(declared)]), key=lambda s: -s.log_odds)
+        found = pool[0]
+        evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[1].log_odds)
         if best.ids == before:
             break
-        evidence, best = settled(evidence, best)
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near), evidence.score(declared))
