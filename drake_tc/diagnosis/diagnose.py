@@ -9,7 +9,7 @@ from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.held_out import confirmed
+from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import parameters_of
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
@@ -71,7 +71,8 @@ def diagnose_joint(
     library = [e for e in (*looked_for(context, options.effects), *rare) if e.id not in options.without]
     usable, obstacles = candidates(library, context, prepared.declared)
     found = find(first, usable, progress)
-    best, dropped = confirmed(found.evidence, pruned(found.evidence, found.best))
+    best, noisy = timing_holds(found.evidence, pruned(found.evidence, found.best))
+    best, dropped = confirmed(found.evidence, pruned(found.evidence, best) if noisy else best)
     best = pruned(found.evidence, best) if dropped else best
     model, evidence = found.evidence.model, found.evidence
     floor = noise_floor(model.train.recorded, _fit(evidence, model.train, best))
@@ -107,7 +108,7 @@ def diagnose_joint(
         verdict=verdict,
         train=splits[0],
         heldout=splits[1],
-        did_not_hold=_did_not_hold((*dropped, *small)),
+        did_not_hold=_did_not_hold((*noisy, *dropped, *small)),
         runs=tuple(run_errors(splits)),
         plausible=plausible_ranges(chosen, context),
         shared_band=shared_band(*splits),

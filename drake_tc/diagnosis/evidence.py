@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from drake_tc.diagnosis.linear import Posterior, Prior, Products, posterior
+from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import COMMON, ORDER, RUN_SPREADS, UNCOMMON
@@ -170,26 +170,22 @@ class Evidence:
         The shapes stand beside the coefficients as columns of their tangents, with a uniform prior over their range.
         """
         terms, where = scored.terms, shape_places(scored.terms)[0]
-        current = self._with_shapes(scored)
+        current, step = self._with_shapes(scored)
         if not where:
             return current
         held = scored.log_odds
         for _ in range(rounds):
-            b = current.posterior.beta
-            step = b[current.coefficients : current.coefficients + current.shapes]
             values = shape_places(current.terms)[1]
             if np.all(np.abs(step) <= 1e-3 * np.abs(values) + 1e-12):
                 break
-            better = None
             for share in (1.0, 0.4, 0.1):
                 moved = self._bounded(terms, where, values, share * step)
                 trial = self.score(with_shapes(terms, where, moved))
                 if trial.log_odds > held + 1e-2:
-                    better, held = self._with_shapes(trial), trial.log_odds
+                    (current, step), held = self._with_shapes(trial), trial.log_odds
                     break
-            if better is None:
+            else:
                 break
-            current = better
         return current
 
     def _bounded(
@@ -201,11 +197,11 @@ class Evidence:
             out[j] = np.clip(out[j], p.lower, p.upper)
         return out
 
-    def _with_shapes(self, scored: Scored) -> Scored:
-        """The same set and shapes, the shapes' uncertainty among the posterior and the evidence."""
+    def _with_shapes(self, scored: Scored) -> tuple[Scored, FloatArray]:
+        """The same set and shapes, the shapes' uncertainty in its posterior and evidence, and the Gauss-Newton step."""
         where, _ = shape_places(scored.terms)
         if not where:
-            return scored
+            return scored, np.zeros(0)
         design, prior = self.design(self.model.train, scored.terms)
         slopes = self.tangents(self.model.train, scored.terms, scored.b)
         size, k = scored.coefficients, len(where)
@@ -218,7 +214,12 @@ class Evidence:
         joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
         products = Products.of(joined, self.target(self.model.train, scored.terms), self.noise.share)
         found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
-        return self._scored(scored.terms, found, size, k)
+        held = scored.posterior
+        beta = np.concatenate([held.beta[:size], np.zeros(k), held.beta[size:]])
+        evidence = held.log_evidence - float(np.sum(np.log(deviation)))
+        evidence -= 0.5 * (log_determinant(found.hessian) - log_determinant(held.hessian))
+        laplace = Posterior(beta, found.hessian, held.variance, evidence)
+        return self._scored(scored.terms, laplace, size, k), found.beta[size : size + k]
 
     def heard(self, terms: Sequence[Term], *, spread: bool = True) -> "Evidence":
         """The evidence under the noise that these terms leave, and what they show to differ from run to run.

@@ -1,6 +1,7 @@
 """Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.model import is_filter
 from drake_tc.diagnosis.priors import FALLS
 from drake_tc.diagnosis.problem.columns import Term
 
@@ -10,6 +11,23 @@ def held_gain(evidence: Evidence, scored: Scored, term: Term) -> float:
     rest = [t for t in scored.terms if t is not term]
     variance = scored.posterior.variance
     return evidence.predictive(scored.terms, variance) - evidence.predictive(rest, variance)
+
+
+def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
+    """The set without filters of the effort that only the noise of one channel asks for, and these.
+
+    A filter of the recorded effort can explain noise of the effort, and one of the effort that the model needs can
+    explain noise of the load. What acts in the drive is seen by both.
+    """
+    dropped: list[Term] = []
+    for share in (0.0, 1.0):
+        for term in [t for t in scored.terms if is_filter(t) and not evidence.model.is_declared(t.effect)]:
+            other = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
+            rest = [t for t in scored.terms if t is not term]
+            if other.refined(other.score(scored.terms)).log_odds < other.refined(other.score(rest)).log_odds:
+                dropped.append(term)
+                scored = evidence.refined(evidence.score(rest))
+    return scored, tuple(dropped)
 
 
 def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:

@@ -84,6 +84,13 @@ class Posterior:
         return np.asarray((vectors / np.maximum(eigenvalues, JITTER)) @ vectors.T * np.outer(scale, scale))
 
 
+def log_determinant(hessian: FloatArray) -> float:
+    """Of a positive matrix (k, k) whose columns may have any scale."""
+    scale = 1.0 / np.sqrt(np.diag(hessian))
+    sign, scaled = np.linalg.slogdet(hessian * np.outer(scale, scale) + JITTER * np.eye(scale.size))
+    return float(scaled if sign > 0 else scale.size * np.log(JITTER)) - 2.0 * float(np.sum(np.log(scale)))
+
+
 def mode(products: Products, prior: Prior, variance: float) -> FloatArray:
     """The most probable coefficients (k,) under noise of this variance.
 
@@ -122,11 +129,8 @@ def posterior(
         if variance is None:
             value = max(rss / max(products.rows - size, 1), 1e-300)
     hessian = products.gram / value + np.diag(1.0 / prior.deviation**2)
-    scale = 1.0 / np.sqrt(np.diag(hessian))
-    sign, scaled = np.linalg.slogdet(hessian * np.outer(scale, scale) + JITTER * np.eye(size))
-    log_determinant = float(scaled if sign > 0 else size * np.log(JITTER)) - 2.0 * float(np.sum(np.log(scale)))
     off = (beta - prior.mean) / prior.deviation
     evidence = -0.5 * products.rows * np.log(2.0 * np.pi * value) - 0.5 * rss / value - 0.5 * float(off @ off)
-    evidence += -float(np.sum(np.log(prior.deviation))) - 0.5 * log_determinant
+    evidence += -float(np.sum(np.log(prior.deviation))) - 0.5 * log_determinant(hessian)
     evidence += float(np.log(2.0) * np.count_nonzero(prior.positive))
     return Posterior(beta, hessian, value, evidence)

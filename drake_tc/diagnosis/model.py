@@ -271,6 +271,12 @@ class JointModel:
             held=with_needed(self.held.recorded, terms, beta, measured=self.context.load == "torque"),
         )
 
+    def with_share(self, share: float) -> "JointModel":
+        """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
+        measured = self.context.load == "torque"
+        train, held = (_with_clean(replace(s, share=share), measured=measured) for s in (self.train, self.held))
+        return replace(self, train=train, held=held)
+
 
 @dataclass(frozen=True)
 class RunSpread:
@@ -305,11 +311,18 @@ def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, m
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
     gain = 1.0 / float(beta[0])
     first = Split(recorded, recorded, gain * torque, latent_share(recorded, gain * torque), gain)
+    return _with_clean(first, measured=measured)
+
+
+def _with_clean(first: Split, *, measured: bool) -> Split:
+    """The split with its columns computed from the latent effort, and the load torque that it means."""
+    samples, gain = first.samples, first.gain
+    s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent
     load = s.load_torque + (first.latent - first.modelled) / gain if measured else s.load_torque
     slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
     signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow)
-    return replace(first, clean=recorded.changed(samples=replace(samples, signals=signals)))
+    return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))
 
 
 def latent_share(recorded: Columns, modelled: FloatArray) -> float:

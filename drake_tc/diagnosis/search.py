@@ -166,7 +166,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         pool = sorted(_beam(sets, [sets.score(best.terms), used.score(declared)]), key=lambda s: -s.log_odds)
         found = pool[0]
         evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[1].log_odds)
-        if best.ids == before:
+        if number and best.ids == before:
             break
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
