@@ -238,7 +238,8 @@ class Evidence:
         """
         white = Evidence(self.model, NoiseModel(), self.spread)
         residual = white.residual(self.model.train, white.score(terms), runs=True)
-        return Evidence(self.model, NoiseModel(share=independent_share(self.model.train.rows, residual)), self.spread)
+        share = independent_share(self.model.train.rows, residual)
+        return with_run_spread(Evidence(self.model, NoiseModel(share=share), self.spread), terms)
 
     @staticmethod
     def _heard(found: "Evidence", terms: Sequence[Term]) -> "Evidence":
@@ -271,7 +272,7 @@ class Evidence:
         more = self.design(self.model.held, terms)[1]
         joined = Prior.stacked([prior, *([_last(more, own[1])] if own[1] else [])])
         before, after = _placed(train, first, size), _placed(held, second, size)
-        jacobian = self.model.held.log_jacobian(terms, float(np.sqrt(variance)))
+        jacobian = self.noise.share * self.model.held.log_jacobian(terms, float(np.sqrt(variance)))
         both = posterior(before + after, joined, variance).log_evidence
         return both - posterior(before, joined, variance).log_evidence + jacobian
 
