@@ -35,7 +35,8 @@ def test_structure_comes_before_excess_and_excess_before_effects(found):
 
 def test_a_rig_has_the_gravest_verdict_of_its_joints():
     made = {verdict_of(replace(LEFT, structured=s, excess=e), found=f) for s in (0, 1) for e in (0, 1) for f in (0, 1)}
-    assert made == set(SEVERITY)
+    assert made == set(SEVERITY) - {"cannot_tell"}  # which the other engine alone says
+    assert len(set(SEVERITY)) == len(SEVERITY)
     assert SEVERITY[0] == "unexplained_structure"
     assert SEVERITY[-1] == "no_missing_effect"
 
