@@ -17,6 +17,7 @@ from drake_tc.diagnosis.model import JointModel, Split, rms, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import CANNOT_TELL, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
+from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.residual.band import shared_band
@@ -108,6 +109,7 @@ def diagnose_joint(
         verdict=verdict,
         train=splits[0],
         heldout=splits[1],
+        held=known_values(rig, joint),
         did_not_hold=_did_not_hold((*noisy, *dropped, *small)),
         runs=tuple(run_errors(splits)),
         plausible=plausible_ranges(chosen, context),

@@ -36,7 +36,7 @@ DRIVE_LAG_S = (0.0, 0.0003)
 RUN_SPREADS = (0.0, 0.01, 0.03, 0.1)
 """Tried standard deviations of what differs from run to run: friction over its mean, zeros over the effort's RMS."""
 DISCREPANCY = 1.0
-"""Variance of the slow discrepancy over that of the white noise above which a model is imperfect as a whole."""
+"""Variance that neighbouring rows share, over that of their own noise, above which a model is imperfect as a whole."""
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)
 """Tried variances of the slow discrepancy over that of the white noise."""
 MEMORIES_S = (0.03, 0.1, 0.3, 1.0, 3.0)

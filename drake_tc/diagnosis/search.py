@@ -168,7 +168,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[1].log_odds)
         if number and best.ids == before:
             break
-    if evidence.noise.ratio > DISCREPANCY:
+    if evidence.model.train.rows.shared(evidence.noise) > DISCREPANCY:
         evidence, best, pool = _imperfect(first, effects)
         found = best
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]

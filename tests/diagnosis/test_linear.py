@@ -1,0 +1,61 @@
+"""Evidence of a linear model against the dense Gaussian that it stands for."""
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+from scipy.stats import multivariate_normal
+
+from drake_tc.diagnosis.linear import Prior, Products, posterior
+
+RNG = np.random.default_rng(5)
+
+
+def _prior(size: int, *, positive: bool = False) -> Prior:
+    return Prior(np.full(size, 0.3), np.linspace(0.5, 2.0, size), np.full(size, positive))
+
+
+def test_the_evidence_is_that_of_the_dense_gaussian() -> None:
+    x, prior, variance = RNG.normal(size=(30, 4)), _prior(4), 0.49
+    u = x @ np.array([1.0, -0.5, 0.2, 0.7]) + 0.7 * RNG.normal(size=30)
+    dense = multivariate_normal(x @ prior.mean, variance * np.eye(30) + (x * prior.deviation**2) @ x.T)
+    found = posterior(Products.of(x, u), prior, variance)
+    np.testing.assert_allclose(found.log_evidence, dense.logpdf(u), rtol=1e-9)
+
+
+def test_the_covariance_is_that_of_the_conditional_gaussian() -> None:
+    x, prior, variance = RNG.normal(size=(25, 3)), _prior(3), 0.3
+    joint = np.diag(prior.deviation**2)
+    gain = joint @ x.T @ np.linalg.inv(variance * np.eye(25) + x @ joint @ x.T)
+    found = posterior(Products.of(x, RNG.normal(size=25)), prior, variance)
+    np.testing.assert_allclose(found.covariance, joint - gain @ x @ joint, rtol=1e-8, atol=1e-12)
+
+
+def test_the_estimated_variance_is_that_of_the_noise() -> None:
+    x = RNG.normal(size=(4000, 3))
+    u = x @ np.array([1.0, 2.0, 3.0]) + 0.2 * RNG.normal(size=4000)
+    found = posterior(Products.of(x, u), Prior(np.zeros(3), np.full(3, 10.0), np.zeros(3, dtype=bool)))
+    assert found.variance == pytest.approx(0.04, rel=0.1)  # four standard deviations of 4000 samples: 9 %
+
+
+def test_coefficients_with_a_bound_are_those_of_non_negative_least_squares() -> None:
+    x = RNG.normal(size=(200, 3))
+    u = x @ np.array([1.0, -0.8, 0.5]) + 0.1 * RNG.normal(size=200)
+    wide = Prior(np.zeros(3), np.full(3, 1e4), np.ones(3, dtype=bool))
+    np.testing.assert_allclose(posterior(Products.of(x, u), wide, 0.01).beta, nnls(x, u)[0], rtol=1e-6, atol=1e-8)
+
+
+def test_products_of_parts_add_up_to_those_of_the_whole() -> None:
+    x, u = RNG.normal(size=(40, 2)), RNG.normal(size=40)
+    parts, whole = Products.of(x[:15], u[:15]) + Products.of(x[15:], u[15:]), Products.of(x, u)
+    beta = np.array([0.4, -1.0])
+    np.testing.assert_allclose(parts.rss(beta), whole.rss(beta), rtol=1e-12)
+    np.testing.assert_allclose(whole.rss(beta), np.sum((u - x @ beta) ** 2), rtol=1e-10)
+
+
+def test_a_column_that_says_nothing_costs_evidence_and_one_that_acts_gains_it() -> None:
+    x = RNG.normal(size=(300, 2))
+    u = x[:, 0] + 0.3 * RNG.normal(size=300)
+    acts, nothing = x[:, :1], x
+    alone = posterior(Products.of(acts, u), _prior(1)).log_evidence
+    assert posterior(Products.of(nothing, u), _prior(2)).log_evidence < alone
+    assert posterior(Products.of(x[:, 1:], u), _prior(1)).log_evidence < alone - 50.0

@@ -1,0 +1,82 @@
+"""Noise of the rows against dense covariances and processes whose correlation is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
+from drake_tc.kernels.lazy import Kernel
+from drake_tc.types import FloatArray, IntArray
+
+whiten = Kernel("whitening", "whiten")
+
+
+@dataclass
+class PlainRows:
+    """Rows that all count, at given distances."""
+
+    apart: FloatArray
+
+    @property
+    def index(self) -> IntArray:
+        return np.arange(self.apart.size)
+
+    def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
+        columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
+        out = np.empty_like(columns)
+        return out, float(whiten(columns, self.apart, noise.ratio, noise.memory, out))
+
+
+def _covariance(apart: FloatArray, ratio: float, memory: float) -> FloatArray:
+    """Of white noise of variance 1 and an Ornstein-Uhlenbeck process; rows that follow an infinite gap begin anew."""
+    run = np.cumsum(np.isinf(apart))
+    time = np.cumsum(np.where(np.isinf(apart), 0.0, apart))
+    same = run[:, None] == run[None, :]
+    return np.eye(apart.size) + ratio * same * np.exp(-np.abs(time[:, None] - time[None, :]) / memory)
+
+
+def _apart(rng: np.random.Generator, size: int) -> FloatArray:
+    apart = rng.uniform(0.01, 0.2, size)
+    apart[[0, size // 3]] = np.inf
+    return apart
+
+
+@pytest.mark.parametrize(("ratio", "memory"), [(0.0, 1.0), (0.5, 0.1), (30.0, 2.0)])
+def test_whitened_rows_have_the_determinant_and_the_products_of_the_dense_covariance(
+    ratio: float, memory: float
+) -> None:
+    rng = np.random.default_rng(2)
+    apart, values = _apart(rng, 60), rng.normal(size=(60, 3))
+    covariance = _covariance(apart, ratio, memory)
+    white, log_determinant = PlainRows(apart).whitened(values, NoiseModel(ratio, memory))
+    np.testing.assert_allclose(white.T @ white, values.T @ np.linalg.solve(covariance, values), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(log_determinant, np.linalg.slogdet(covariance)[1], rtol=1e-9, atol=1e-9)
+
+
+def test_the_fitted_noise_is_that_of_the_process() -> None:
+    rng = np.random.default_rng(3)
+    apart = _apart(rng, 1500)
+    residual = np.linalg.cholesky(_covariance(apart, 10.0, 1.0)) @ rng.normal(size=1500)
+    found = fitted_noise(PlainRows(apart), 0.01 * residual)  # type: ignore[arg-type]
+    assert found.memory == 1.0
+    assert 3.0 <= found.ratio <= 30.0  # the next steps of the grid
+
+
+def test_white_noise_is_fitted_as_white() -> None:
+    rng = np.random.default_rng(4)
+    apart = np.full(1500, 0.01)
+    apart[0] = np.inf
+    assert fitted_noise(PlainRows(apart), rng.normal(size=1500)).ratio <= 0.1  # type: ignore[arg-type]
+
+
+def test_the_independent_share_is_that_of_an_autoregression() -> None:
+    """x[k] = a x[k-1] + e[k] has 1 + 2 a/(1 - a) rows for one independent one."""
+    rng, a = np.random.default_rng(6), 0.8
+    values = np.zeros(20_000)
+    for k, e in enumerate(rng.normal(size=values.size)):
+        values[k] = a * values[k - 1] + e
+    apart = np.full(values.size, 0.01)
+    apart[0] = np.inf
+    share = independent_share(PlainRows(apart), values)  # type: ignore[arg-type]
+    assert share == pytest.approx((1.0 - a) / (1.0 + a), rel=0.15)
