@@ -76,12 +76,12 @@ def test_a_pendulum_that_runs_against_its_declared_weight_is_refused_or_said(tmp
     assert any("sign" in note or "zero" in note or "gain" in note for note in report["joints"]["joint"]["notes"])
 
 
-def test_degrees_declared_as_radians_are_refused(tmp_path) -> None:
+def test_degrees_without_a_stated_unit_are_refused(tmp_path) -> None:
     def degrees(table: pd.DataFrame) -> pd.DataFrame:
         return table.assign(**{"joint/position": np.rad2deg(table["joint/position"])})
 
-    logs = write_logs(tmp_path, QUIET, degrees, {"units": {"position": "rad"}})
-    with pytest.raises(DrakeTcError, match=r"deg"):
+    logs = write_logs(tmp_path, QUIET, degrees)
+    with pytest.raises(DrakeTcError, match=r"set units: \{position: deg\}"):
         logs.report()
 
 
