@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
-from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
+from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives, rms
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import COMMON, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
@@ -230,6 +230,16 @@ class Evidence:
         found = [self._heard(Evidence(self.model, start, self.spread), terms) for start in (self.noise, NoiseModel())]
         best = max(found, key=lambda e: e.score(terms).log_odds)
         return with_run_spread(best, terms) if spread else best
+
+    def distortion(self, scored: Scored) -> float:
+        """RMS that a set leaves under this noise, over that which it leaves where all rows count alike.
+
+        Both estimates of the coefficients are right if the model is, whatever the noise (Hausman, 1978).
+        """
+        plain = Evidence(self.model, NoiseModel(), self.spread)
+        train = self.model.train
+        least = rms(plain.residual(train, plain.score(scored.terms), runs=True))
+        return rms(self.residual(train, scored, runs=True)) / max(least, 1e-300)
 
     def tempered(self, terms: Sequence[Term]) -> "Evidence":
         """The evidence for models that leave much: white noise, as many independent rows as the residual itself has.

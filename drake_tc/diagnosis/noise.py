@@ -70,11 +70,6 @@ class Rows:
         gap[np.diff(run, prepend=-1) != 0] = np.inf
         return np.asarray(np.maximum(gap, 0.0))
 
-    def shared(self, noise: NoiseModel) -> float:
-        """Variance that neighbouring rows share over that of each row alone, r p/(1 + r (1 - p)), p = exp(-t/T)."""
-        kept = float(np.exp(-np.median(self.apart) / noise.memory))
-        return noise.ratio * kept / (1.0 + noise.ratio * (1.0 - kept))
-
     def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Values (N,) or (N, k) of all rows, whitened on those that count (n, k), and the log determinant."""
         values = np.ascontiguousarray(values.reshape(values.shape[0], -1)[self.index])

@@ -35,8 +35,8 @@ DRIVE_LAG_S = (0.0, 0.0003)
 
 RUN_SPREADS = (0.0, 0.01, 0.03, 0.1)
 """Tried standard deviations of what differs from run to run: friction over its mean, zeros over the effort's RMS."""
-DISCREPANCY = 1.0
-"""Variance that neighbouring rows share, over that of their own noise, above which a model is imperfect as a whole."""
+DISTORTED = 1.1
+"""Error of a fit that whitens the residual over that of one that does not, above which the residual is no noise."""
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)
 """Tried variances of the slow discrepancy over that of the white noise."""
 MEMORIES_S = (0.03, 0.1, 0.3, 1.0, 3.0)

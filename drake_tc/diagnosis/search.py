@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
 from drake_tc.diagnosis.model import drives
-from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISCREPANCY, MOST_EFFECTS
+from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
@@ -168,7 +168,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[1].log_odds)
         if number and best.ids == before:
             break
-    if evidence.model.train.rows.shared(evidence.noise) > DISCREPANCY:
+    if evidence.distortion(best) > DISTORTED:
         evidence, best, pool = _imperfect(first, effects)
         found = best
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
@@ -177,7 +177,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
 
 
 def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence, Scored, list[Scored]]:
-    """The most probable set where every set leaves more discrepancy than noise.
+    """The most probable set where what every set leaves is no noise.
 
     The spectrum of what such a model does not explain is not known. A fit that whitens it would trust the fastest parts
     of the log, in which clocks and sensors are worst. Here rows count alike, as many of them as are independent.
