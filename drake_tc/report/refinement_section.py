@@ -12,6 +12,7 @@ from drake_tc.report.words import title_of
 WHY_NOT: dict[RefinementStatus, str] = {
     "accepted": "",
     "no_gain": "the free runs do not improve by at least 5 %",
+    "worse_held_out": "the free runs of the held-out runs are less accurate with it",
     "implausible": "the refined values are not physically possible",
     "resolved": "the free runs already follow the position as closely as the encoder resolves it",
     "nothing_to_simulate": "the joint cannot be simulated from these logs",

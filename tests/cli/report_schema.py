@@ -87,7 +87,15 @@ ERRORS = fields({"train": number_or_null, "heldout": number_or_null, "free_run_h
 POSITION_ERRORS = fields({"rms": number_or_null, "mean_absolute": number_or_null})
 REFINED = fields(
     {
-        "status": one_of("accepted", "no_gain", "implausible", "resolved", "nothing_to_simulate", "nothing_to_refine"),
+        "status": one_of(
+            "accepted",
+            "no_gain",
+            "worse_held_out",
+            "implausible",
+            "resolved",
+            "nothing_to_simulate",
+            "nothing_to_refine",
+        ),
         "why": text_or_null,
         "model": text_or_null,
         "error": ERRORS,

@@ -52,19 +52,27 @@ def with_free_runs(
         squares[name].append((simulated - recorded) ** 2)
     notes: tuple[Note, ...] = _diverged(traces) if traces else (NoFreeRun(_why_none(result, models["after"])),)
     figures = {name: _rms(parts) for name, parts in squares.items()}
+    refinement = _with_figure(result.refinement, figures.get("refined"), figures["after"])
+    if refinement is not None and not refinement.accepted:
+        traces = {run: {name: trace[name] for name in trace if name != "refined"} for run, trace in traces.items()}
     return replace(
         result,
         before=replace(result.before, free_run_heldout=figures["before"]),
         after=replace(result.after, free_run_heldout=figures["after"]),
-        refinement=_with_figure(result.refinement, figures.get("refined")),
+        refinement=refinement,
         free_run=traces,
         load_notes=(*result.load_notes, *notes),
         notes=(*result.notes, *notes),
     )
 
 
-def _with_figure(refinement: Refinement | None, error: float | None) -> Refinement | None:
-    return None if refinement is None else replace(refinement, free_run_heldout=error)
+def _with_figure(refinement: Refinement | None, error: float | None, after: float | None) -> Refinement | None:
+    """The refinement with its error on the held-out runs [rad]; without its model where that is larger than before."""
+    if refinement is None:
+        return None
+    judged = replace(refinement, free_run_heldout=error)
+    worse = error is not None and after is not None and error > after
+    return replace(judged, status="worse_held_out", model=None) if worse and refinement.accepted else judged
 
 
 def _why_none(result: JointResult, model: ActuatorModel) -> FreeRunObstacle:

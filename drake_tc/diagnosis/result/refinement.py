@@ -6,7 +6,9 @@ from typing import Literal
 
 from drake_tc.actuation.model import ActuatorModel
 
-RefinementStatus = Literal["accepted", "no_gain", "implausible", "resolved", "nothing_to_simulate", "nothing_to_refine"]
+RefinementStatus = Literal[
+    "accepted", "no_gain", "worse_held_out", "implausible", "resolved", "nothing_to_simulate", "nothing_to_refine"
+]
 """Why the refined model stands or does not, as a word."""
 
 
