@@ -94,7 +94,10 @@ def close_loop_command(
         ),
     ] = None,
     engine: Annotated[
-        Engine, typer.Option(help="How effects of a single joint are chosen: by posterior odds (evidence), or by rules. Robots use rules.")
+        Engine,
+        typer.Option(
+            help="How effects of a single joint are chosen: by posterior odds (evidence), or by rules. Robots use rules."
+        ),
     ] = Engine.evidence,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
