@@ -96,7 +96,7 @@ def close_loop_command(
     engine: Annotated[
         Engine,
         typer.Option(
-            help="How effects of a single joint are chosen: by posterior odds (evidence), or by rules. Robots use rules."
+            help="How effects of a joint are chosen: by posterior odds (evidence), or by rules. Robots use rules."
         ),
     ] = Engine.evidence,
     force: Force = False,
