@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives, rms
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
-from drake_tc.diagnosis.priors import COMMON, ORDER, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.priors import COMMON, DISTORTED, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
@@ -228,8 +228,16 @@ class Evidence:
         noise, and the more probable one is taken.
         """
         found = [self._heard(Evidence(self.model, start, self.spread), terms) for start in (self.noise, NoiseModel())]
-        best = max(found, key=lambda e: e.score(terms).log_odds)
+        best = max(found, key=lambda e: e.rank(e.score(terms)))
         return with_run_spread(best, terms) if spread else best
+
+    def rank(self, scored: Scored) -> tuple[bool, float]:
+        """Whether the noise of a set leaves its fit undistorted, and its log odds.
+
+        A discrepancy as large as the effort would explain it without any physics, and would be the more probable where
+        the load is noisier than the effort.
+        """
+        return self.distortion(scored) <= DISTORTED, scored.log_odds
 
     def distortion(self, scored: Scored) -> float:
         """RMS that a set leaves under this noise, over that which it leaves where all rows count alike.

@@ -165,7 +165,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         sets, before = Sets(used, effects), best.ids
         pool = sorted(_beam(sets, [sets.score(best.terms), used.score(declared)]), key=lambda s: -s.log_odds)
         found = pool[0]
-        evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[1].log_odds)
+        evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[0].rank(pair[1]))
         if number and best.ids == before:
             break
     if evidence.distortion(best) > DISTORTED:
