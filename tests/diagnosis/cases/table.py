@@ -33,6 +33,17 @@ WRONG: dict[str, frozenset[str]] = {
     ),
 }
 """Rows that an engine is known to answer wrongly, by engine: expected failures, and to be shortened."""
+EVIDENCE: frozenset[str] = frozenset(
+    {
+        "timing: instants that scatter by 0.3 ms at 1 kHz",
+        "friction: nothing is missing",
+        "friction: quadratic",
+        "friction: Stribeck",
+        "friction: ripple and quadratic",
+        "friction: only viscous friction differs by direction",
+    }
+)
+"""Cases whose first seeds the fast tests ask of the engine `evidence`."""
 QUICK: frozenset[str] = frozenset(
     {
         "timing: a goal logged after it was written is no delay",
