@@ -13,7 +13,7 @@ from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import parameters_of
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
-from drake_tc.diagnosis.model import JointModel, Split, rms, with_needed
+from drake_tc.diagnosis.model import JointModel, Split, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import CANNOT_TELL, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
@@ -27,6 +27,7 @@ from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Found, Progress, find, pruned
 from drake_tc.diagnosis.selection.joint_problem import candidates
 from drake_tc.diagnosis.selection.withdrawal import DidNotHold, LargerOnHeldOut

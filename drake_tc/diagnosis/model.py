@@ -29,17 +29,13 @@ from drake_tc.diagnosis.priors import (
     UNIFORM,
 )
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
-
-
-def rms(values: FloatArray) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
 
 
 @dataclass(frozen=True)

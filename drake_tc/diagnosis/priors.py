@@ -14,8 +14,6 @@ ORDER = 0.05
 """Log prior odds by which each effect of the library is less common than the one before it."""
 FALLS = 3.0
 """Log predictive density of the held-out runs that an effect must cost before it does not hold."""
-CURVE = -12.0
-"""The same of a curve over a signal, which names no cause."""
 
 CONTRIBUTION = 0.2
 """Standard deviation of an effect's contribution to the effort over the RMS of the effort."""

@@ -37,13 +37,11 @@ class Found:
         evidence: Under the noise of what the best set leaves.
         best: The best set.
         alternatives: Sets nearly as probable, the most probable first.
-        declared: The declared model under the same noise.
     """
 
     evidence: Evidence
     best: Scored
     alternatives: tuple[Scored, ...]
-    declared: Scored
 
 
 class Sets:
@@ -173,7 +171,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         found = best
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
-    return Found(evidence, best, tuple(near), evidence.score(declared))
+    return Found(evidence, best, tuple(near))
 
 
 def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence, Scored, list[Scored]]:
