@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -66,19 +67,62 @@ def diagnose_joint(
     """
     progress("filtering", 0.0)
     prepared = prepare_joint(train_runs, held_runs, rig, joint, link_prior=link_prior, common=options.common)
-    model = _model(prepared)
-    context = model.context
-    first = Evidence(model).heard(model.declared, spread=False)
+    model = joint_model(prepared)
+    asked = asked_of(prepared, options)
+    found = find(Evidence(model).heard(model.declared, spread=False), asked.usable, progress)
+    return joint_result(decided(found), asked, rig, joint, options, progress, executor)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Effects that are looked for, and of the others the key and what stands in the way."""
+
+    usable: Sequence[Effect]
+    obstacles: Sequence[tuple[str, Obstacle]]
+
+
+@dataclass(frozen=True, eq=False)
+class Decided:
+    """A search's result after all decisions: the set, terms that did not hold, and the noise floor [effort]."""
+
+    found: Found
+    best: Scored
+    dropped: tuple[Term, ...]
+    floor: float
+
+
+def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
+    """What is looked for in a joint."""
+    context = prepared.context
     rare = uncommon(context) if options.effects is None else ()
     library = [e for e in (*looked_for(context, options.effects), *rare) if e.id not in options.without]
-    usable, obstacles = candidates(library, context, prepared.declared)
-    found = find(first, usable, progress)
-    best, noisy = timing_holds(found.evidence, pruned(found.evidence, found.best))
-    best, dropped = confirmed(found.evidence, pruned(found.evidence, best) if noisy else best)
-    best = pruned(found.evidence, best) if dropped else best
-    model, evidence = found.evidence.model, found.evidence
-    floor = noise_floor(model.train.recorded, _fit(evidence, model.train, best))
+    return Asked(*candidates(library, context, prepared.declared))
+
+
+def decided(found: Found) -> Decided:
+    """The most probable set without effects that do not hold, and without those that are too small."""
+    evidence = found.evidence
+    best, noisy = timing_holds(evidence, pruned(evidence, found.best))
+    best, dropped = confirmed(evidence, pruned(evidence, best) if noisy else best)
+    best = pruned(evidence, best) if dropped else best
+    floor = noise_floor(evidence.model.train.recorded, _fit(evidence, evidence.model.train, best))
     best, small = _large_enough(evidence, best, floor)
+    return Decided(found, best, (*noisy, *dropped, *small), floor)
+
+
+def joint_result(
+    decision: Decided,
+    asked: Asked,
+    rig: Rig,
+    joint: str,
+    options: DiagnosisOptions,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> JointResult:
+    """What is told of a joint after its search, and what is left."""
+    found, best, floor = decision.found, decision.best, decision.floor
+    model, evidence = found.evidence.model, found.evidence
+    context = model.context
     declared = evidence.score(model.declared)
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
@@ -103,7 +147,7 @@ def diagnose_joint(
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),
         effects=effects,
-        rejected=_rejected(evidence, best, usable, obstacles),
+        rejected=_rejected(evidence, best, asked),
         indistinguishable=alternatives,
         next_experiment=next_experiment(alternatives, unexplained, among_joints=len(rig.joints) > 1),
         unexplained=unexplained,
@@ -111,7 +155,7 @@ def diagnose_joint(
         train=splits[0],
         heldout=splits[1],
         held=known_values(rig, joint),
-        did_not_hold=_did_not_hold((*noisy, *dropped, *small)),
+        did_not_hold=_did_not_hold(decision.dropped),
         runs=tuple(run_errors(splits)),
         plausible=plausible_ranges(chosen, context),
         shared_band=shared_band(*splits),
@@ -125,7 +169,7 @@ def diagnose_joint(
     )
 
 
-def _model(prepared: Prepared) -> JointModel:
+def joint_model(prepared: Prepared) -> JointModel:
     """The joint's model, its needed effort that of the declared fit."""
     columns = prepared.train
     plain = fit(prepared.train, prepared.terms)
@@ -153,14 +197,15 @@ def _split(evidence: Evidence, split: Split, before: Scored, after: Scored) -> D
 
 
 def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Scored, tuple[Term, ...]]:
-    """The set without effects that contribute less than half a noise floor."""
+    """The set without effects that contribute less than half a noise floor, to the training and to the held-out rows."""
     small: list[Term] = []
+    model = evidence.model
     while True:
-        sizes = contributions(evidence, evidence.model.train, scored)
-        weak = [(size, i) for i, (t, size) in enumerate(sizes) if size < NAMED_FLOORS * floor]
-        if not weak:
+        each = [contributions(evidence, split, scored) for split in (model.train, model.held)]
+        sizes = [max(train, held) for (_, train), (_, held) in zip(*each, strict=True)]
+        if not sizes or min(sizes) >= NAMED_FLOORS * floor:
             return scored, tuple(small)
-        worst = sizes[min(weak)[1]][0]
+        worst = each[0][int(np.argmin(sizes))][0]
         small.append(worst)
         scored = evidence.refined(evidence.score([t for t in scored.terms if t is not worst]))
 
@@ -204,15 +249,13 @@ def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffec
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
 
 
-def _rejected(
-    evidence: Evidence, best: Scored, usable: Sequence[Effect], obstacles: Sequence[tuple[str, Obstacle]]
-) -> tuple[RejectedEffect, ...]:
+def _rejected(evidence: Evidence, best: Scored, asked: Asked) -> tuple[RejectedEffect, ...]:
     taken = {t.effect.id for t in best.terms}
     out: dict[str, RejectedEffect] = {}
-    for effect in usable:
+    for effect in asked.usable:
         if effect.id not in taken and effect.id not in out:
             out[effect.id] = RejectedEffect(effect.key, effect.id, 0.0, 0.0, "too_little_evidence")
-    for key, obstacle in obstacles:
+    for key, obstacle in asked.obstacles:
         name = key.split(".")[0]
         if name not in out and name not in taken:
             out[name] = RejectedEffect(key, name, 0.0, 0.0, obstacle.reason, obstacle.statement)

@@ -135,6 +135,20 @@ def is_filter(term: Term) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
+class SharedColumns:
+    """Columns (N, r) [N m] of what a joint shares with others, by which its load errs, in the rows of both splits.
+
+    Attributes:
+        train, held: Columns.
+        prior: Of their coefficients: what the other joints know of them.
+    """
+
+    train: FloatArray
+    held: FloatArray
+    prior: Prior
+
+
+@dataclass(frozen=True, eq=False)
 class JointModel:
     """One joint: what is declared, what is asked, and the nuisances.
 
@@ -145,6 +159,7 @@ class JointModel:
         held_gain: K at which the drive is held [effort/(N m)]; None where it is fitted.
         friction, viscous: Fitted Coulomb [N m] and viscous friction [N m s/rad] of the declared model.
         common_zero: Whether a constant that all runs share is a nuisance.
+        shared: What it shares with other joints; None for a joint of its own.
     """
 
     train: Split
@@ -155,6 +170,7 @@ class JointModel:
     friction: float
     viscous: float
     common_zero: bool = False
+    shared: SharedColumns | None = None
 
     @cached_property
     def scale(self) -> float:
@@ -217,7 +233,7 @@ class JointModel:
         return out
 
     def nuisances(self, split: Split) -> list[Block]:
-        """Columns of the ages: what a channel that is older than the position lacks."""
+        """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
         s, out = split.samples.signals, []
         rate: dict[str, Callable[[], FloatArray]] = {
             "command": lambda: np.gradient(s.command, s.period),
@@ -233,6 +249,9 @@ class JointModel:
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
             out.append(Block(one, Prior(np.zeros(1), np.array([CONTRIBUTION * self.scale]), np.zeros(1, dtype=bool))))
+        if self.shared is not None:
+            columns = self.shared.train if split is self.train else self.shared.held
+            out.append(Block(-split.gain * columns, self.shared.prior))
         return out
 
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
