@@ -197,7 +197,7 @@ def _split(evidence: Evidence, split: Split, before: Scored, after: Scored) -> D
 
 
 def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Scored, tuple[Term, ...]]:
-    """The set without effects that contribute less than half a noise floor, to the training and to the held-out rows."""
+    """The set without effects that contribute less than half a noise floor to training and to held-out rows."""
     small: list[Term] = []
     model = evidence.model
     while True:
