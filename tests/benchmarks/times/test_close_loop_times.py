@@ -12,6 +12,8 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from tests.benchmarks.close_loop_speed import RUNS, command_cost, write_runs
 
+from .machine import require
+
 pytestmark = pytest.mark.benchmark
 
 
@@ -31,13 +33,15 @@ def seconds_of(folder: Path, *, free: bool = False) -> float:
 
 def test_three_runs_of_thirty_seconds_at_1_khz(tmp_path):
     write_runs(tmp_path, 30.0)
-    busy = os.getloadavg()[0] > 1.2  # other work on the machine: the clock on the wall is then not ours alone
-    start = time.process_time()
-    elapsed = seconds_of(tmp_path, free=True)
-    own = time.process_time() - start
-    print(f"\nclose_loop, three 30 s runs at 1 kHz, free runs in two processes: {elapsed:.1f} s (goal 15)")
-    print(f"of which {own:.1f} s on this process' own core; machine otherwise busy: {busy}")
-    assert (own if busy else elapsed) <= 15.0
+    row = "close_loop, three 30 s runs at 1 kHz, free runs in two processes"
+
+    def closed():
+        busy = os.getloadavg()[0] > 1.2  # other work on the machine: the clock on the wall is then not ours alone
+        start = time.process_time()
+        elapsed = seconds_of(tmp_path, free=True)
+        return {row: time.process_time() - start if busy else elapsed}
+
+    require({row: 15.0}, closed, rounds=3)
 
 
 @pytest.mark.slow

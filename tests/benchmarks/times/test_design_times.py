@@ -9,7 +9,7 @@ from drake_tc.experiments.design.known_loads import KnownLoad
 from drake_tc.experiments.design.request import DesignRequest, designed, designed_with_loads
 from drake_tc.experiments.design.run import DesignOptions
 
-from .machine import slowness
+from .machine import require
 
 pytestmark = pytest.mark.benchmark
 
@@ -23,23 +23,26 @@ def demo(tmp_path_factory):
 def test_the_motion_of_one_joint_is_designed_quickly(demo, goal):
     """At most 20 s, reading included, in this process's own time."""
     rig, train, _ = demo
-    begin = time.process_time()
-    found = designed(DesignRequest(rig, tuple(train), None, goal, None, (), {}), DesignOptions())
-    seconds = time.process_time() - begin
-    print(f"\ndesign, {goal}: {seconds:.1f} s")
-    assert len(found) == 1
-    assert seconds <= 20.0 * slowness()
+
+    def design():
+        begin = time.process_time()
+        found = designed(DesignRequest(rig, tuple(train), None, goal, None, (), {}), DesignOptions())
+        assert len(found) == 1
+        return {f"design, {goal}": time.process_time() - begin}
+
+    require({f"design, {goal}": 20.0}, design, rounds=3)
 
 
 @pytest.mark.parametrize("goal", ["tell:stribeck,presliding_hysteresis", "all"])
 def test_the_motions_under_two_known_loads_are_designed_quickly(demo, goal):
     """At most 20 s, as above."""
     rig, train, _ = demo
-    begin = time.process_time()
     loads = (KnownLoad(0.0), KnownLoad(1.5, 0.3))
     request = DesignRequest(rig, tuple(train), None, goal, None, (), {}, loads=loads)
-    found = designed_with_loads(request, DesignOptions())[2]
-    seconds = time.process_time() - begin
-    print(f"\ndesign with two loads, {goal}: {seconds:.1f} s")
-    assert found.expected
-    assert seconds <= 20.0 * slowness()
+
+    def design():
+        begin = time.process_time()
+        assert designed_with_loads(request, DesignOptions())[2].expected
+        return {f"design with two loads, {goal}": time.process_time() - begin}
+
+    require({f"design with two loads, {goal}": 20.0}, design, rounds=3)
