@@ -51,7 +51,7 @@ def leg():
 def test_inverse_dynamics(leg):
     robot, _, gains = leg
     row, system = "InverseDynamics, 6 joints, 1 contact", InverseDynamics(robot, gains)
-    require({row: 80e-6}, lambda: {row: evaluations(system, "desired_torque")})
+    require({row: 50e-6}, lambda: {row: evaluations(system, "desired_torque")})
 
 
 def test_torque_control(leg):
@@ -59,10 +59,10 @@ def test_torque_control(leg):
     system = TorqueControl(models, replace(gains, ki=np.ones(6)), np.full(6, 200.0))
     command, components = "TorqueControl, 6 joints of 5 effects, command", "TorqueControl, components, for a log only"
     outputs = {command: "command", components: "components"}
-    goals = {command: 50e-6, components: 80e-6}
+    goals = {command: 20e-6, components: 45e-6}
     require(goals, lambda: {row: evaluations(system, output) for row, output in outputs.items()})
 
 
 def test_guard():
     row, system = "CommandGuard, 6 joints", CommandGuard(6, 1e-3)
-    require({row: 30e-6}, lambda: {row: evaluations(system, "command")})
+    require({row: 12e-6}, lambda: {row: evaluations(system, "command")})

@@ -70,7 +70,7 @@ def test_joint_torque_estimator(case):
             seconds.append(time.perf_counter() - start)
         return {row: seconds}
 
-    require({row: 30e-6 if name == "leg" else 40e-6}, estimates)
+    require({row: 25e-6 if name == "leg" else 30e-6}, estimates)
 
 
 def require_update(row: str, system, values, goal: float) -> None:
@@ -94,7 +94,7 @@ def test_momentum_residual(case):
     name, _, model = case
     n = model.size
     values = {"joint_state": np.zeros(2 * n), "torque": np.zeros(n), "imu_estimate": np.ones(12)}
-    goal = 120e-6 if name == "leg" else 300e-6
+    goal = 80e-6 if name == "leg" else 180e-6
     require_update(f"MomentumResidual update, {name}", MomentumResidual(model, 30.0, TICK), values, goal)
 
 
@@ -104,4 +104,4 @@ def test_fault_monitor(case):
     still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81])
     for what, imu in (("nothing wrong", still), ("IMU inconsistent", np.ones(6))):
         values = {"position": np.zeros(n), "imu": imu, "wrench": np.ones(6 * k), "torque_residual": np.zeros(n)}
-        require_update(f"FaultMonitor update, {name}, {what}", FaultMonitor(robot, dt=TICK), values, 30e-6)
+        require_update(f"FaultMonitor update, {name}, {what}", FaultMonitor(robot, dt=TICK), values, 18e-6)

@@ -38,7 +38,7 @@ def seconds(simulator: Simulator, chunk: int) -> float:
     return (time.perf_counter() - begin) / CHUNK
 
 
-@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 25.0), ("stairs_swing", 35.0)])
+@pytest.mark.parametrize(("scenario", "bound"), [("stairs_swing_servo", 24.0), ("stairs_swing", 30.0)])
 def test_the_leg_loop_is_no_slower_than_its_bound(scenario, bound):
     loop, copies = leg(scenario), copying()
     for simulator in (loop, copies):

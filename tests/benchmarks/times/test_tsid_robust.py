@@ -49,14 +49,14 @@ def ticks(motion, formulation) -> list[float]:
 @pytest.mark.parametrize(
     ("measure", "weight", "budget"),
     [
-        ("classic", 1.0, 150e-6),
-        ("individual", 1.0, 180e-6),
-        ("individual", 1e-3, 180e-6),
-        ("individual", 1e-5, 200e-6),
-        ("box", 1.0, 180e-6),
-        ("box", 1e-3, 180e-6),
-        ("rectangle", 1.0, 500e-6),
-        ("rectangle", 1e-3, 500e-6),
+        ("classic", 1.0, 65e-6),
+        ("individual", 1.0, 90e-6),
+        ("individual", 1e-3, 60e-6),
+        ("individual", 1e-5, 65e-6),
+        ("box", 1.0, 85e-6),
+        ("box", 1e-3, 85e-6),
+        ("rectangle", 1.0, 110e-6),
+        ("rectangle", 1e-3, 110e-6),
     ],
 )
 def test_solve(motion, measure, weight, budget):
