@@ -29,6 +29,7 @@ TREE: list[Entry] = [
             ("An arm with uncertain links", "whole_arm.md"),
             ("My effect", "your_own_effect.md"),
             ("My simulator", "your_own_simulator.md"),
+            ("How much to randomise", "randomisation.md"),
             ("My controller", "your_own_controller.md"),
             ("My task and limit", "your_own_task.md"),
             ("My diagram", "your_own_diagram.md"),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drake_tc.cli.export_ranges import RangesRequest, export_ranges
 from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
 from drake_tc.config.json_values import json_value
 from drake_tc.errors import ParamsError
@@ -26,12 +26,15 @@ class Target(StrEnum):
     """Where to."""
 
     mjcf = "mjcf"
+    mjlab = "mjlab"
+    playground = "playground"
     urdf = "urdf"
     drake_urdf = "drake-urdf"
     sdf = "sdf"
     isaaclab = "isaaclab"
     isaaclab_bam = "isaaclab-bam"
     bam = "bam"
+    parquet = "parquet"
 
 
 def export_command(
@@ -74,9 +77,29 @@ def export_command(
             help="Gain of the servo's own position loop, motor voltage per error [V/rad]: needed by isaaclab-bam."
         ),
     ] = None,
+    ranges: Annotated[
+        bool,
+        typer.Option(
+            "--ranges",
+            help="Write how far each parameter may be randomised instead of the model: terms of mjlab, events of Isaac"
+            " Lab, a function for MuJoCo Playground, or samples (parquet).",
+        ),
+    ] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="report.json with the intervals for --ranges; that beside the model when left out."),
+    ] = None,
+    unit: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Model file of another unit of the same robot, diagnosed alike: the spread between units is part of"
+            " --ranges; repeat for more."
+        ),
+    ] = None,
+    samples: Annotated[int, typer.Option(min=1, help="Rows of --ranges --to parquet.")] = 1000,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
-    seed: UnusedSeed = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws of --ranges.")] = 0,
 ) -> None:
     """Write the model in the parameters of another simulator, and list the effects that it cannot express.
 
@@ -84,6 +107,9 @@ def export_command(
     error is printed with and without the refit. With --rig and --holdout the export is run on these runs in MuJoCo, in
     a plant of Drake or by BAM's equations. Its error is compared with that of the model in Drake and, with --into, with
     that of the file before. For MJCF the version of MuJoCo that the file needs is printed.
+
+    With --ranges the command writes the 95 % intervals of the diagnosis as what simulators randomise, and lists the
+    parameters that the logs could not show.
     """
     from drake_tc.actuation.model_file import load_model_file
     from drake_tc.config.joint_units import JointUnits
@@ -97,13 +123,40 @@ def export_command(
     from drake_tc.exchange.targets import TARGETS
     from drake_tc.report.export_section import cells, headings
 
-    read = load_model_file(model)
-    models = _chosen(read.models, joint, model)
     if (log or holdout) and rig is None:
         raise ParamsError(
             "export: expected --rig RIG.yaml with --log and --holdout, got none; it says what the columns of the logs"
             " are"
         )
+    if ranges:
+        refused = {"--into": into, "--holdout": holdout, "--page": page}
+        given = [name for name, value in refused.items() if value]
+        if given:
+            raise ParamsError(f"export --ranges: {given[0]} has no use here; leave it out")
+        export_ranges(
+            RangesRequest(
+                model,
+                to.value,
+                out,
+                joint,
+                report,
+                unit or (),
+                samples,
+                seed,
+                _speeds(rig, log or [], list(load_model_file(model).models)),
+                force,
+                as_json,
+            )
+        )
+        return
+    if report is not None or unit:
+        raise ParamsError(
+            f"export: {'--report' if report is not None else '--unit'} belongs to --ranges, which is missing"
+        )
+    if to in (Target.parquet, Target.mjlab):
+        raise ParamsError(f"export --to {to.value} writes ranges: add --ranges")
+    read = load_model_file(model)
+    models = _chosen(read.models, joint, model)
     if holdout and to.value not in RUNS:
         raise ParamsError(
             f"export: --holdout needs a target that can be simulated; expected --to {', '.join(RUNS)}, got --to"
@@ -119,7 +172,7 @@ def export_command(
         text = to_isaaclab_bam(projections, into, settings)
     else:
         text = _writer(to)(projections, into)
-    text, of_links = with_links(text, to.value, into, read.shared, read.links)
+    text, of_links = with_links(text, "mjcf" if to is Target.playground else to.value, into, read.shared, read.links)
     errors: list[ExportErrors] = []
     notes: list[str] = []
     if holdout and rig is not None:
@@ -190,6 +243,7 @@ def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
 
     return {
         Target.mjcf: to_mjcf,
+        Target.playground: to_mjcf,
         Target.urdf: to_urdf,
         Target.drake_urdf: lambda projections, into: to_urdf(projections, into, drake=True),
         Target.sdf: to_sdf,
@@ -230,7 +284,7 @@ def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into
 
     if to is Target.bam and into is None:
         return ["BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into."]
-    return file_notes(text, projections) if to is Target.mjcf else []
+    return file_notes(text, projections) if to in (Target.mjcf, Target.playground) else []
 
 
 def _errors(

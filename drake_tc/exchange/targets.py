@@ -38,6 +38,20 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             stribeck_exponent=2.0,
             drives=frozenset({"position_servo", "current", "voltage", "torque"}),
         ),
+        "mjlab": Vocabulary(
+            "mjlab",
+            frozenset({"armature", "frictionloss", "torque_limit", "delay", "derivative_gain"}),
+            {"backlash": _NO_BACKLASH},
+            drives=frozenset({"position_servo", "current", "voltage", "torque"}),
+            delay_step=PHYSICS_STEP,
+        ),
+        "playground": Vocabulary(
+            "MuJoCo Playground (MJX)",
+            frozenset({"armature", "frictionloss", "torque_limit", "stiffness", "preload", "derivative_gain"}),
+            {"delay": _NO_DELAY, "backlash": _NO_BACKLASH},
+            drives=frozenset({"position_servo", "current", "voltage", "torque"}),
+            no_motor=_no_motor,
+        ),
         "urdf": Vocabulary(
             "URDF",
             frozenset({"frictionloss", "torque_limit"}),

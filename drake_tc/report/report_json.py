@@ -90,6 +90,9 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             "effects": [t.effect.id for t in joint.baseline.terms if t.effect.key in joint.baseline_parameters],
             "parameters": _values(joint.baseline_parameters),
         },
+        "parameters": {
+            key: {name: _estimate(e) for name, e in group.items()} for key, group in joint.final_parameters.items()
+        },
         "load": _load(joint),
         "noise_floor": _number(joint.noise_floor),
         "error": {

@@ -105,6 +105,7 @@ REFINED = fields(
 JOINT = fields(
     {
         "baseline": fields({"effects": each(text), "parameters": named(named(number_or_null))}),
+        "parameters": named(named(PARAMETER)),
         "noise_floor": number_or_null,
         "error": fields(
             {

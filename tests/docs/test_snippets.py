@@ -157,3 +157,7 @@ def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys
     assert "+ deadzone" in said and "+ stribeck" in said
     assert "before: command the servo" in said and "after: command the servo" in said
     assert (tmp_path / "out" / "knee.xml").exists()
+    follow("docs/randomisation.md")
+    said = capsys.readouterr().out
+    assert "deadzone.deadzone: ±" in said and "'rotor_inertia'" in said.rpartition("not shown:")[2]
+    assert "dr.joint_friction" in (tmp_path / "out" / "randomisation.py").read_text("utf-8")

@@ -1,0 +1,143 @@
+"""`drake-tc export --ranges`: how far each parameter may be randomised, in the file of a simulator or as samples."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drake_tc.cli.out_files import result_file
+from drake_tc.cli.wide_table import print_wide
+from drake_tc.config.json_values import json_value
+from drake_tc.errors import ParamsError
+
+if TYPE_CHECKING:
+    from drake_tc.exchange.ranges.posterior import Posterior
+    from drake_tc.exchange.ranges.terms import Recorded, TermRanges
+
+TARGETS_OF_RANGES = ("mjlab", "isaaclab", "playground", "parquet")
+PROJECTED = 400
+"""Draws that are projected into the terms of a simulator."""
+
+
+@dataclass(frozen=True)
+class RangesRequest:
+    """What was asked for: see the options of `export`."""
+
+    model: Path
+    to: str
+    out: Path | None
+    joints: Sequence[str] | None
+    report: Path | None
+    units: Sequence[Path]
+    samples: int
+    seed: int
+    recorded: "Recorded"
+    force: bool
+    as_json: bool
+
+
+def export_ranges(request: RangesRequest) -> None:
+    """Write the ranges, and print the distributions with what the logs could not show.
+
+    Args:
+        request: Options of the command.
+
+    Raises:
+        ParamsError: a target without ranges, Parquet without a file, or files that cannot be used.
+    """
+    from drake_tc.exchange.ranges.posterior import posterior_of
+    from drake_tc.exchange.ranges.table import as_document, save_samples
+    from drake_tc.exchange.ranges.unit import read_unit
+
+    if request.to not in TARGETS_OF_RANGES:
+        raise ParamsError(f"export --ranges: expected --to {', '.join(TARGETS_OF_RANGES)}, got --to {request.to}")
+    if request.to == "parquet" and request.out is None:
+        raise ParamsError("export --ranges --to parquet: expected --out FILE.parquet, got none")
+    first = read_unit(request.model, request.report)
+    for name in request.joints or ():
+        if name not in first.models:
+            raise ParamsError(f"{request.model}: no joint {name!r}; joints: {', '.join(first.models)}")
+    posterior = posterior_of([first, *(read_unit(each) for each in request.units)], request.joints)
+    document = as_document(posterior) | {"name": "export", "to": request.to}
+    text, ranges = "", list["TermRanges"]()
+    if request.to != "parquet":
+        text, ranges = _program(request, posterior)
+        document["terms"] = {each.joint: _terms(each) for each in ranges}
+    inputs = [request.model, request.report, *request.units]
+    if request.out is not None:
+        with result_file(request.out, "--out", inputs=inputs, force=request.force) as path:
+            if request.to == "parquet":
+                save_samples(posterior, path, request.samples, request.seed)
+            else:
+                path.write_text(text, encoding="utf-8")
+    if request.as_json:
+        print(json.dumps(json_value(document | {"file": request.out and str(request.out)}), indent=1))
+        return
+    if request.out is None:
+        sys.stdout.write(text)
+    _print(posterior, ranges, request)
+
+
+def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list[TermRanges]]":
+    from drake_tc.exchange.ranges.isaaclab import to_isaaclab_events
+    from drake_tc.exchange.ranges.mjlab import to_mjlab
+    from drake_tc.exchange.ranges.playground import to_playground
+    from drake_tc.exchange.ranges.terms import term_ranges
+    from drake_tc.exchange.targets import TARGETS
+
+    ranges = term_ranges(posterior, TARGETS[request.to], PROJECTED, request.seed, request.recorded)
+    writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]
+    return writer(posterior, ranges), ranges
+
+
+def _terms(each: "TermRanges") -> dict[str, Any]:
+    return {
+        name: {
+            "unit": each.unit(name),
+            "law": of.law,
+            "value": of.value,
+            "deviation": of.deviation,
+            "central95": list(of.interval),
+        }
+        for name, of in each.distributions.items()
+    } | {"correlation": each.correlation.tolist()}
+
+
+def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", request: RangesRequest) -> None:
+    """The tables of the parameters and of the simulator's terms, what was not shown, and the notes."""
+    from drake_tc.exchange.ranges.program import interval_text, row_text
+
+    shown = sys.stderr if request.out is None else sys.stdout
+    rows = [
+        (
+            each.joint,
+            ".".join(each.key),
+            f"{each.distribution.value:.4g}",
+            interval_text(each.distribution),
+            each.unit,
+            each.distribution.law,
+            ", ".join(f"{name} {size:.2g}" for name, size in each.parts.items() if size > 0.0),
+        )
+        for found in posterior.unit.estimated.values()
+        for each in found
+    ]
+    names = ("joint", "parameter", "value", "95 %", "unit", "law", "standard deviations")
+    print_wide(names, rows, left=(*names[:2], *names[4:]), title="What the logs know", file=shown)
+    if ranges:
+        terms = [
+            (each.joint, name, f"{of.value:.4g}", interval_text(of), each.unit(name), of.law)
+            for each in ranges
+            for name, of in each.distributions.items()
+        ]
+        heads = ("joint", "term", "value", "95 %", "unit", "law")
+        print_wide(heads, terms, left=(*heads[:2], *heads[4:]), title=f"In the terms of {request.to}", file=shown)
+    for title, found in (("The logs could not show:", False), ("Looked for and not found; larger is ruled out:", True)):
+        lines = [row_text(each) for each in posterior.not_shown if each.found_above is found]
+        if lines:
+            print(title, *(f"  {line}" for line in lines), sep="\n", file=shown)
+    for note in posterior.notes:
+        print(note, file=shown)
+    if request.out is not None:
+        print(request.out, file=shown)
