@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.experiments.check.visibility import Noise
-from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
+from drake_tc.experiments.design.forms import EffectForm, Projection, contributions, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.types import FloatArray
 
@@ -72,7 +72,7 @@ class Parameters(Criterion):
         """Z (T, p) [N m] for a change of each parameter by its typical size: see `units`."""
         every = columns.design(self.joint.declared)
         declared = every[:, every.shape[1] - self._declared_size :] * self.units[: self._declared_size]
-        made = [form.change(columns, form.shapes[len(form.shapes) // 2])[:, :1] for form in self.forms]
+        made = [change[:, :1] for change in contributions(self.forms, columns)]
         return np.concatenate([declared, *made], axis=1)
 
     @property
@@ -129,12 +129,11 @@ class AllEffects(Criterion):
         """(e,) RMS of each effect's remainder, at the middle one of its shapes, over what is found."""
         declared = Projection(declared_columns(columns), columns.weight)
         noise, rows = self.noise(columns.joint), math.sqrt(float(np.mean(columns.weight)))
-        out = []
-        for form in self.forms:
-            left = declared.of(form.change(columns, form.shapes[len(form.shapes) // 2]))
-            needed = rows * noise.least(form.effect.degrees_of_freedom)
-            out.append(float(np.sqrt(np.mean(left**2))) / needed)
-        return np.array(out)
+        made = contributions(self.forms, columns)
+        squares = np.mean(declared.of(np.concatenate(made, axis=1)) ** 2, axis=0)
+        phases = np.array([change.shape[1] for change in made])
+        found = np.sqrt(np.add.reduceat(squares, np.cumsum(phases) - phases) / phases)
+        return np.asarray(found / [rows * noise.least(form.effect.degrees_of_freedom) for form in self.forms])
 
     def value(self, columns: BalanceColumns) -> float:
         """Mean over the effects of -log(1 + (r_least/r)^2)."""

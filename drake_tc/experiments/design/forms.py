@@ -1,7 +1,8 @@
 """An effect as it takes part in a goal: what it does at its strength, and what a fit with it can explain."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
-from drake_tc.experiments.sizes import Size, acts_through_shape, directions
+from drake_tc.experiments.sizes import JointNumbers, Size, acts_through_shape, directions
 from drake_tc.types import FloatArray
 
 MOST_SHAPES = 3
@@ -44,14 +45,15 @@ class EffectForm:
 
     def change(self, columns: BalanceColumns, shape: Mapping[str, float]) -> FloatArray:
         """(T, p) contribution [N m] at the strength, one column for each phase."""
-        numbers = columns.joint.numbers
         if acts_through_shape(self.effect):
             return self.at_sizes(columns, np.array([self.strength]))
-        phi = _columns_of(columns, Term(self.effect, shape))
-        thetas = np.ones((1, 1))
-        if not isinstance(self.effect, ServoGain):
-            thetas = np.stack(directions(self.effect, numbers), axis=-1)
-        return np.asarray(self.strength * phi @ thetas)
+        return self.scaled(columns, _columns_of(columns, Term(self.effect, shape)))
+
+    def scaled(self, columns: BalanceColumns, phi: FloatArray) -> FloatArray:
+        """(T, p) contribution [N m] at the strength from Phi (T, k)."""
+        if isinstance(self.effect, ServoGain):
+            return self.strength * phi
+        return np.asarray(self.strength * phi @ _phases(self.effect, columns.joint.numbers))
 
     def at_sizes(self, columns: BalanceColumns, sizes: FloatArray) -> FloatArray:
         """(T, g) contribution [N m] of an effect whose size is its shape, at several sizes."""
@@ -75,6 +77,20 @@ class EffectForm:
         coefficients = self.effect.parameters if isinstance(self.effect, ServoGain) else self.effect.coefficients
         low, high = (np.array([getattr(c, side) for c in coefficients]) for side in ("lower", "upper"))
         return np.asarray(np.min([_least_in_box(span, targets, low, high) for span in spans], axis=0))
+
+
+@lru_cache
+def _phases(effect: Effect, numbers: JointNumbers) -> FloatArray:
+    """Theta (k, p) of size 1, one column for each phase."""
+    return np.stack(directions(effect, numbers), axis=-1)
+
+
+def contributions(forms: Sequence[EffectForm], columns: BalanceColumns) -> list[FloatArray]:
+    """(T, p) contribution [N m] of each effect at its strength and the middle one of its shapes."""
+    middle = {form: form.shapes[len(form.shapes) // 2] for form in forms}
+    linear = [f for f in forms if not (acts_through_shape(f.effect) or isinstance(f.effect, ServoGain))]
+    known = dict(zip(linear, columns.of_each([Term(f.effect, middle[f]) for f in linear]), strict=True))
+    return [f.scaled(columns, known[f]) if f in known else f.change(columns, middle[f]) for f in forms]
 
 
 def _columns_of(columns: BalanceColumns, term: Term) -> FloatArray:

@@ -196,6 +196,9 @@ class BalanceColumns(Protocol):
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""
 
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (T, k) of each of several terms."""
+
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""
 
@@ -226,6 +229,10 @@ class LogColumns:
     def of(self, term: Term) -> FloatArray:
         """Phi (N, k)."""
         return self._columns.of(term)
+
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (N, k) of each."""
+        return [self._columns.of(term) for term in terms]
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (N, 1 + sum k)."""
@@ -260,10 +267,8 @@ class MotionColumns:
 
     def _reduce(self, values: FloatArray) -> FloatArray:
         kept = values[-self._size :]
-        if not np.isfinite(kept).all():
-            return np.full_like(kept, np.nan)
-        shaped = np.fft.rfft(kept, axis=0) * (self._gain if kept.ndim == 1 else self._gain[:, None])
-        return np.asarray(np.fft.irfft(shaped, self._size, axis=0))
+        kept = np.where(np.isfinite(kept).all(axis=0), kept, np.nan)
+        return np.asarray(np.fft.irfft(np.fft.rfft(kept.T) * self._gain, self._size).T)
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (T,) after the drive effects among the terms."""
@@ -290,9 +295,17 @@ class MotionColumns:
 
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""
-        return self._reduce(term.effect.columns(self._signals, term.shape))
+        return self.of_each([term])[0]
+
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (T, k) of each of several terms, which are filtered together."""
+        if not terms:
+            return []
+        blocks = [term.effect.columns(self._signals, term.shape)[-self._size :] for term in terms]
+        ends = np.cumsum([block.shape[1] for block in blocks])
+        return np.split(self._reduce(np.concatenate(blocks, axis=1)), ends[:-1], axis=1)
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""
-        blocks = [self.effort(terms)[:, None]] + [-self.of(t) for t in terms if t.effect.coefficients]
-        return np.concatenate(blocks, axis=1)
+        fitted = [t for t in terms if t.effect.coefficients]
+        return np.concatenate([self.effort(terms)[:, None], *(-phi for phi in self.of_each(fitted))], axis=1)

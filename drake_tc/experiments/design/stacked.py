@@ -43,6 +43,14 @@ class RememberedColumns:
             self._known[key] = self._columns.of(term)
         return self._known[key]
 
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (T, k) of each; those that are not known yet are computed together."""
+        keys: list[Hashable] = [("of", _key([term])) for term in terms]
+        missing = {key: term for key, term in zip(keys, terms, strict=True) if key not in self._known}
+        if missing:
+            self._known |= zip(missing, self._columns.of_each(list(missing.values())), strict=True)
+        return [self._known[key] for key in keys]
+
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""
         blocks = [self.effort(terms)[:, None]] + [-self.of(t) for t in terms if t.effect.coefficients]
@@ -73,6 +81,11 @@ class StackedColumns:
     def of(self, term: Term) -> FloatArray:
         """Phi (T, k) of one term."""
         return np.concatenate([part.of(term) for part in self.parts])
+
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (T, k) of each."""
+        each = zip(*(part.of_each(terms) for part in self.parts), strict=True)
+        return [np.concatenate(blocks) for blocks in each]
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""

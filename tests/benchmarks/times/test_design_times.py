@@ -21,7 +21,7 @@ def demo(tmp_path_factory):
 
 @pytest.mark.parametrize("goal", ["tell:stribeck,presliding_hysteresis", "all"])
 def test_the_motion_of_one_joint_is_designed_quickly(demo, goal):
-    """At most 20 s, reading included, in this process's own time."""
+    """Reading included, in this process's own time."""
     rig, train, _ = demo
 
     def design():
@@ -30,12 +30,11 @@ def test_the_motion_of_one_joint_is_designed_quickly(demo, goal):
         assert len(found) == 1
         return {f"design, {goal}": time.process_time() - begin}
 
-    require({f"design, {goal}": 20.0}, design, rounds=3)
+    require({f"design, {goal}": 15.0}, design, rounds=3)
 
 
 @pytest.mark.parametrize("goal", ["tell:stribeck,presliding_hysteresis", "all"])
 def test_the_motions_under_two_known_loads_are_designed_quickly(demo, goal):
-    """At most 20 s, as above."""
     rig, train, _ = demo
     loads = (KnownLoad(0.0), KnownLoad(1.5, 0.3))
     request = DesignRequest(rig, tuple(train), None, goal, None, (), {}, loads=loads)
@@ -45,4 +44,4 @@ def test_the_motions_under_two_known_loads_are_designed_quickly(demo, goal):
         assert designed_with_loads(request, DesignOptions())[2].expected
         return {f"design with two loads, {goal}": time.process_time() - begin}
 
-    require({f"design with two loads, {goal}": 20.0}, design, rounds=3)
+    require({f"design with two loads, {goal}": 22.0}, design, rounds=3)
