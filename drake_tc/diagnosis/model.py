@@ -14,6 +14,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from scipy.signal import oaconvolve, welch
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
@@ -37,6 +38,9 @@ from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
+SPECTRUM = 256
+"""Samples over which spectra are taken."""
+
 
 @dataclass(frozen=True)
 class Block:
@@ -54,14 +58,14 @@ class Split:
         recorded: Columns computed from the recorded effort: the target.
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
         modelled: (T,) w, the effort that the model needs [effort].
-        share: l of `latent_share`, by which the latent effort follows the recorded one.
+        share: (m,) taps of the filter l of `latent_share`, by which the latent effort follows the recorded one.
         gain: K of the fit that computed w [effort/(N m)].
     """
 
     recorded: Columns
     clean: Columns
     modelled: FloatArray
-    share: float
+    share: FloatArray
     gain: float
 
     @property
@@ -72,7 +76,16 @@ class Split:
     @cached_property
     def latent(self) -> FloatArray:
         """(T,) x, see `latent_share` [effort]."""
-        return np.asarray(self.modelled + self.share * (self.samples.signals.effort - self.modelled))
+        return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
+
+    def _followed(self, values: FloatArray) -> FloatArray:
+        """(T,) values through the filter l, stretch by stretch."""
+        if self.share.size == 1:
+            return np.asarray(self.share[0] * values)
+        out, half = np.empty_like(values), self.share.size // 2
+        for s in self.samples.segments:
+            out[s] = oaconvolve(np.pad(values[s], half, mode="edge"), self.share, mode="valid")
+        return out
 
     @cached_property
     def rows(self) -> Rows:
@@ -93,12 +106,12 @@ class Split:
         return {}
 
     def _offset(self, term: Term) -> FloatArray:
-        """(N,) l (u - T(u)) + (1 - l) (T^-1(w) - w) of a filter T."""
+        """(N,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
         if term.cache_key not in self._kept:
             u, w = self.samples.signals.effort, self.modelled
             act = partial(self.clean.samples.by_segment, term.effect, term.shape)
-            values = self.share * (u - act(u)) + (1.0 - self.share) * (act(w, undo=True) - w)
-            self._kept[term.cache_key] = self.samples.reduce(values)
+            needed = act(w, undo=True) - w
+            self._kept[term.cache_key] = self.samples.reduce(needed + self._followed(u - act(u) - needed))
         return np.asarray(self._kept[term.cache_key])
 
     def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
@@ -289,7 +302,7 @@ class JointModel:
     def with_share(self, share: float) -> "JointModel":
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
-        train, held = (_with_clean(replace(s, share=share), measured=measured) for s in (self.train, self.held))
+        train, held = (_with_clean(replace(s, share=np.array([share])), measured=measured) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
 
 
@@ -340,20 +353,32 @@ def _with_clean(first: Split, *, measured: bool) -> Split:
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))
 
 
-def latent_share(recorded: Columns, modelled: FloatArray) -> float:
-    """By which share l the most probable effort x follows what was recorded, u, and not what the model needs, w.
+def latent_share(recorded: Columns, modelled: FloatArray) -> FloatArray:
+    """Taps (m,) of the filter l by which the most probable effort x follows what was recorded, u, and not the model, w.
 
-    x = w + l (u - w),   l = 1 - Var(n_u)/Var(u - w)
+    x = w + l * (u - w),   l(f) = 1 - S_n(f)/S(f)
 
-    with the noise n_u of the recorded effort. The errors of this average are not correlated with the residual u - w, so
-    that no function of x explains the residual's noise by itself.
+    with the spectra S_n of the noise of the recorded effort and S of u - w (Wiener's filter). The errors of x are not
+    correlated with u - w at any lag, so that no filter of x explains the residual's noise by itself. A share that is
+    the same for all frequencies would let the noise of a load that is computed from accelerations explain itself.
     """
     samples = recorded.samples
     resolution, s = samples.resolution, samples.signals
     noise = max(resolution.effort_noise**2, resolution.effort_step**2 / 12.0)
     if samples.floor.servo:
         noise += resolution.position_noise**2
-    kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-    error = samples.reduce(s.effort - modelled)
-    share = 1.0 - noise * float(kernel @ kernel) / max(float(np.mean(error**2)), 1e-300)
-    return min(max(share, 0.0), 1.0)
+    error, edge, total, count = s.effort - modelled, samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0
+    for part in samples.segments:
+        inner = error[part.start + edge : part.stop - edge]
+        if inner.size >= SPECTRUM:
+            power = welch(inner, 1.0 / s.period, nperseg=SPECTRUM, detrend=False)[1]
+            total, count = total + inner.size * power, count + inner.size
+    of_noise = 2.0 * s.period * noise * np.abs(np.fft.rfft(samples.light.kernels[0], SPECTRUM)) ** 2
+    if not count:
+        kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+        left = float(np.mean(samples.reduce(error) ** 2))
+        share = 1.0 - noise * float(kernel @ kernel) / max(left, 1e-300)
+        return np.array([min(max(share, 0.0), 1.0)])
+    follows = np.clip(1.0 - of_noise * count / np.maximum(total, 1e-300), 0.0, 1.0)
+    taps = np.fft.fftshift(np.fft.irfft(follows, SPECTRUM))
+    return np.asarray(np.append(taps, taps[0])[: SPECTRUM + 1] * np.hanning(SPECTRUM + 1))

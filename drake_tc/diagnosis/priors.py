@@ -31,6 +31,9 @@ SERVO_LAG_S = (0.001, 0.001)
 DRIVE_LAG_S = (0.0, 0.0003)
 """The same of a drive that is commanded in current, voltage or torque [s]."""
 
+NEGLIGIBLE = 0.005
+"""RMS of a shared parameter's part of a joint's effort, by what the other joints leave open, over the joint's noise
+floor, below which the part is left out."""
 RUN_SPREADS = (0.0, 0.01, 0.03, 0.1)
 """Tried standard deviations of what differs from run to run: friction over its mean, zeros over the effort's RMS."""
 DISTORTED = 1.1

@@ -13,8 +13,10 @@ from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.identification.base_parameters import base_combinations
 from drake_tc.robot.link_parameters import LinkModel
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import FloatArray, IntArray
 
+SEEN = 2000
+"""Rows of each joint from which the identified combinations follow."""
 WORTH_NAMING = 0.01
 """Share of a combination's declared size below which a member is left out of its name."""
 
@@ -78,35 +80,66 @@ def fitted_links(
             scale with it.
     """
     spread, freedom = covariance(rows, fitted)
+    seen = np.concatenate([r.shared[:: max(1, len(r.shared) // SEEN)] for r in rows])
     critical = float(student.ppf(0.975, freedom))
-    units = [unit for cause in causes.causes for unit in cause.units]
-    places = [p for c in causes.causes if c.id == LINK_PARAMETERS_ID for p in range(c.columns.start, c.columns.stop)]
-    links = np.isin(fitted.columns, places)
-    pi, of_links = model.nominal - fitted.delta[links], spread[np.ix_(links, links)]
-    narrowed = np.sqrt(np.maximum(np.diag(of_links), 0.0)) / fitted.tolerance[links]
-    of_links = of_links + gain_tolerance**2 * np.outer(pi, pi)
+    told = LinkPosterior(fitted.columns, fitted.delta, spread, fitted.tolerance, critical, gain_tolerance)
+    return links_of(model, causes.causes, told, seen)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkPosterior:
+    """What a fit of all joints knows of the links' errors delta, the parameters of the file less the true ones.
+
+    Attributes:
+        columns: (p,) their places among all shared parameters.
+        delta: (p,). spread: (p, p) their covariance. tolerance: (p,) standard deviations of their prior.
+        critical: Half width of a 95 % interval over the standard deviation.
+        gain_tolerance: As in `fitted_links`.
+    """
+
+    columns: IntArray
+    delta: FloatArray
+    spread: FloatArray
+    tolerance: FloatArray
+    critical: float
+    gain_tolerance: float
+
+
+def links_of(model: LinkModel, causes: Sequence[Cause], told: LinkPosterior, seen: FloatArray) -> FittedLinks:
+    """The links' parameters and the combinations of them that the logs identify.
+
+    Args:
+        model: Of the robot's file.
+        causes: Of the robot.
+        told: By the fit.
+        seen: (N, P) some rows of the shared parameters' columns.
+    """
+    units = [unit for cause in causes for unit in cause.units]
+    places = [p for c in causes if c.id == LINK_PARAMETERS_ID for p in range(c.columns.start, c.columns.stop)]
+    links = np.isin(told.columns, places)
+    pi, of_links = model.nominal - told.delta[links], told.spread[np.ix_(links, links)]
+    narrowed = np.sqrt(np.maximum(np.diag(of_links), 0.0)) / told.tolerance[links]
+    of_links = of_links + told.gain_tolerance**2 * np.outer(pi, pi)
     sigma = np.sqrt(np.maximum(np.diag(of_links), 0.0))
     parameters = []
     for k, full in enumerate(model.tree.parameters):
         link, _, name = full.rpartition("/")
-        estimate = _estimate(pi[k], critical * sigma[k], units[k])
+        estimate = _estimate(pi[k], told.critical * sigma[k], units[k])
         parameters.append(LinkEstimate(link, name, float(model.nominal[k]), estimate, float(narrowed[k])))
-    carried = [c for c in causes.causes if c.id == PAYLOAD_ID]
-    payloads = {c.where: _payload(c, fitted, spread, critical, gain_tolerance) for c in carried}
-    return FittedLinks(tuple(parameters), _base(model, rows, links, pi, of_links, critical, units), payloads)
+    carried = [c for c in causes if c.id == PAYLOAD_ID]
+    payloads = {c.where: _payload(c, told) for c in carried}
+    base = _base(model, seen[:, told.columns[links]], pi, of_links, told.critical, units)
+    return FittedLinks(tuple(parameters), base, payloads)
 
 
 def _base(
     model: LinkModel,
-    rows: Sequence[JointRows],
-    links: BoolArray,
+    seen: FloatArray,
     pi: FloatArray,
     spread: FloatArray,
     critical: float,
     units: Sequence[str],
 ) -> tuple[BaseParameter, ...]:
-    columns = np.flatnonzero(links)
-    seen = np.concatenate([r.shared[:: max(1, len(r.shared) // 2000), columns] for r in rows])
     places, mix = base_combinations(seen)
     value, declared = mix @ pi, mix @ model.nominal
     sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", mix, spread, mix), 0.0))
@@ -129,12 +162,11 @@ def _combination(names: Sequence[str], weights: FloatArray, first: int) -> str:
     return " ".join(parts)
 
 
-def _payload(
-    cause: Cause, fitted: StackedFit, spread: FloatArray, critical: float, gain_tolerance: float
-) -> dict[str, Estimate]:
-    place = np.flatnonzero(np.isin(fitted.columns, np.arange(cause.columns.start, cause.columns.stop)))
-    value = cause.physical(fitted.delta[place])
-    half = critical * np.sqrt(np.maximum(np.diag(spread)[place], 0.0) + (gain_tolerance * value) ** 2)
+def _payload(cause: Cause, told: LinkPosterior) -> dict[str, Estimate]:
+    place = np.flatnonzero(np.isin(told.columns, np.arange(cause.columns.start, cause.columns.stop)))
+    value = cause.physical(told.delta[place])
+    variance = np.maximum(np.diag(told.spread)[place], 0.0) + (told.gain_tolerance * value) ** 2
+    half = told.critical * np.sqrt(variance)
     return {n: _estimate(v, h, u) for n, v, h, u in zip(cause.parameters, value, half, cause.units, strict=True)}
 
 

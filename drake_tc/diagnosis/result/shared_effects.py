@@ -116,7 +116,7 @@ def _parameters(rows: Sequence[JointRows], causes: Sequence[Cause], fitted: Stac
         at += cause.size
         delta, own = fitted.delta[part], spread[part, part]
         if cause.id == "payload":
-            out[cause.key] = _body(-delta, own, quantile)
+            out[cause.key] = body_parameters(-delta, own, quantile)
             continue
         width = quantile * np.sqrt(np.maximum(np.diag(own), 0.0))
         value = cause.physical(delta)
@@ -128,7 +128,7 @@ def _parameters(rows: Sequence[JointRows], causes: Sequence[Cause], fitted: Stac
     return out
 
 
-def _body(inertial: FloatArray, spread: FloatArray, quantile: float) -> dict[str, Estimate]:
+def body_parameters(inertial: FloatArray, spread: FloatArray, quantile: float) -> dict[str, Estimate]:
     """Mass m and centre c = h/m of what a link carries, with 95 % intervals to first order.
 
         var c_i = (var h_i - 2 c_i cov(h_i, m) + c_i^2 var m)/m^2

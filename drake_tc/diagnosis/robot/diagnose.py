@@ -11,6 +11,7 @@ from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.fitted_links import diagnose_fitted
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.shared_causes import diagnose_shared
+from drake_tc.diagnosis.robot.whole import diagnose_whole
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.thresholds import FITTED_LINKS, JOINT, LEAST_REMOVED_OF_ESTIMATED_LOAD
 from drake_tc.estimation.coupled_gears import motor_turns
@@ -47,6 +48,8 @@ def diagnose_robot(
     train = with_robot_loads(logs, train_runs, rig.joints)
     held = with_robot_loads(logs, held_runs, rig.joints)
     progress("what all joints share", 0.0)
+    if options.engine == "evidence":
+        return diagnose_whole(logs, train, held, rig, options, progress, executor)
     if logs.links is not None and options.search == JOINT:
         options = replace(options, search=FITTED_LINKS)
     least = max(options.search.least_removed, LEAST_REMOVED_OF_ESTIMATED_LOAD)

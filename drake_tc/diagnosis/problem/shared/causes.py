@@ -25,6 +25,8 @@ LINK_PARAMETERS_ID = "link_parameters"
 """All ten of a link whose parameters are fitted; never reported as a cause."""
 PAYLOAD_ID = "payload_parameters"
 """All ten of what a link carries in one run; never reported as a cause."""
+LINK_INERTIA_ID = "link_inertia"
+"""Six moments of inertia of a link whose mass or centre is asked for; never reported as a cause."""
 
 
 @dataclass(frozen=True)

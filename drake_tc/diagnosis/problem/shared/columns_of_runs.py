@@ -100,7 +100,7 @@ def _piece(
     blocks = [cause_columns.mass_column(motion, link, i, slides) for i, link in enumerate(structure.links)]
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
     if encoders_alone(logs):
-        blocks += [cause_columns.encoder_columns(logs.model, rows, offsets), *_payloads(logs, rows)]
+        blocks += [cause_columns.encoder_columns(logs.model, rows, offsets), *_bodies(logs, rows)]
     wrench = smooth(sensors.wrench, filters.wrench.samples, filters.wrench.order, sensors.dt).value[::every]
     for k in range(len(logs.robot.force_torque)):
         reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
@@ -110,14 +110,15 @@ def _piece(
     return Piece((run.time[part] - run.time[0])[::every], logs.at_motors(np.concatenate(blocks, axis=2)))
 
 
-def _payloads(logs: RobotLogs, rows: Sequence[Row]) -> list[FloatArray]:
-    """(T, n, 10) of what each outermost link may carry: those of its own parameters."""
+def _bodies(logs: RobotLogs, rows: Sequence[Row]) -> list[FloatArray]:
+    """(T, n, 10) parameters of what each outermost link may carry, and (T, n, 6) inertias of all links."""
     links = link_model(logs.robot)
     q, v, vdot = (np.array(each) for each in list(zip(*rows, strict=True))[:3])
     columns = links.columns(q, v, vdot)
     size = len(LINK_PARAMETERS)
     starts = (size * links.tree.links.index(name) for name in links.outermost)
-    return [columns[:, :, start : start + size] for start in starts]
+    carried = [columns[:, :, start : start + size] for start in starts]
+    return [*carried, *(columns[:, :, start + 4 : start + size] for start in range(0, columns.shape[2], size))]
 
 
 def _imu(

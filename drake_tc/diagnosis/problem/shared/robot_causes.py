@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.problem.shared.body_motion import Structure, joint_is_prismatic
-from drake_tc.diagnosis.problem.shared.causes import AXES, LINK_PARAMETERS_ID, PAYLOAD_ID, Cause
+from drake_tc.diagnosis.problem.shared.causes import (
+    AXES,
+    LINK_INERTIA_ID,
+    LINK_PARAMETERS_ID,
+    PAYLOAD_ID,
+    Cause,
+)
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
@@ -17,6 +23,8 @@ HEAVIEST = 10.0
 """Error of a link's mass, over the mass of all links, at most: what is larger is an error of a unit."""
 FARTHEST = 1.0
 """Of a link's centre of mass from where the robot's file has it, and of a payload's from the link's origin [m]."""
+INERTIA_TOLERANCE = 0.2
+"""Of a link's moments of inertia where its mass or centre is wrong, over those of its mass at its size."""
 
 
 def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause, ...]:
@@ -56,6 +64,10 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
         links = link_model(logs.robot)
         for carrier in links.outermost:
             found.append(_payload(carrier, links, structure, logs.robot.joints, found[-1].columns.stop))
+        spread = links.deviations(INERTIA_TOLERANCE).reshape(-1, len(UNITS))[:, 4:]
+        for name, each in zip(links.tree.links, spread, strict=True):
+            add(LINK_INERTIA_ID, name, list(zip(LINK_PARAMETERS[4:], UNITS[4:], strict=True)))
+            found[-1] = replace(found[-1], prior=tuple(each.tolist()))
     turns = [(f"turn_{a}", "rad") for a in AXES]
     for mount in logs.robot.force_torque:
         known = rig.force_torque_tolerance(mount.name)

@@ -1,0 +1,137 @@
+"""Which causes that no single joint owns are missing: the log evidence of all joints' messages.
+
+A cause that is asked for adds its columns to what the joints share, with a wide prior; an error of a sensor that has a
+tolerance is among them anyway, and asked for, it may lie beyond. As the joints' messages hold all columns, the evidence
+of every set of causes follows from them without another fit:
+
+    log odds(A) = log p(u_1, ..., u_n | A) + sum of the log prior odds of the causes
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, CONTRIBUTION, MOST_EFFECTS, NAMED_FLOORS
+from drake_tc.diagnosis.problem.shared.causes import LINK_INERTIA_ID, TITLES, Cause
+from drake_tc.diagnosis.problem.shared.robot_causes import FARTHEST
+from drake_tc.diagnosis.robot.joints import RobotFit, Shared
+from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Causes:
+    """The causes of a robot and their priors.
+
+    Attributes:
+        causes: All of them.
+        wide: (P,) standard deviations of parameters of a cause that is asked for.
+        squares: (n, P, P) by joint, mean products of the columns [effort] over the joint's noise floor.
+    """
+
+    causes: Sequence[Cause]
+    wide: FloatArray
+    squares: FloatArray
+
+    @classmethod
+    def of(cls, causes: Sequence[Cause], fit: RobotFit) -> "Causes":
+        """With the prior that a cause contributes as much as an effect does, to the joint where it does most."""
+        most, squares = np.zeros(fit.delta.size), []
+        for joint in fit.joints.values():
+            model = joint.evidence.model
+            columns = model.train.gain * joint.columns[0]
+            most = np.maximum(most, np.sqrt(np.mean(columns**2, axis=0)) / model.scale)
+            squares.append(columns.T @ columns / max(len(columns), 1) / joint.prepared.floor**2)
+        wide = CONTRIBUTION / np.where(most > 0.0, most, np.inf)
+        return cls(causes, np.where(most > 1e-9 * most.max(initial=0.0), wide, 0.0), np.array(squares))
+
+    @property
+    def candidates(self) -> list[Cause]:
+        """Those that may be named and that the joints tell anything of."""
+        return [c for c in self.causes if c.id in TITLES and (self.wide[c.columns] > 0.0).any()]
+
+    def shared(self, asked: Sequence[Cause]) -> Shared:
+        """What the joints share: errors within tolerance, and the causes that are asked for.
+
+        Where the mass or the centre of a link is wrong, its inertia may be, too.
+        """
+        places, deviation = [], []
+        links = {c.where for c in asked if c.id in ("link_mass", "link_com")}
+        for cause in self.causes:
+            within = np.array(cause.tolerance or [0.0] * cause.size)
+            if cause.id == LINK_INERTIA_ID and cause.where in links:
+                within = np.array(cause.prior)
+            size = np.hypot(within, self.wide[cause.columns]) if cause in asked else within
+            for number, each in enumerate(size):
+                if each > 0.0:
+                    places.append(cause.columns.start + number)
+                    deviation.append(float(each))
+        return Shared(np.array(places, dtype=np.int64), np.array(deviation))
+
+    def prior_odds(self, asked: Sequence[Cause]) -> float:
+        """Log prior odds of these causes."""
+        return COMMON * len(asked)
+
+    def log_odds(self, fit: RobotFit, asked: Sequence[Cause]) -> float:
+        """Of these causes beside the joints' sets as they are; minus infinity for impossible or very small values."""
+        shared = self.shared(asked)
+        told = shared.belief(fit.messages)
+        delta = np.zeros_like(fit.delta)
+        delta[shared.places] = told.mean
+        for cause in asked:
+            value, own = cause.physical(delta[cause.columns]), delta[cause.columns]
+            size = np.einsum("i,jik,k->j", own, self.squares[:, cause.columns, cause.columns], own)
+            if np.sqrt(np.max(size)) < NAMED_FLOORS:
+                return -np.inf
+            if cause.id == "payload" and np.linalg.norm(value[1:4]) > FARTHEST * abs(value[0]):
+                return -np.inf
+            if (value < cause.possible[0]).any() or (value > cause.possible[1]).any():
+                return -np.inf
+        return told.log_evidence + self.prior_odds(asked)
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """The most probable causes, and by cause those that may stand in its place."""
+
+    causes: tuple[Cause, ...]
+    alternatives: Mapping[str, tuple[Cause, ...]]
+
+    @classmethod
+    def none(cls) -> "Named":
+        """No cause."""
+        return cls((), {})
+
+
+def most_probable(fit: RobotFit, causes: Causes) -> Named:
+    """The most probable set of causes beside the joints' sets, by adding, exchanging and leaving out."""
+    best: tuple[Cause, ...] = ()
+    held = causes.log_odds(fit, best)
+    while True:
+        tried = {_key(each): each for each in _neighbours(best, causes.candidates)}
+        odds = {key: causes.log_odds(fit, each) for key, each in tried.items()}
+        top = max(odds, key=lambda key: odds[key], default=frozenset[str]())
+        if not odds or odds[top] <= held:
+            return Named(best, _alternatives(fit, causes, best, held))
+        best, held = tried[top], odds[top]
+
+
+def _key(causes: Sequence[Cause]) -> frozenset[str]:
+    return frozenset(c.key for c in causes)
+
+
+def _neighbours(best: tuple[Cause, ...], candidates: Sequence[Cause]) -> list[tuple[Cause, ...]]:
+    others = [c for c in candidates if c not in best]
+    less = [tuple(c for c in best if c is not gone) for gone in best]
+    more = [(*best, other) for other in others] if len(best) < MOST_EFFECTS else []
+    return [*more, *less, *((*rest, other) for rest in less for other in others)]
+
+
+def _alternatives(fit: RobotFit, causes: Causes, best: tuple[Cause, ...], held: float) -> dict[str, tuple[Cause, ...]]:
+    """By chosen cause, others that are nearly as probable in its place."""
+    out = {}
+    for cause in best:
+        rest = [c for c in best if c is not cause]
+        near = [c for c in causes.candidates if c not in best and causes.log_odds(fit, [*rest, c]) > held - ALTERNATIVE]
+        out[cause.key] = tuple(near)
+    return out

@@ -1,0 +1,158 @@
+"""What is told of a robot: its joints, the causes that no single joint owns, and the links that were fitted."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+
+from drake_tc.diagnosis.diagnose import asked_of, joint_result
+from drake_tc.diagnosis.intervals import CRITICAL, parameters_of
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult
+from drake_tc.diagnosis.result.links import SEEN, FittedLinks, LinkPosterior, links_of
+from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.result.run_errors import run_errors
+from drake_tc.diagnosis.result.set_up import SetUpCheck
+from drake_tc.diagnosis.result.shared_effects import body_parameters
+from drake_tc.diagnosis.result.widening import robot_gains
+from drake_tc.diagnosis.robot.causes import Causes, Named
+from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint
+from drake_tc.diagnosis.robot.result import RobotResult
+from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.types import FloatArray
+
+
+def robot_result(
+    logs: RobotLogs,
+    before: RobotFit,
+    fit: RobotFit,
+    named: Named,
+    causes: Causes,
+    set_up: SetUpCheck | None,
+    executor: Executor | None,
+) -> RobotResult:
+    """The result of a robot.
+
+    Args:
+        logs: The robot.
+        before: All joints with their declared models.
+        fit: All joints after their searches.
+        named: Causes that no single joint owns.
+        causes: All of them.
+        set_up: What the runs say against the set-up.
+        executor: Assesses what is left in its workers; None does it here.
+    """
+    runs = fit.runs
+    joints = {}
+    for name, joint in fit.joints.items():
+        if joint.decision is None:
+            raise AssertionError(name)
+        asked = asked_of(joint.prepared, runs.options)
+        made = joint_result(joint.decision, asked, runs.rig, name, runs.options, executor=executor)
+        joints[name] = _with_baseline(made, before.joints[name]) if fit.shared.places.size else made
+        joints[name] = replace(joints[name], links_fitted=logs.links is not None)
+    train_after, held_after = runs.at(fit.moved())
+    sigma = {n: rms(j.evidence.residual(j.evidence.model.train, j.best)) / j.best.b[0] for n, j in fit.joints.items()}
+    return RobotResult(
+        joints=joints,
+        shared=shared_effects(fit, named, causes),
+        held=runs.at(before.moved())[1],
+        held_after=held_after,
+        train_after=train_after,
+        robot_gains=robot_gains(joints, sigma),
+        links=None if logs.links is None else _links(logs.links, fit),
+        set_up=set_up,
+    )
+
+
+def _with_baseline(result: JointResult, before: RobotJoint) -> JointResult:
+    """The joint's result with the declared model, and its errors, on the loads of the model before."""
+    evidence, scored = before.evidence, before.best
+    sides = []
+    for split, after in ((evidence.model.train, result.train), (evidence.model.held, result.heldout)):
+        residual = evidence.residual(split, scored)
+        sides.append(
+            DataSplit(after.samples, residual if residual.size == after.after.size else after.before, after.after)
+        )
+    left = [rms(side.before) for side in sides]
+    return replace(
+        result,
+        baseline=Fit(scored.terms, scored.beta, sides[0].before, left[0], left[0], np.zeros(1)),
+        baseline_parameters=parameters_of(evidence, scored),
+        before=Errors(left[0], left[1], result.before.free_run_heldout),
+        train=sides[0],
+        heldout=sides[1],
+        runs=tuple(run_errors((sides[0], sides[1]))),
+    )
+
+
+def shared_effects(fit: RobotFit, named: Named, causes: Causes) -> tuple[SharedEffect, ...]:
+    """The causes found, by held-out gain."""
+    out = []
+    for cause in named.causes:
+        rest = [c for c in named.causes if c is not cause]
+        gain, by_joint = held_out_gain(fit, causes, named.causes, rest)
+        odds = causes.log_odds(fit, named.causes) - causes.log_odds(fit, rest)
+        out.append(
+            SharedEffect(
+                id=cause.id,
+                where=cause.where,
+                title=TITLES[cause.id],
+                parameters=_parameters(fit, cause),
+                heldout_gain=gain,
+                stability=float(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0)))),
+                joints=by_joint,
+                indistinguishable=tuple((c.id, c.where) for c in named.alternatives.get(cause.key, ())),
+            )
+        )
+    return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def held_out_gain(
+    fit: RobotFit, causes: Causes, larger: Sequence[Cause], smaller: Sequence[Cause]
+) -> tuple[float, dict[str, float]]:
+    """1 - held-out error with the larger set over that with the smaller one: of all joints, and by joint."""
+    sides = [fit.held_out(causes.shared(each)) for each in (larger, smaller)]
+    variance = {name: float(joint.best.posterior.variance) for name, joint in fit.joints.items()}
+    total = [sum(float(r @ r) / variance[name] for name, r in side.items()) for side in sides]
+    by_joint = {name: 1.0 - rms(sides[0][name]) / max(rms(sides[1][name]), 1e-300) for name in fit.joints}
+    return 1.0 - float(np.sqrt(total[0] / max(total[1], 1e-300))), by_joint
+
+
+def _of(fit: RobotFit, cause: Cause) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance of one cause's parameters; 0 of those that are not shared."""
+    told, mean, spread = fit.belief(), np.zeros(fit.delta.size), np.zeros((fit.delta.size,) * 2)
+    mean[fit.shared.places] = told.mean
+    spread[np.ix_(fit.shared.places, fit.shared.places)] = told.covariance
+    return mean[cause.columns], spread[cause.columns, cause.columns]
+
+
+def _parameters(fit: RobotFit, cause: Cause) -> dict[str, Estimate]:
+    """The cause's parameters with 95 % intervals."""
+    delta, spread = _of(fit, cause)
+    if cause.id == "payload":
+        return body_parameters(-delta, spread, CRITICAL)
+    half = CRITICAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
+    value, ends = cause.physical(delta), np.sort([cause.physical(delta - half), cause.physical(delta + half)], axis=0)
+    return {
+        name: Estimate(float(value[i]), unit, (float(ends[0, i]), float(ends[1, i])), False)
+        for i, (name, unit) in enumerate(zip(cause.parameters, cause.units, strict=True))
+    }
+
+
+def _links(model: LinkModel, fit: RobotFit) -> FittedLinks:
+    """The links' parameters as all joints together tell them."""
+    told = fit.belief()
+    seen = [joint.columns[0] for joint in fit.joints.values()]
+    return links_of(
+        model,
+        fit.runs.causes.causes,
+        LinkPosterior(fit.shared.places, told.mean, told.covariance, fit.shared.deviation, CRITICAL, 0.0),
+        np.concatenate([c[:: max(1, len(c) // SEEN)] for c in seen]),
+    )
