@@ -28,6 +28,7 @@ class Target(StrEnum):
     mjcf = "mjcf"
     mjlab = "mjlab"
     playground = "playground"
+    newton = "newton"
     urdf = "urdf"
     drake_urdf = "drake-urdf"
     sdf = "sdf"
@@ -35,6 +36,10 @@ class Target(StrEnum):
     isaaclab_bam = "isaaclab-bam"
     bam = "bam"
     parquet = "parquet"
+
+
+MJCF = (Target.mjcf, Target.playground, Target.newton)
+"""Targets whose file is an MJCF file."""
 
 
 def export_command(
@@ -65,7 +70,7 @@ def export_command(
         float | None,
         typer.Option(
             help="Torque constant of the data sheet [N m/A] of a drive on a voltage: needed by bam and isaaclab-bam;"
-            " makes a dcmotor in mjcf and a DCMotorCfg in isaaclab."
+            " makes a dcmotor in mjcf and newton, a BuiltinDcMotorActuatorCfg in mjlab and a DCMotorCfg in isaaclab."
         ),
     ] = None,
     supply_voltage: Annotated[
@@ -120,7 +125,7 @@ def export_command(
     from drake_tc.exchange.isaaclab_bam import limited_by_supply, to_isaaclab_bam
     from drake_tc.exchange.links import with_links
     from drake_tc.exchange.projection import project
-    from drake_tc.exchange.targets import TARGETS
+    from drake_tc.exchange.targets import TARGETS, vocabulary
     from drake_tc.report.export_section import cells, headings
 
     if (log or holdout) and rig is None:
@@ -153,8 +158,8 @@ def export_command(
         raise ParamsError(
             f"export: {'--report' if report is not None else '--unit'} belongs to --ranges, which is missing"
         )
-    if to in (Target.parquet, Target.mjlab):
-        raise ParamsError(f"export --to {to.value} writes ranges: add --ranges")
+    if to is Target.parquet:
+        raise ParamsError("export --to parquet writes samples: add --ranges")
     read = load_model_file(model)
     models = _chosen(read.models, joint, model)
     if holdout and to.value not in RUNS:
@@ -163,16 +168,20 @@ def export_command(
             f" {to.value}"
         )
     speeds = _speeds(rig, log or [], list(models))
-    projections = [project(each, TARGETS[to.value], *speeds.get(name, (None, None))) for name, each in models.items()]
-    if torque_constant is not None:
-        projections = [with_torque_constant(each, torque_constant, TARGETS[to.value]) for each in projections]
+    projections = []
+    for name, each in models.items():
+        target = vocabulary(to.value, each.drive.kind, torque_constant)
+        projection = project(each, target, *speeds.get(name, (None, None)))
+        if torque_constant is not None:
+            projection = with_torque_constant(projection, torque_constant, target)
+        projections.append(projection)
     if to is Target.isaaclab_bam:
         settings = _servo_settings(supply_voltage, position_gain)
         projections = [limited_by_supply(each, settings) for each in projections]
         text = to_isaaclab_bam(projections, into, settings)
     else:
         text = _writer(to)(projections, into)
-    text, of_links = with_links(text, "mjcf" if to is Target.playground else to.value, into, read.shared, read.links)
+    text, of_links = with_links(text, "mjcf" if to in MJCF else to.value, into, read.shared, read.links)
     errors: list[ExportErrors] = []
     notes: list[str] = []
     if holdout and rig is not None:
@@ -238,12 +247,15 @@ def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.bam import to_bam
     from drake_tc.exchange.isaaclab import to_isaaclab
     from drake_tc.exchange.mjcf import to_mjcf
+    from drake_tc.exchange.mjlab import to_mjlab_actuators
     from drake_tc.exchange.sdf import to_sdf
     from drake_tc.exchange.urdf import to_urdf
 
     return {
         Target.mjcf: to_mjcf,
         Target.playground: to_mjcf,
+        Target.newton: to_mjcf,
+        Target.mjlab: to_mjlab_actuators,
         Target.urdf: to_urdf,
         Target.drake_urdf: lambda projections, into: to_urdf(projections, into, drake=True),
         Target.sdf: to_sdf,
@@ -284,7 +296,7 @@ def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into
 
     if to is Target.bam and into is None:
         return ["BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into."]
-    return file_notes(text, projections) if to in (Target.mjcf, Target.playground) else []
+    return file_notes(text, projections) if to in MJCF else []
 
 
 def _errors(

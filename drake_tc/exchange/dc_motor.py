@@ -64,6 +64,6 @@ def with_torque_constant(projection: Projection, torque_constant: float, target:
             f" {terms.damping - motor.damping:.4g} N m s/rad, more than all viscous friction that was found"
             f" ({terms.damping:.4g}); give a smaller one"
         )
-    why = target.no_motor(terms)
-    lost = (Loss("torque_constant", why),) if why else ()
-    return replace(projection, terms=terms, losses=(*projection.losses, *lost))
+    if why := target.no_motor(terms):
+        return replace(projection, losses=(*projection.losses, Loss("torque_constant", why)))
+    return replace(projection, terms=terms)

@@ -2,24 +2,25 @@
 
 `ImplicitActuatorCfg`, `IdealPDActuatorCfg` and `DelayedPDActuatorCfg` take stiffness [N m/rad], damping [N m s/rad],
 armature [kg m^2], friction and dynamic_friction [N m], viscous_friction [N m s/rad] and a limit of torque [N m]:
-effort_limit_sim of the implicit actuator, which the physics engine applies to the servo of the joint, effort_limit of
-the others, which compute their torque themselves. An implicit actuator passes efforts on without a limit, so that a
-drive with a limit whose command is an effort is an `IdealPDActuatorCfg`. Delays are whole physics steps. Names of
-joints are regular expressions.
+joint_effort_limit of the implicit actuator, which the physics engine applies to the servo of the joint, and
+actuator_effort_limit of the others, which compute their torque themselves. An implicit actuator passes efforts on
+without a limit, so that a drive with a limit whose command is an effort is an `IdealPDActuatorCfg`. Delays are whole
+physics steps. Names of joints are regular expressions.
 
 A drive on a voltage of known torque constant kt and limit U is a `DCMotorCfg`. Its efforts are torques, which it clips
-to saturation_effort (+-1 - v/velocity_limit) and to +-effort_limit. The first is kt/R (+-U - kt v) with
+to saturation_effort (+-1 - v/actuator_velocity_limit) and to +-actuator_effort_limit. The first is
+kt/R (+-U - kt v) with
 
-    saturation_effort = kt U/R,   velocity_limit = U/kt,   viscous_friction without the back-EMF
+    saturation_effort = kt U/R,   actuator_velocity_limit = U/kt,   viscous_friction without the back-EMF
 
-The motor brakes with up to kt/R (U + kt |v|), so that effort_limit is twice the saturation_effort: the line of torque
-over speed alone limits the torque up to the velocity_limit. With a delay, or without a known torque constant, the
-efforts are kt/R V and the back-EMF is a part of viscous_friction: that is the same torque, in an actuator without this
-line.
+The motor brakes with up to kt/R (U + kt |v|), so that actuator_effort_limit is twice the saturation_effort: the line
+of torque over speed alone limits the torque up to the actuator_velocity_limit. With a delay, or without a known torque
+constant, the efforts are kt/R V and the back-EMF is a part of viscous_friction: that is the same torque, in an actuator
+without this line.
 
-Source: Isaac Lab 2.3.2.post1, `isaaclab.actuators`. Isaac Lab 3.0 still accepts effort_limit, effort_limit_sim and
-velocity_limit, as deprecated names. Friction is a torque from Isaac Sim 5.0 on; Isaac Sim 4.5 reads `friction` as a
-coefficient without unit and ignores dynamic_friction and viscous_friction.
+Source: Isaac Lab 3.0.0, `isaaclab.actuators`. Isaac Lab 2.3 has the names effort_limit, effort_limit_sim and
+velocity_limit, which 3.0 deprecates. PhysX has all three frictions as torques from Isaac Sim 5.0 on; Newton has no
+dynamic friction and warns.
 """
 
 import re
@@ -125,12 +126,12 @@ def _entry(joint: str, terms: Terms, joint_type: JointType = "revolute") -> list
     }
     if terms.torque_limit is not None:
         explicit = kind != "ImplicitActuatorCfg"
-        fields["effort_limit" if explicit else "effort_limit_sim"] = decimal(terms.torque_limit)
+        fields["actuator_effort_limit" if explicit else "joint_effort_limit"] = decimal(terms.torque_limit)
         if kind == "DCMotorCfg" and motor is not None:
             voltage = terms.torque_limit / terms.kp
-            fields["effort_limit"] = decimal(2.0 * terms.torque_limit)
+            fields["actuator_effort_limit"] = decimal(2.0 * terms.torque_limit)
             fields["saturation_effort"] = decimal(terms.torque_limit)
-            fields["velocity_limit"] = decimal(voltage / motor.torque_constant)
+            fields["actuator_velocity_limit"] = decimal(voltage / motor.torque_constant)
             fields["viscous_friction"] = decimal(motor.damping)
     fields |= delay_fields(terms)
     efforts = f"{number(terms.kp)} N m for one unit of the drive's command"

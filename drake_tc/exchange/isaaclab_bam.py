@@ -15,7 +15,7 @@ motor that brakes has up to kt/R (vin + kt |v|), so that actuator_effort_limit i
 it does not act up to the no-load speed vin / kt.
 
 Source: Isaac Lab's development branch (commit 0120677), `isaaclab.actuators.BamActuatorCfg` and `BamMotorCfg`, which
-the releases on PyPI (up to 2.3.2.post1) do not have; it needs Newton's MJWarp solver with `use_newton_actuators=True`.
+the releases on PyPI (up to 3.0.0) do not have; it needs Newton's MJWarp solver with `use_newton_actuators=True`.
 """
 
 import math

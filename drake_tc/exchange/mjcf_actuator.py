@@ -26,7 +26,7 @@ from drake_tc.exchange.xml_text import append, child, number, put
 from drake_tc.exchange.xml_text import element as new_element
 from drake_tc.simulator_files.mjcf import ACTUATORS, drive_of, joints_of
 from drake_tc.simulator_files.mjcf_actuator import Actuator
-from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.terms import Ripple, Terms
 from drake_tc.simulator_files.xml_tree import xml_tree
 
 ROUNDING = 1e-9
@@ -139,15 +139,32 @@ def _put_friction(root: minidom.Element, terms: Terms, joint: str) -> Terms:
     if _has_defaults(made):
         put(made, gear=1.0, damping="0", armature="0")
     if terms.stribeck is not None:
-        least, most = terms.frictionloss, terms.frictionloss + terms.stribeck.height
-        stiffness = most / BRISTLE
-        numbers = (stiffness, BRISTLE_DAMPING * stiffness, least, most, terms.stribeck.velocity)
-        put(made, lugre=" ".join(map(number, numbers)))
+        put(made, lugre=" ".join(map(number, lugre_of(terms))))
     if terms.ripple is not None:
-        size = math.hypot(terms.ripple.cosine, terms.ripple.sine)
-        phase = math.atan2(-terms.ripple.cosine, -terms.ripple.sine)
-        put(made, cogging=" ".join(map(number, (size, terms.ripple.cycles, phase))))
+        put(made, cogging=" ".join(map(number, cogging_of(terms.ripple))))
     return replace(terms, frictionloss=0.0) if terms.stribeck is not None else terms
+
+
+def lugre_of(terms: Terms) -> tuple[float, ...]:
+    """Stiffness, damping, F_C, F_S and v_S of MuJoCo's `lugre` for the dry friction with its Stribeck peak.
+
+    Args:
+        terms: With a peak.
+    """
+    height, velocity = (0.0, 1.0) if terms.stribeck is None else (terms.stribeck.height, terms.stribeck.velocity)
+    least, most = terms.frictionloss, terms.frictionloss + height
+    stiffness = most / BRISTLE
+    return stiffness, BRISTLE_DAMPING * stiffness, least, most, velocity
+
+
+def cogging_of(ripple: Ripple) -> tuple[float, ...]:
+    """Amplitude, periods a turn and phase of MuJoCo's `cogging`.
+
+    Args:
+        ripple: Of the joint.
+    """
+    phase = math.atan2(-ripple.cosine, -ripple.sine)
+    return math.hypot(ripple.cosine, ripple.sine), ripple.cycles, phase
 
 
 def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str], *, servo: bool) -> None:

@@ -1,6 +1,7 @@
 """What each target can express, and what to do about the rest."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 from drake_tc.exchange.projection import Vocabulary
@@ -47,10 +48,18 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "playground": Vocabulary(
             "MuJoCo Playground (MJX)",
-            frozenset({"armature", "frictionloss", "torque_limit", "stiffness", "preload", "derivative_gain"}),
-            {"delay": _NO_DELAY, "backlash": _NO_BACKLASH},
+            frozenset({"armature", "frictionloss", "torque_limit", "backlash", "stiffness", "preload", "compliance"})
+            | {"derivative_gain", "lag"},
+            {"delay": _NO_DELAY},
             drives=frozenset({"position_servo", "current", "voltage", "torque"}),
             no_motor=_no_motor,
+        ),
+        "newton": Vocabulary(
+            "Newton",
+            frozenset({"armature", "frictionloss", "torque_limit", "backlash", "stiffness", "preload", "compliance"})
+            | {"derivative_gain"},
+            {"delay": _NO_DELAY},
+            drives=frozenset({"position_servo", "current", "voltage", "torque"}),
         ),
         "urdf": Vocabulary(
             "URDF",
@@ -119,3 +128,23 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
     }
 )
 """Name on the command line to vocabulary."""
+MJLAB_MOTOR = replace(
+    TARGETS["mjlab"],
+    terms=TARGETS["mjlab"].terms | {"stribeck", "ripple", "lag"},
+    inexact={"torque_limit": "MuJoCo does not apply the limit of a commanded voltage: clip your commands"},
+    stribeck_exponent=2.0,
+)
+"""mjlab's `BuiltinDcMotorActuatorCfg`, which needs a drive on a voltage and its torque constant."""
+
+
+def vocabulary(target: str, drive: str, torque_constant: float | None) -> Vocabulary:
+    """What a target can express of a drive.
+
+    Args:
+        target: Name on the command line.
+        drive: Kind of drive.
+        torque_constant: Of a data sheet [N m/A]; None: not known.
+    """
+    if target == "mjlab" and drive == "voltage" and torque_constant is not None:
+        return MJLAB_MOTOR
+    return TARGETS[target]

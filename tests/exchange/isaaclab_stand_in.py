@@ -1,7 +1,7 @@
 """Isaac Lab's actuator configurations without Isaac Lab: the fields, their types and their defaults.
 
-ActuatorBaseCfg and its classes are those of the package isaaclab 2.3.2.post1 on PyPI, which has no BAM. BamMotorCfg and
-BamActuatorCfg are those of the development branch (commit 0120677), whose base class has further names for the limits.
+ActuatorBaseCfg and its classes are those of the package isaaclab 3.0.0 on PyPI, which has no BAM, without its
+deprecated names of limits. BamMotorCfg and BamActuatorCfg are those of the development branch (commit 0120677).
 
 A field that the class does not have, one of another type than annotated (an int is no float), and one that is left out
 although it has no default are errors.
@@ -28,10 +28,10 @@ class Checked:
 class ActuatorBaseCfg(Checked):
     class_type: Any = MISSING
     joint_names_expr: list = MISSING
-    effort_limit: PerJoint = None
-    velocity_limit: PerJoint = None
-    effort_limit_sim: PerJoint = None
-    velocity_limit_sim: PerJoint = None
+    actuator_effort_limit: PerJoint = None
+    actuator_velocity_limit: PerJoint = None
+    joint_effort_limit: PerJoint = None
+    joint_velocity_limit: PerJoint = None
     stiffness: PerJoint = MISSING
     damping: PerJoint = MISSING
     armature: PerJoint = None
@@ -86,10 +86,6 @@ class BamMotorCfg(Checked):
 
 @dataclass(kw_only=True)
 class BamActuatorCfg(ActuatorBaseCfg):
-    actuator_effort_limit: PerJoint = None
-    actuator_velocity_limit: PerJoint = None
-    joint_effort_limit: PerJoint = None
-    joint_velocity_limit: PerJoint = None
     class_type: Any = None
     stiffness: PerJoint = None
     damping: PerJoint = None

@@ -199,27 +199,27 @@ def test_a_urdf_whose_prefixes_are_not_declared_keeps_the_rest(tmp_path, target,
 
 
 def test_a_position_servo_of_isaac_lab():
-    """The classes are those of isaaclab 2.3.2.post1; fields that they do not have are refused (`isaaclab_stand_in`)."""
+    """The classes are those of isaaclab 3.0.0; fields that they do not have are refused (`isaaclab_stand_in`)."""
     knee = actuators(to_isaaclab(exported("isaaclab")))["knee"]
     assert isinstance(knee, isaaclab_stand_in.DelayedPDActuatorCfg)
     assert knee.stiffness == 5000.0 and knee.damping == 0.0 and knee.armature == 0.31
-    assert knee.effort_limit == 50.0  # an explicit actuator clips its own torque; effort_limit_sim is the engine's
+    assert knee.actuator_effort_limit == 50.0  # an explicit actuator clips its own torque
     terms = exported("isaaclab")[0].terms  # their friction is refitted: Isaac Lab has none that grows quadratically
     assert knee.friction == knee.dynamic_friction == pytest.approx(terms.frictionloss, rel=1e-9)
     assert knee.viscous_friction == pytest.approx(terms.damping, rel=1e-9)
-    assert (knee.effort_limit_sim, knee.min_delay, knee.max_delay) == (None, 1, 1)
+    assert (knee.joint_effort_limit, knee.min_delay, knee.max_delay) == (None, 1, 1)
     (rounded,) = [loss for loss in exported("isaaclab")[0].losses if loss.partly]
     assert rounded == Loss("delay.command", "delays are whole physics steps, 0.005 s in place of 0.004 s", partly=True)
     at_once = ActuatorModel("knee.1", MODEL.drive, tuple(v for v in MODEL.effects if v.key != "delay.command"))
     implicit = actuators(to_isaaclab([project(at_once, TARGETS["isaaclab"])]))["knee.1"]
     assert isinstance(implicit, isaaclab_stand_in.ImplicitActuatorCfg)
-    assert (implicit.effort_limit, implicit.effort_limit_sim) == (None, 50.0)
+    assert (implicit.actuator_effort_limit, implicit.joint_effort_limit) == (None, 50.0)
     (pattern,) = implicit.joint_names_expr
     assert re.fullmatch(pattern, "knee.1") and not re.fullmatch(pattern, "knee_1")
 
 
 def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
-    """DCMotor of isaaclab 2.3.2.post1 clips to saturation_effort (+-1 - v/velocity_limit) and to +-effort_limit.
+    """DCMotor of isaaclab 3.0.0 clips to saturation_effort (+-1 - v/actuator_velocity_limit), +-actuator_effort_limit.
 
     The drive gives at most (+-U - kt v) kt/R, also where it brakes.
     """
@@ -228,27 +228,27 @@ def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
     knee = actuators(
         to_isaaclab([with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5, TARGETS["isaaclab"])])
     )["knee"]
-    assert isinstance(knee, isaaclab_stand_in.DCMotorCfg) and knee.effort_limit_sim is None
+    assert isinstance(knee, isaaclab_stand_in.DCMotorCfg) and knee.joint_effort_limit is None
     v = np.linspace(-8.0, 8.0, 17)  # up to the speed without load
     for sign in (-1.0, 1.0):
-        line = knee.saturation_effort * (sign - v / knee.velocity_limit)
-        clipped = np.clip(line, -knee.effort_limit, knee.effort_limit)
+        line = knee.saturation_effort * (sign - v / knee.actuator_velocity_limit)
+        clipped = np.clip(line, -knee.actuator_effort_limit, knee.actuator_effort_limit)
         np.testing.assert_allclose(clipped, 4.0 * (sign * 12.0 - 1.5 * v), rtol=1e-9, atol=1e-9)
     assert knee.viscous_friction == pytest.approx(9.0 - 1.5 * 4.0)
     without = actuators(to_isaaclab([project(model, TARGETS["isaaclab"])]))["knee"]
     assert isinstance(without, isaaclab_stand_in.IdealPDActuatorCfg) and without.stiffness == 0.0
-    assert without.effort_limit == 48.0 and without.effort_limit_sim is None
+    assert without.actuator_effort_limit == 48.0 and without.joint_effort_limit is None
 
 
 def test_a_delayed_drive_on_a_voltage_has_the_same_torque_without_a_dc_motor():
-    """DelayedPDActuator of isaaclab 2.3.2.post1 clips the late effort to +-effort_limit at every speed."""
+    """DelayedPDActuator of isaaclab 3.0.0 clips the late effort to +-actuator_effort_limit at every speed."""
     values = [EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0})]
     model = ActuatorModel("knee", Drive("voltage", 0.25), (*values, EffectValue("delay.loop", {"delay": 0.01})))
     projection = with_torque_constant(project(model, TARGETS["isaaclab"]), 1.5, TARGETS["isaaclab"])
     knee = actuators(to_isaaclab([projection]))["knee"]
     assert isinstance(knee, isaaclab_stand_in.DelayedPDActuatorCfg) and (knee.min_delay, knee.max_delay) == (2, 2)
     voltage, v = np.meshgrid(np.linspace(-20.0, 20.0, 9), np.linspace(-8.0, 8.0, 17))
-    found = np.clip(4.0 * voltage, -knee.effort_limit, knee.effort_limit) - knee.viscous_friction * v
+    found = np.clip(4.0 * voltage, -knee.actuator_effort_limit, knee.actuator_effort_limit) - knee.viscous_friction * v
     expected = 4.0 * (np.clip(voltage, -12.0, 12.0) - 1.5 * v) - (9.0 - 1.5 * 4.0) * v
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)  # numbers are written with ten digits
     (lost,) = [loss for loss in projection.losses if loss.effect == "torque_constant"]
@@ -257,7 +257,7 @@ def test_a_delayed_drive_on_a_voltage_has_the_same_torque_without_a_dc_motor():
 
 @pytest.mark.parametrize("drive", [Drive("current", 0.5), Drive("voltage", 0.5), Drive("torque", 1.0)])
 def test_an_effort_is_limited_by_an_actuator_that_computes_it(drive):
-    """ImplicitActuator of isaaclab 2.3.2.post1 passes an effort on as it is: its limit is that of the joint's drive."""
+    """ImplicitActuator of isaaclab 3.0.0 passes an effort on as it is: its limit is that of the joint's drive."""
     viscous, limit = EffectValue("viscous", {"viscous": 9.0}), EffectValue("saturation", {"limit": 12.0})
     for effects, kind, bound in (
         ((viscous,), isaaclab_stand_in.ImplicitActuatorCfg, None),
@@ -265,7 +265,7 @@ def test_an_effort_is_limited_by_an_actuator_that_computes_it(drive):
         ((viscous, EffectValue("saturation")), isaaclab_stand_in.ImplicitActuatorCfg, None),  # no limit is infinite
     ):
         knee = actuators(to_isaaclab([project(ActuatorModel("knee", drive, effects), TARGETS["isaaclab"])]))["knee"]
-        assert type(knee) is kind and (knee.effort_limit, knee.effort_limit_sim) == (bound, None)
+        assert type(knee) is kind and (knee.actuator_effort_limit, knee.joint_effort_limit) == (bound, None)
 
 
 def test_an_error_of_the_drive_gain_is_in_the_drive_gain():

@@ -1,6 +1,6 @@
 """Isaac Lab's BAM servo: the drive's law, evaluated with the fields of the file, is the identified model's torque.
 
-The release 2.3.2.post1 of isaaclab has no such servo. Its classes are those of the development branch, commit 0120677.
+The release 3.0.0 of isaaclab has no such servo. Its classes are those of the development branch, commit 0120677.
 """
 
 import numpy as np

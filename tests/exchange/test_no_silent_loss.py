@@ -18,14 +18,18 @@ from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
 from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.mjlab import to_mjlab_actuators
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.sdf import to_sdf
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.targets import TARGETS, vocabulary
 from drake_tc.exchange.urdf import to_urdf
 
 SETTINGS = ServoSettings(supply_voltage=12.0, position_gain=40.0)
 WRITERS = {
     "mjcf": to_mjcf,
+    "playground": to_mjcf,
+    "newton": to_mjcf,
+    "mjlab": to_mjlab_actuators,
     "urdf": to_urdf,
     "drake-urdf": lambda projections: to_urdf(projections, drake=True),
     "sdf": to_sdf,
@@ -80,7 +84,7 @@ def export(target, kind, constant, keys, changed=("", "")):
     """The text with the gain that is lost, and the names of lost effects; `changed` is a key and its parameter."""
     values = {key: parameters(key, changed[1] if key == changed[0] else "") for key in keys}
     model = ActuatorModel("knee", Drive(kind, GAIN), tuple(EffectValue(key, each) for key, each in values.items()))
-    projection = project(model, TARGETS[target])
+    projection = project(model, vocabulary(target, kind, constant))
     if constant is not None:
         projection = with_torque_constant(projection, constant, TARGETS[target])
     text = WRITERS[target]([projection])

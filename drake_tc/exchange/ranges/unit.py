@@ -155,7 +155,11 @@ def _document(path: Path, what: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise ParamsError(f"{path}: expected {what}, got {error}") from error
     joints = document.get("joints") if isinstance(document, dict) else None
-    if not isinstance(document, dict) or not isinstance(joints, dict) or not all(isinstance(each, dict) for each in joints.values()):
+    if (
+        not isinstance(document, dict)
+        or not isinstance(joints, dict)
+        or not all(isinstance(each, dict) for each in joints.values())
+    ):
         raise ParamsError(f"{path}: expected {what}, which has an entry `joints`, got another document")
     return document
 
