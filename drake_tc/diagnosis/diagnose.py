@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
@@ -120,7 +121,7 @@ def joint_result(
     executor: Executor | None = None,
 ) -> JointResult:
     """What is told of a joint after its search, and what is left."""
-    found, best, floor = decision.found, decision.best, decision.floor
+    found, best, floor = decision.found, corrected(decision.found.evidence, decision.best), decision.floor
     model, evidence = found.evidence.model, found.evidence
     context = model.context
     declared = evidence.score(model.declared)

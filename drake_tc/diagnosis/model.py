@@ -268,11 +268,13 @@ class JointModel:
         return out
 
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
-        """Columns of what differs from run to run: Coulomb friction and the zero of the effort."""
+        """Columns of what differs from run to run: Coulomb and viscous friction, and the zero of the effort."""
         s, out = split.samples, []
         direction = s.reduce(s.signals.direction, fresh=True)
-        sizes = (spread.friction * split.gain * self.friction, spread.zero * self.scale)
-        for values, deviation in zip((direction, np.ones_like(direction)), sizes, strict=True):
+        speed = s.reduce(s.signals.velocity)
+        friction = spread.friction * split.gain
+        sizes = (friction * self.friction, friction * self.viscous, spread.zero * self.scale)
+        for values, deviation in zip((direction, speed, np.ones_like(direction)), sizes, strict=True):
             if deviation <= 0.0:
                 continue
             columns = np.stack([np.where(s.run == k, values, 0.0) for k in range(len(s.runs))], axis=-1)
@@ -302,16 +304,22 @@ class JointModel:
     def with_share(self, share: float) -> "JointModel":
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
-        train, held = (_with_clean(replace(s, share=np.array([share])), measured=measured) for s in (self.train, self.held))
+        taps = np.array([share])
+        train, held = (with_clean(replace(s, share=taps), measured=measured) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
 
 
 @dataclass(frozen=True)
 class RunSpread:
-    """Standard deviations from run to run: of Coulomb friction over its mean, of the effort's zero over its RMS."""
+    """Standard deviations from run to run: of each friction over its mean, of the effort's zero over its RMS."""
 
     friction: float = 0.0
     zero: float = 0.0
+
+
+def rate_inside(values: FloatArray, samples: Samples) -> FloatArray:
+    """Time derivative (T,) of values (T,) without the jumps between stretches."""
+    return _inside(np.gradient(values, samples.signals.period), samples)
 
 
 def _inside(values: FloatArray, samples: Samples) -> FloatArray:
@@ -339,10 +347,10 @@ def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, m
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
     gain = 1.0 / float(beta[0])
     first = Split(recorded, recorded, gain * torque, latent_share(recorded, gain * torque), gain)
-    return _with_clean(first, measured=measured)
+    return with_clean(first, measured=measured)
 
 
-def _with_clean(first: Split, *, measured: bool) -> Split:
+def with_clean(first: Split, *, measured: bool) -> Split:
     """The split with its columns computed from the latent effort, and the load torque that it means."""
     samples, gain = first.samples, first.gain
     s = samples.signals

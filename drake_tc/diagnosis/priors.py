@@ -43,6 +43,9 @@ RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4
 MEMORIES_S = (0.03, 0.1, 0.3, 1.0, 3.0)
 """Tried correlation times of the slow discrepancy [s]."""
 
+NOISE_LEVEL = 0.3
+"""Relative standard deviation of what a sensor's noise, estimated from its log, takes off a coefficient."""
+
 NAMED_FLOORS = 0.5
 """RMS contribution in noise floors below which no effect is named, whatever its evidence."""
 ALTERNATIVE = 3.0
