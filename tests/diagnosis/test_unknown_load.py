@@ -119,27 +119,15 @@ def test_taking_the_effort_away_explains_nothing() -> None:
     assert not known.effort_is_target and effort_left(known, [wide]) == 1.0
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_nothing_missing_is_said_to_be_nothing(seed: int) -> None:
-    swing = replace(SWING, duration=12.0, period=4e-3)
-    result = diagnose_joint(*runs_of(swing, 17 + seed), rig_of(swing), JOINT, DiagnosisOptions(seed=seed))
-    assert result.verdict == "no_missing_effect" and not result.effects
-
-
-def stribeck(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    return np.asarray(0.5 * np.sign(v) * np.exp(-((v / 0.3) ** 2)))
-
-
 def load_friction(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
     load = SWING.moment * np.sin(q - SWING.zero) + SWING.constant + SWING.inertia * a
     return np.asarray(0.1 * np.abs(load) * np.sign(v))
 
 
-@pytest.mark.parametrize(("extra", "name"), [(stribeck, "stribeck"), (load_friction, "load_dependent_friction")])
-def test_a_missing_effect_is_found_beside_the_load(extra, name: str) -> None:  # type: ignore[no-untyped-def]
-    swing = replace(SWING, period=4e-3, extra=extra)
+def test_a_missing_effect_is_found_beside_the_load() -> None:
+    swing = replace(SWING, period=4e-3, extra=load_friction)
     result = diagnose_joint(*runs_of(swing), rig_of(swing), JOINT, DiagnosisOptions())
-    assert result.verdict == "effects_found" and [e.id for e in result.effects] == [name]
+    assert result.verdict == "effects_found" and [e.id for e in result.effects] == ["load_dependent_friction"]
     load = result.final_parameters["unknown_load.pendulum"]
     assert_allclose([load[n].value for n in ("moment", "inertia")], [SWING.moment, SWING.inertia], rtol=0.02)
 
@@ -152,6 +140,7 @@ def written(folder: Path, swing: Swing, rig: Rig) -> tuple[Path, list[Path]]:
     return save_rig(rig, folder / "rig.yaml"), logs
 
 
+@pytest.mark.slow
 def test_runs_with_other_masses_are_told_apart() -> None:
     other = replace(SWING, moment=1.6 * SWING.moment, inertia=1.6 * SWING.inertia)
     train = [record(SWING, "light", 1), record(other, "heavy", 2, 0.37)]
@@ -160,10 +149,9 @@ def test_runs_with_other_masses_are_told_apart() -> None:
     assert result.next_experiment == SeparateLoads()
 
 
-@pytest.mark.parametrize("load", ["unknown", SMOOTH])
-def test_from_files_to_a_free_run_without_any_scale(tmp_path: Path, load: object) -> None:
+def test_from_files_to_a_free_run_without_any_scale(tmp_path: Path) -> None:
     swing = replace(SWING, drive="position_servo", gain=0.01, encoder_noise=2e-5, duration=10.0, period=4e-3)
-    rig, logs = written(tmp_path, swing, rig_of(swing, load, drive_gain=None))
+    rig, logs = written(tmp_path, swing, rig_of(swing, drive_gain=None))
     result = close_loop(rig, logs[:2], logs[2:], DiagnosisOptions(assess_residual=False), rig_free_run)
     joint = result.joints[JOINT]
     assert joint.after.free_run_heldout is not None and joint.after.free_run_heldout < 0.01  # of a motion of 2.8 rad
@@ -217,7 +205,7 @@ def test_the_module_under_test_writes_no_torque_column() -> None:
 
 
 @pytest.mark.parametrize(
-    ("constant", "half_difference"), [(0.0, 0.0), (0.12, 0.0), (0.0, 0.06)], ids=["none", "preload", "by direction"]
+    ("constant", "half_difference"), [(0.0, 0.0), (0.12, 0.06)], ids=["none", "preload and by direction"]
 )
 def test_a_constant_that_no_pendulum_has_is_pointed_out(constant: float, half_difference: float) -> None:
     """Friction of F + d forwards and F - d backwards is a constant torque d while the joint slides."""
