@@ -40,6 +40,9 @@ def test_a_command_of_zero_that_was_sent_is_answered_and_stays():
     position = command.copy()
     command[1000:1100] = 0.0
     assert_array_equal(np.flatnonzero(unanswered_zeros(command, position)), np.arange(1000, 1100))
+    single = position.copy()
+    single[1000] = 0.0
+    assert_array_equal(np.flatnonzero(unanswered_zeros(single, position)), [1000])
     answering = position.copy()
     answering[1000:1100] *= np.exp(-np.arange(100) / 20.0)
     assert not unanswered_zeros(command, answering).any()

@@ -1,5 +1,7 @@
 """Torque and acceleration limits as rows: which joint, which side, whatever the order of the joints."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -33,20 +35,22 @@ def test_a_joint_about_to_pass_its_limits_is_held_by_its_own_row(robot_model):
     limits = joint_limits(robot)
     limit = AccelerationLimit.of(robot, it.actuated, it.nv, period=1e-3, acceleration=50.0, velocity=2.0, margin=0.01)
     scratch, middle = it.create_scratch(), 0.5 * (np.maximum(limits.lower, -1.0) + np.minimum(limits.upper, 1.0))
-    for j in (0, len(robot.joints) - 1):
-        if not np.isfinite(limits.upper[j]):
+    for j, way in product((0, len(robot.joints) - 1), (1.0, -1.0)):
+        end = limits.upper[j] if way > 0.0 else limits.lower[j]
+        if not np.isfinite(end):
             continue
         q, v = it.start.copy(), np.zeros(it.nv)
         q[it.positions] = middle
-        q[it.positions[j]] = limits.upper[j] - 0.01 - 1e-4
-        v[it.actuated[j]] = 0.099
+        q[it.positions[j]] = end - way * (0.01 + 1e-4)
+        v[it.actuated[j]] = 0.099 * way
         rows = limit.rows(it.terms(scratch, q, v))
+        ahead, behind = (rows.upper, rows.lower) if way > 0.0 else (-rows.lower, -rows.upper)
         others = np.delete(np.arange(len(robot.joints)), j)
-        assert -50.0 < rows.upper[j] < -40.0  # v^2 / (2 room) = 49.0: it has to brake now, and can
-        assert_allclose(rows.upper[others], 50.0)
-        assert_allclose(rows.lower, -50.0)
+        assert -50.0 < ahead[j] < -40.0  # v^2 / (2 room) = 49.0: it has to brake now, and can
+        assert_allclose(ahead[others], 50.0)
+        assert_allclose(behind, -50.0)
         assert rows.relaxed == 0
-        v[it.actuated[j]] = 0.11
+        v[it.actuated[j]] = 0.11 * way
         assert limit.rows(it.terms(scratch, q, v)).relaxed == 1
 
 
