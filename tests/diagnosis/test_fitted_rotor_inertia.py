@@ -38,15 +38,12 @@ WAVES = (
     (0.28, 0.21, 5.7),
 )
 PENDULUM = Joint(drive="position_servo", gain=2e-3, encoder_step=STEP, encoder_noise=0.3 * STEP, torque_noise=0.02)
-SLOW = replace(PENDULUM, period=0.02, duration=40.0, encoder_step=4e-4, encoder_noise=1e-4)
 
 FAST = tuple((0.6 + 0.775 * k, 0.05, phase) for k, phase in enumerate((0.2, 1.9, 3.3, 4.1, 5.6)))
 """Small and fast, so that the acceleration's noise is most of what is left."""
 NOISY = Joint(period=5e-4, duration=8.0, gain=0.1, viscous=3.0, coulomb=2.0, encoder_step=3e-5, torque_noise=0.02)
 RIG = parse_rig({"joint": "joint", "drive": "current"})
 DECLARED = ("viscous", "coulomb", "rotor_inertia")
-AMPLITUDE = 4e-3
-"""Of an encoder's eccentricity [rad]."""
 
 
 def hung(joint: Joint, seed: int, waves: Waves = WAVES) -> Run:
@@ -69,7 +66,7 @@ def diagnosed(joint: Joint, waves: Waves = WAVES, **keys: object) -> JointResult
     return diagnose_joint(runs[:2], runs[2:], rig, "joint", DiagnosisOptions(assess_residual=False))
 
 
-@pytest.mark.parametrize("noise", [0.1, 0.3, 1.0], ids=lambda share: f"{share} steps")
+@pytest.mark.parametrize("noise", [1.0], ids=lambda share: f"{share} steps")
 def test_nothing_is_missing_where_the_rotor_inertia_is_declared_without_a_value(noise):
     result = diagnosed(replace(PENDULUM, encoder_noise=noise * STEP), declared=["rotor_inertia"])
     assert result.effects == ()
@@ -81,28 +78,6 @@ def test_an_undeclared_rotor_is_found_where_the_drive_gain_is_known():
     result = diagnosed(PENDULUM, drive_gain=PENDULUM.gain)
     assert [each.id for each in result.effects] == ["rotor_inertia"]
     assert result.effects[0].parameters["rotor_inertia"].value == pytest.approx(PENDULUM.inertia, rel=0.02)
-
-
-def test_an_undeclared_rotor_is_found_where_a_function_of_the_position_and_the_drive_gain_stand_in_for_it():
-    """At 50 Hz with an encoder of 14 bits, an eccentricity leaves less than the rotor's noisy acceleration."""
-    result = diagnosed(SLOW)
-    assert [each.id for each in result.effects] == ["rotor_inertia"]
-    assert result.effects[0].parameters["rotor_inertia"].value == pytest.approx(SLOW.inertia, rel=0.05)
-
-
-def test_a_true_eccentricity_is_kept_beside_a_torque_sensor():
-    """A quarter of a turn away from the form of the pendulum's load."""
-    rig = parse_rig({"joint": "joint", "drive": "position_servo", "command_hold": False})
-    runs = [eccentric(hung(replace(PENDULUM, inertia=0.0), seed), AMPLITUDE) for seed in range(3)]
-    result = diagnose_joint(runs[:2], runs[2:], rig, "joint", DiagnosisOptions(assess_residual=False))
-    assert [each.id for each in result.effects] == ["encoder_eccentricity"]
-    assert result.effects[0].parameters["eccentricity_cosine"].value == pytest.approx(AMPLITUDE, rel=0.02)
-
-
-def eccentric(run: Run, amplitude: float) -> Run:
-    """The run as an encoder records it that the servo does not use, with an error of `amplitude` cos q [rad]."""
-    q = run.columns["joint/position"]
-    return replace(run, columns={**run.columns, "joint/position": q + amplitude * np.cos(q)})
 
 
 def terms(*names: str) -> list[Term]:
@@ -121,7 +96,7 @@ def context() -> Context:
 
 
 @pytest.mark.parametrize("name", ["cable_spring", "position_dependent_load"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_an_effect_that_takes_the_place_of_the_inertia_is_not_believed(seed, name):
     columns = noisy(seed)
     declared, both = fit(columns, terms(*DECLARED)), fit(columns, terms(*DECLARED, name))

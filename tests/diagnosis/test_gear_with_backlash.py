@@ -4,12 +4,10 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.notes import GapCrossings
-from drake_tc.diagnosis.timing_notes import PositionRecordedLate
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.cable_spring import CableSpring
 from drake_tc.report.report_json import joint_json
@@ -17,10 +15,8 @@ from drake_tc.report.report_json import joint_json
 from .gear_with_backlash import Gear, diagnose
 
 
-@pytest.mark.parametrize(
-    "gear", [Gear(backlash=2e-3), Gear(backlash=6e-4), Gear(backlash=1.2e-3, stiffness=2500.0, rotor=0.3)]
-)
-def test_backlash_explains_all_but_the_noise(gear: Gear) -> None:
+def test_backlash_explains_all_but_the_noise() -> None:
+    gear = Gear(backlash=1.2e-3, stiffness=2500.0, rotor=0.3)
     found = diagnose(gear)
     assert [e.id for e in found.effects] == ["backlash"]
     assert_allclose(found.effects[0].parameters["backlash"].value, gear.backlash, rtol=0.03)
@@ -31,38 +27,12 @@ def test_backlash_explains_all_but_the_noise(gear: Gear) -> None:
     assert swing < note.within < swing + 0.06
 
 
-def test_a_spring_beside_backlash_is_found_too() -> None:
-    gear = Gear(backlash=1.2e-3, spring=3.0)
-    found = diagnose(gear)
-    assert {e.id for e in found.effects} == {"backlash", "cable_spring"}
-    stiffness = next(e for e in found.effects if e.id == "cable_spring").parameters["spring_stiffness"].value
-    assert_allclose(stiffness, gear.spring, rtol=0.05)
-    assert found.verdict == "effects_found"
-
-
-def test_a_gear_without_backlash_keeps_all_rows() -> None:
-    found = diagnose(Gear(backlash=0.0))
-    assert found.verdict == "no_missing_effect"
-    assert not [each for each in found.notes if isinstance(each, GapCrossings)]
-
-
 def test_a_soft_gear_has_a_report_that_can_be_written() -> None:
     gear = Gear(backlash=0.0, contact=8e3)
     found = diagnose(gear)
     (soft,) = [e for e in found.effects if e.id == "elasticity"]
     assert_allclose(soft.parameters["compliance"].value, 1.0 / gear.contact, rtol=0.1)
     assert json.loads(json.dumps(joint_json(found)))["effects"][0]["id"] == "elasticity"
-
-
-@pytest.mark.parametrize("late", [0, 3])
-def test_a_late_position_beside_a_torque_sensor_is_no_payload(late: int) -> None:
-    """12 ms of delay add 60 N m s/rad of friction, and an inertia of K d^2/2 = 0.36 kg m^2."""
-    found = diagnose(Gear(backlash=0.0, contact=4e6), late, torque_sensor=True)
-    leads = [note.lead for note in found.notes if isinstance(note, PositionRecordedLate)]
-    assert leads == pytest.approx([0.004 * late] if late else [], abs=1e-3)
-    assert found.effects == ()
-    viscous = found.final_parameters["viscous"]["viscous"].value
-    assert viscous == pytest.approx(Gear(0.0).viscous, rel=0.1)
 
 
 def test_the_gap_is_open_around_each_change_of_sign_of_one_of_the_torques() -> None:

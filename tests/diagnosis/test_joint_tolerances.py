@@ -14,7 +14,7 @@ from drake_tc.diagnosis.notes import ZeroOfEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.problem.sensor_errors import errors_in, without_errors
+from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.result import outcome
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
@@ -74,20 +74,6 @@ def test_a_bias_within_tolerance_is_not_named_and_friction_is_right():
     assert [e.key for e in model_of(result, final=True).effects] == ["rotor_inertia", "viscous", "coulomb"]
 
 
-def test_a_bias_of_five_tolerances_is_an_effect_of_its_size():
-    joint = replace(JOINT, sensor=sensor(1.0))
-    result = diagnose(joint, TOLERANCE)
-    assert [e.id for e in result.effects] == ["torque_sensor_bias"]
-    found = result.effects[0].parameters["bias"]
-    assert found.ci95[0] <= 1.0 <= found.ci95[1]
-    assert_allclose(found.value, 1.0, rtol=0.01)
-    assert errors_in(result.final.terms) is not None
-    named, untold = result.final.beta[-1], result.final.beta[3]
-    assert_allclose(untold, 0.0, atol=1e-12)  # the effect takes the place of the error within tolerance
-    assert_allclose(named, 1.0, rtol=0.01)
-    assert result.after.heldout < 1.1 * result.noise_floor
-
-
 def only(monkeypatch: pytest.MonkeyPatch, *keys: str) -> None:
     """Look for these effects alone."""
     for each in (module, outcome):
@@ -138,7 +124,7 @@ def pendulum(sensors: dict[str, object], offset: float = 0.0, constant: float = 
     return diagnose_joint(runs[:2], runs[2:], swing_rig(swing, sensors), pendulum_rig.JOINT, QUICK)
 
 
-@pytest.mark.parametrize(("offset", "named"), [(0.02, []), (0.08, ["encoder_offset"])])
+@pytest.mark.parametrize(("offset", "named"), [(0.08, ["encoder_offset"])])
 def test_the_zero_of_an_encoder(offset, named):
     result = pendulum({"encoder": {"offset": "0.01 rad"}}, offset)
     assert [e.id for e in result.effects] == named
@@ -154,7 +140,7 @@ def test_the_zero_of_an_encoder(offset, named):
         assert_allclose(moved, offset, rtol=0.05)
 
 
-@pytest.mark.parametrize(("constant", "named"), [(0.05, False), (-0.08, False), (0.3, True)])
+@pytest.mark.parametrize(("constant", "named"), [(-0.08, False)])
 def test_the_zero_of_a_current(constant, named):
     """50 mN m at 0.4 A/(N m) are 20 mA, the tolerance; while the joint slides, such a constant is like a friction."""
     without = pendulum({}, constant=constant)

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.selection.sampling_instants import age_of_samples
-from drake_tc.diagnosis.timing_notes import LateCommand, OlderEffort
+from drake_tc.diagnosis.timing_notes import OlderEffort
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
@@ -75,28 +75,10 @@ def test_the_age_of_the_goal_is_found_beside_any_model(runs):
     assert age_of_samples(False, prepare, plain, plain.terms) is None
 
 
-def test_a_goal_that_is_logged_before_it_is_written_is_no_delay():
-    """Two fifths of a cycle before: the goal that acts is 0.9 cycles older than the recorded one."""
-    found = diagnose(-2, RIG)
-    assert [each.key for each in found.effects] == []
-    (older,) = (note for note in found.notes if isinstance(note, OlderEffort))
-    assert older.age == pytest.approx(0.9 * CYCLE, abs=4e-4)
-    viscous = found.final_parameters["viscous"]["viscous"]
-    assert viscous.value == pytest.approx(SERVO.viscous, rel=0.01)
-
-
 def test_the_same_delay_is_named_if_the_rig_file_states_the_hold():
     found = diagnose(-2, replace(RIG, command_hold=True))
     assert [each.key for each in found.effects] == ["delay.command"]
     assert found.final_parameters["delay.command"]["delay"].value == pytest.approx(0.4 * CYCLE, abs=6e-4)
-
-
-def test_a_delay_of_a_whole_cycle_beyond_the_hold_is_named():
-    """A delay of the loop takes its place, and a note tells the delay of the command alone."""
-    found = diagnose(-5, RIG)
-    assert [each.key for each in found.effects] == ["delay.loop"]
-    (of_the_command,) = (note for note in found.notes if isinstance(note, LateCommand))
-    assert of_the_command.delay == pytest.approx(CYCLE, abs=4e-4)
 
 
 def diagnose(after: int, rig: Rig) -> JointResult:

@@ -25,7 +25,6 @@ from drake_tc.logs.rig import parse_rig
 PERIOD, FINE = 5e-3, 2.5e-4
 INERTIA, MOMENT, VISCOUS, COULOMB, GAIN = 0.05, 3.2, 0.35, 0.3, 0.25
 ENCODER = 2 * np.pi / 2**16
-STIFFNESS = 12.0
 RIG = parse_rig(
     {
         "joint": "joint",
@@ -97,13 +96,6 @@ def test_half_a_period_of_hold_is_no_delay_where_a_robot_model_gives_the_load(tm
     assert any(isinstance(note, OlderEffort) for note in found.notes)
 
 
-def test_a_delay_of_three_periods_is_one():
-    found = diagnosed(3 * PERIOD)
-    assert [each.id for each in found.effects] == ["delay"]
-    value = found.effects[0].parameters["delay"].value
-    assert value == pytest.approx(3.5 * PERIOD, abs=0.1 * PERIOD)  # with half a period of the hold
-
-
 def test_a_late_torque_sensor_is_no_age_of_the_effort():
     """Its delay is a coefficient of the fit, not a shape."""
     sensor = Term(effect("delay.torque_sensor"))
@@ -148,33 +140,3 @@ def test_no_age_lies_between_ages_of_which_one_explains_nothing():
     sound = fit(prepared.train, prepared.terms)
     tried = {0.125: sound, 0.25: sound, 0.375: replace(sound, cv_rms=np.inf)}
     assert _between(tried, pytest.fail, prepared.terms) == {}
-
-
-@pytest.mark.parametrize(("late", "named"), [(0.0, []), (3e-3, ["delay"])])
-def test_half_a_period_of_a_goal_that_is_held_at_500_hz_is_no_delay(late, named):
-    """A goal in steps shows a millisecond; a delay of one and a half periods more is one."""
-    runs = [stepped(seed, late) for seed in range(3)]
-    rig = parse_rig({"joint": "joint", "drive": "position_servo", "load": "unknown", "drive_gain": 1.0 / STIFFNESS})
-    found = diagnose_joint(runs[:2], runs[2:], rig, "joint", DiagnosisOptions(assess_residual=False))
-    assert [each.id for each in found.effects] == named
-    if not named:
-        assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(VISCOUS, rel=0.02)
-
-
-def stepped(seed: int, late: float) -> Run:
-    """A servo on a pendulum; its goal jumps, is held for the 2 ms of the log, and arrives `late`."""
-    rng, period, fine = np.random.default_rng(seed), 2e-3, 1e-4
-    goals, step = np.repeat(rng.uniform(-1.2, 1.2, 15), 500), ENCODER / 16.0
-    q, v, total, position = 0.0, 0.0, 0.02, np.empty(goals.size)
-    wait = [0.0] * (round(late / fine) + 1)
-    for k, goal in enumerate(goals.tolist()):
-        position[k] = step * round(q / step)
-        for _ in range(round(period / fine)):
-            wait.append(goal)
-            torque = STIFFNESS * (wait.pop(0) - q) - 1.3 * np.sin(q) - VISCOUS * v
-            faster = v + fine * torque / total
-            v = np.sign(faster) * max(abs(faster) - fine * 0.15 / total, 0.0)
-            q += fine * v
-    columns = {"joint/position": position, "joint/position_command": goals}
-    time = period * np.arange(goals.size)
-    return Run(f"run{seed}", None, time, period, columns, np.zeros(goals.size, int), steps={"joint/position": step})

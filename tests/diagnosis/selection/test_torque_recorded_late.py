@@ -57,7 +57,7 @@ def diagnosed(late: float) -> JointResult:
     return diagnose_joint(runs[:2], runs[2:], RIG, "joint", DiagnosisOptions(assess_residual=False))
 
 
-@pytest.mark.parametrize("late", [0.02, 0.03])
+@pytest.mark.parametrize("late", [0.03])
 def test_the_report_says_by_how_much_and_friction_is_right(late):
     """A current that is held is half a period older than its sample, which makes the torque sensor seem less late."""
     found = diagnosed(late)
@@ -66,9 +66,3 @@ def test_the_report_says_by_how_much_and_friction_is_right(late):
     assert found.effects == ()
     assert found.final_parameters["viscous"]["viscous"].value == pytest.approx(VISCOUS, rel=0.05)
     assert found.final_parameters["coulomb"]["coulomb"].value == pytest.approx(COULOMB, rel=0.05)
-
-
-def test_a_sensor_in_time_is_left_alone():
-    found = diagnosed(0.0)
-    assert not [each for each in found.notes if isinstance(each, TorqueRecordedLate)]
-    assert found.effects == ()
