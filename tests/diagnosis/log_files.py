@@ -76,17 +76,6 @@ def write_logs(
     return Logs(write_rig(folder, first, **(rig or {})), tuple(paths[:2]), tuple(paths[2:]))
 
 
-def floors(report: Mapping[str, Any], side: str = "heldout") -> float:
-    """Error after over the noise floor."""
-    joint = report["joints"]["joint"]
-    return float(joint["error"]["after"][side] / joint["noise_floor"])
-
-
-def found(report: Mapping[str, Any]) -> list[str]:
-    """Ids of the effects that are named, sorted."""
-    return sorted(effect["id"] for effect in report["joints"]["joint"]["effects"])
-
-
 def figures(report: Mapping[str, Any]) -> np.ndarray:
     """Floor, errors before and after, and held-out gains: what must not depend on how the logs are written."""
     joint = report["joints"]["joint"]

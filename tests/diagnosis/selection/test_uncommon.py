@@ -83,6 +83,33 @@ def test_a_torque_constant_that_varies_with_the_angle_is_found_at_its_size(cosin
     assert np.diff(found["gain_cosine"].ci95) < 0.02
 
 
+def wandering(runs, size, seed=5):
+    """The runs with a torque sensor that walks at random, to `size` [N m] (standard deviation) at the end of a run."""
+    rng = np.random.default_rng(seed)
+    steps = (rng.standard_normal(run.time.size) for run in runs)
+    walks = [size * np.cumsum(step) / np.sqrt(step.size) for step in steps]
+    return [
+        replace(run, columns={**run.columns, "joint/torque": run.columns["joint/torque"] + walk})
+        for run, walk in zip(runs, walks, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("extra", "size"),
+    [
+        (lambda m: 0.8 * np.cos(18.0 * m.q), 0.0),
+        (lambda m: 0.8 * np.cos(9.0 * m.q) * np.sign(m.v), 0.0),
+        (lambda m: 0.2 * np.abs(m.tau) * np.sign(m.v), 0.1),
+    ],
+    ids=["cogging", "friction over the angle", "load-dependent friction"],
+)
+def test_no_varying_torque_constant_is_named_in_the_place_of_its_neighbours(extra, size):
+    bench = Joint(torque_noise=0.05, extra=extra)
+    runs = [record(bench, f"run{k}", float(k), k) for k in range(2)]
+    _, kept = found_in(bench, wandering(runs, size), WAVES | {"load_dependent_friction"}, UNCOMMON)
+    assert "gain_ripple" not in {t.effect.id for t in kept.terms}
+
+
 @pytest.mark.parametrize(
     "extra", [None, lambda m: 0.15 * np.abs(m.tau) * np.sign(m.v)], ids=["nothing missing", "load-dependent friction"]
 )

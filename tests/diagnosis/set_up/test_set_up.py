@@ -179,6 +179,15 @@ def test_another_zero(elbow_arm):
     assert "34.3 deg" in set_up_sentences(check)[1]
 
 
+def test_exchanged_columns(elbow_arm):
+    def exchanged(columns):
+        names = {"roll": "bend", "bend": "roll"}
+        parts = {name: name.partition("/") for name in columns}
+        return {f"{names.get(j, j)}{slash}{rest}": columns[name] for name, (j, slash, rest) in parts.items()}
+
+    assert kinds(checked(elbow_arm, exchanged, **ELBOW_RIG)) == [("columns_exchanged", ("roll", "bend"))]
+
+
 def test_exchanged_efforts(elbow_arm):
     def exchanged(columns):
         return columns | {"roll/current": columns["bend/current"], "bend/current": columns["roll/current"]}
@@ -186,6 +195,11 @@ def test_exchanged_efforts(elbow_arm):
     check = checked(elbow_arm, exchanged, **ELBOW_RIG)
     assert kinds(check) == [("efforts_exchanged", ("roll", "bend"))]
     assert "exchange the effort columns" in " ".join(set_up_sentences(check))
+
+
+def test_two_reversed_joints(elbow_arm):
+    signs = {f"{joint}__{suffix}": -1.0 for joint in ("lift", "roll") for suffix in ("position", "current")}
+    assert kinds(checked(elbow_arm, scaled(**signs), **ELBOW_RIG)) == [("joint_reversed", ("lift", "roll"))]
 
 
 def test_a_tilted_base(tmp_path):
