@@ -28,8 +28,9 @@ FILES = (
     "torque_uncertainty.yaml",
     "check.html",
     "check.json",
+    "residuals.mcap",
 )
-"""What the command writes; the refined model only where refining made free runs better, the check only with --check."""
+"""What the command writes; the refined model only where refining made free runs better, others with their options."""
 LOADED_BY_WORKERS = (
     "drake_tc.loops.joint_bench.rig_free_run",
     "drake_tc.identification.output_error",
@@ -85,6 +86,14 @@ def close_loop_command(
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Also write a check of the logs: check.html, check.json.")
     ] = False,
+    mcap: Annotated[
+        bool,
+        typer.Option(
+            "--mcap",
+            help="Also write residuals.mcap: measured and modelled effort and position over time, for Foxglove, Rerun"
+            " or PlotJuggler.",
+        ),
+    ] = False,
     try_export: Annotated[
         ExportTarget | None,
         typer.Option(
@@ -131,11 +140,14 @@ def close_loop_command(
         from drake_tc.diagnosis.run import close_loop
         from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
         from drake_tc.report.report_json import result_json
+        from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
 
         if rig is None:
             rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
         if try_export is not None:
             _require_runner(rig, try_export)
+        if mcap:
+            require_rosbags()
         if check:
             from drake_tc.cli.check_command import write_check
             from drake_tc.experiments.check.run import check_rig
@@ -151,6 +163,8 @@ def close_loop_command(
             result = _with_export(result, try_export, rig, log or [], holdout or [], declared)
         progress("writing the report", 0.95)
         result = write_results(result, folder, pool)
+        if mcap:
+            save_residuals(result, folder / FILE)
     if as_json:
         print(json.dumps(result_json(result), indent=1))
     else:

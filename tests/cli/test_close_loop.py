@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from html import unescape
 
+import numpy as np
 import pytest
 
 from drake_tc.actuation.model_file import load_models
@@ -31,7 +32,7 @@ def command(arguments, folder, **environment):
 def closed(bench, tmp_path_factory):
     """One run of the command with tables, in a terminal of 60 columns."""
     out = tmp_path_factory.mktemp("closed") / "deep" / "out"
-    return out, command(bench.close_loop(out), out.parent.parent, COLUMNS="60", NO_COLOR="1")
+    return out, command([*bench.close_loop(out), "--mcap"], out.parent.parent, COLUMNS="60", NO_COLOR="1")
 
 
 def test_it_runs_and_names_what_was_missing(closed):
@@ -51,6 +52,21 @@ def test_the_error_falls_on_the_run_that_was_held_out(closed):
     assert after["heldout"] < 0.25 * before["heldout"]
     assert after["free_run_heldout"] < before["free_run_heldout"]
     assert joint["noise_floor"] < before["heldout"]
+
+
+def test_the_bag_of_residuals_has_the_errors_of_the_report(closed):
+    rosbags = pytest.importorskip("rosbags.highlevel")
+    squares = {}
+    with rosbags.AnyReader([closed[0] / "residuals.mcap"]) as reader:
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            squares.setdefault(connection.topic, []).append((message.residual_before, message.residual_after))
+    joint = json.loads((closed[0] / "report.json").read_text())["joints"][JOINT]
+    for run in joint["runs"]:
+        found = np.array(squares[f"/{run['run']}/{JOINT}/effort"])
+        assert len(found) == run["rows"]
+        expected = (run["before"]["rms"], run["after"]["rms"])
+        np.testing.assert_allclose(np.sqrt(np.mean(found**2, axis=0)), expected, rtol=1e-12)
 
 
 def test_both_models_load_and_keep_what_was_declared(closed):
