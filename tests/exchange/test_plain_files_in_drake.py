@@ -20,6 +20,7 @@ from drake_tc.exchange.projection import project
 from drake_tc.exchange.target_run import RunInput
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.trial import try_export
+from drake_tc.exchange.urdf import to_urdf
 from drake_tc.simulator_files.terms import Terms
 
 from .test_target_runs import COULOMB, NONE, SERVO, H, T, alone, recorded
@@ -224,3 +225,15 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys,
     (geared,) = document["free_runs"]
     assert geared["original"] > 3.0 * geared["export"] and geared["export"] < 0.5 * light["export"]
     assert not any("has no inertia" in note for note in document["notes"])
+
+
+def test_the_damping_of_a_servo_stands_once_in_a_urdf_with_drakes_tags():
+    """The part that the servo has is its gain D; the joint has the rest."""
+    limit = EffectValue("saturation.servo", {"limit": 0.02, "derivative_time": 1e-3})
+    model = ActuatorModel("joint", Drive("position_servo", 2e-4), (EffectValue("viscous", {"viscous": 40.0}), limit))
+    projections = [project(model, TARGETS["drake-urdf"])]
+    plant = MultibodyPlant(1e-4)
+    Parser(plant).AddModelsFromString(to_urdf(projections, drake=True), "urdf")
+    gains = plant.GetJointActuatorByName("joint").get_controller_gains()
+    assert gains.d == pytest.approx(5.0)
+    assert plant.GetJointByName("joint").default_damping_vector()[0] + gains.d == pytest.approx(40.0)
