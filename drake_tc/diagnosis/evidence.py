@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
-from drake_tc.diagnosis.priors import COMMON, DISTORTED, ORDER, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.priors import COMMON, DISTORTED, HELD_GAIN, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.diagnosis.root_mean_square import rms
@@ -92,9 +92,10 @@ class Evidence:
         for key, block in zip(keys, self.model.blocks(split, terms), strict=True):
             parts.append(self._white(split, key, block.values))
             priors.append(block.prior)
+        held = self.model.held_ages(terms)
         for number, block in enumerate(self._others(split)):
             parts.append(self._white(split, ("other", number, self.spread), block.values))
-            priors.append(block.prior)
+            priors.append(block.prior.held_at_zero(HELD_GAIN) if number in held else block.prior)
         return np.concatenate(parts, axis=1), Prior.stacked(priors)
 
     def _others(self, split: Split) -> list[Block]:

@@ -29,6 +29,10 @@ class Prior:
     deviation: FloatArray
     positive: BoolArray
 
+    def held_at_zero(self, share: float) -> "Prior":
+        """The same coefficients held at 0, up to a share of their standard deviations."""
+        return Prior(np.zeros_like(self.mean), share * self.deviation, self.positive)
+
     @classmethod
     def stacked(cls, parts: "list[Prior]") -> "Prior":
         """Of the coefficients of all parts, one after the other."""

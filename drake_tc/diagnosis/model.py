@@ -32,6 +32,7 @@ from drake_tc.diagnosis.priors import (
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.base import Context, DriveEffect, Effect
+from drake_tc.effects.delay import Delay
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
@@ -244,6 +245,18 @@ class JointModel:
         if self.context.load == "torque":
             out["torque"] = (0.0, UNIFORM * samples.torque_period)
         return out
+
+    def held_ages(self, terms: Sequence[Term]) -> frozenset[int]:
+        """Numbers of the ages that a delay among the terms stands for; they are held at 0.
+
+        The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
+        """
+        channels = {
+            ("command" if t.effect.acts_on == "command" else "inside") if "inside" in self.ages else "effort"
+            for t in terms
+            if isinstance(t.effect, Delay)
+        }
+        return frozenset(number for number, channel in enumerate(self.ages) if channel in channels)
 
     def nuisances(self, split: Split) -> list[Block]:
         """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""

@@ -12,11 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, CONTRIBUTION, MOST_EFFECTS, NAMED_FLOORS
+from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, CONTRIBUTION, MOST_EFFECTS, NAMED_FLOORS, UNIFORM
 from drake_tc.diagnosis.problem.shared.causes import LINK_INERTIA_ID, TITLES, Cause
 from drake_tc.diagnosis.problem.shared.robot_causes import FARTHEST
 from drake_tc.diagnosis.robot.joints import RobotFit, Shared
+from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.types import FloatArray
+
+NAMES: Mapping[str, str] = TITLES | {"delay": "delay"}
+"""Causes that may be named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +38,11 @@ class Causes:
     squares: FloatArray
 
     @classmethod
-    def of(cls, causes: Sequence[Cause], fit: RobotFit) -> "Causes":
-        """With the prior that a cause contributes as much as an effect does, to the joint where it does most."""
+    def of(cls, fit: RobotFit) -> "Causes":
+        """With the prior that a cause contributes as much as an effect does, to the joint where it does most.
+
+        That of a delay is uniform over its range.
+        """
         most, squares = np.zeros(fit.delta.size), []
         for joint in fit.joints.values():
             model = joint.evidence.model
@@ -43,12 +50,15 @@ class Causes:
             most = np.maximum(most, np.sqrt(np.mean(columns**2, axis=0)) / model.scale)
             squares.append(columns.T @ columns / max(len(columns), 1) / joint.prepared.floor**2)
         wide = CONTRIBUTION / np.where(most > 0.0, most, np.inf)
-        return cls(causes, np.where(most > 1e-9 * most.max(initial=0.0), wide, 0.0), np.array(squares))
+        for cause in fit.runs.every_cause:
+            if cause.id == "delay":
+                wide[cause.columns] = UNIFORM * 2.0 * DELAY_RANGE.upper
+        return cls(fit.runs.every_cause, np.where(most > 1e-9 * most.max(initial=0.0), wide, 0.0), np.array(squares))
 
     @property
     def candidates(self) -> list[Cause]:
         """Those that may be named and that the joints tell anything of."""
-        return [c for c in self.causes if c.id in TITLES and (self.wide[c.columns] > 0.0).any()]
+        return [c for c in self.causes if c.id in NAMES and (self.wide[c.columns] > 0.0).any()]
 
     def shared(self, asked: Sequence[Cause]) -> Shared:
         """What the joints share: errors within tolerance, and the causes that are asked for.

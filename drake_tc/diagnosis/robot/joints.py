@@ -128,9 +128,10 @@ def declared_fit(
     """
     joints = {}
     for name, prepared in runs.prepared(delta).items():
-        columns = runs.columns(name, prepared)
+        alone = joint_model(prepared)
+        columns = runs.columns(name, alone)
         known = shared.belief([] if before is None else before.others(name))
-        model = with_shared(joint_model(prepared), columns, shared, known, delta, prepared.floor)
+        model = with_shared(alone, columns, shared, known, delta, prepared.floor)
         start = Evidence(model)
         evidence = start.tempered(model.declared) if tempered else start.heard(model.declared)
         best = evidence.score(model.declared)
@@ -144,9 +145,10 @@ def searched_fit(before: RobotFit, delta: FloatArray, shared: Shared | None = No
     joints = dict(before.joints)
     for number, (name, prepared) in enumerate(before.runs.prepared(delta).items()):
         before.runs.progress(name, number / len(joints))
-        columns = before.runs.columns(name, prepared)
+        alone = joint_model(prepared)
+        columns = before.runs.columns(name, alone)
         known = shared.belief(replace(before, joints=joints).others(name))
-        model = with_shared(joint_model(prepared), columns, shared, known, delta, prepared.floor)
+        model = with_shared(alone, columns, shared, known, delta, prepared.floor)
         asked = asked_of(prepared, before.runs.options)
         decision = decided(find(Evidence(model).heard(model.declared, spread=False), asked.usable))
         evidence = decision.found.evidence

@@ -4,17 +4,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
+
+from drake_tc.diagnosis.model import JointModel, rate_inside
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns
+from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns
 from drake_tc.diagnosis.problem.shared.correction import corrected
 from drake_tc.diagnosis.problem.shared.momentum import LinkMomenta
 from drake_tc.diagnosis.problem.shared.rows import over_samples
 from drake_tc.diagnosis.search import Progress
+from drake_tc.effects.common_delay import CommonDelay
+from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.estimation.coupled_gears import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray
+
+ALL_JOINTS = "all joints"
+LONGEST_S = 2.0 * DELAY_RANGE.upper
+"""Of a delay to first order [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +50,20 @@ class RobotRuns:
     momenta: LinkMomenta | None = None
 
     @property
+    def every_cause(self) -> tuple[Cause, ...]:
+        """All causes; the last one is a delay of all joints, whose column follows from each joint's own model."""
+        stop = int(self.causes.causes[-1].columns.stop)
+        late = Cause("delay", ALL_JOINTS, ("delay",), ("s",), slice(stop, stop + 1), possible=(-LONGEST_S, LONGEST_S))
+        return (*self.causes.causes, late)
+
+    @property
     def width(self) -> int:
         """Number of shared parameters P."""
-        return int(self.causes.causes[-1].columns.stop)
+        return int(self.every_cause[-1].columns.stop)
 
     def at(self, delta: FloatArray) -> tuple[list[Run], list[Run]]:
-        """Both sides' runs with tau_meas - C delta as torques; delta (P,)."""
-        places: IntArray = delta.nonzero()[0]
+        """Both sides' runs with tau_meas - C delta as torques; delta (P,), of which the delay changes no load."""
+        places: IntArray = delta[:-1].nonzero()[0]
         out = []
         for runs in (self.train, self.held):
             made = corrected(runs, self.causes, self.rig.joints, places, delta[places])
@@ -56,22 +73,30 @@ class RobotRuns:
         return out[0], out[1]
 
     def prepared(self, delta: FloatArray) -> dict[str, Prepared]:
-        """Each joint with its declared model on loads at delta (P,)."""
+        """Each joint with its declared model on loads at delta (P,).
+
+        A delay of all joints is part of each model. Where it is negative, all efforts are recorded late.
+        """
         train, held = self.at(delta)
-        options = self.options
+        options, delay = self.options, float(delta[-1])
         made = partial(
             prepare_joint,
             width_s=options.width_s,
-            common=options.common,
+            common=(*options.common, *([Term(CommonDelay(), {"delay": delay})] if delay > 0.0 else [])),
             command_held=options.command_held,
-            sampled_late=options.effort_age,
+            sampled_late=options.effort_age + min(delay, 0.0) / self.train[0].period,
         )
         return {joint: made(train, held, self.rig, joint) for joint in self.rig.joints}
 
-    def columns(self, joint: str, prepared: Prepared) -> tuple[FloatArray, FloatArray]:
-        """(N, P) columns [N m] of one joint in the training and in the held-out rows."""
-        train, held = (
-            each.samples.reduce(over_samples(each.samples, joint, self.causes), fresh=True)
-            for each in (prepared.train, prepared.held)
-        )
-        return train, held
+    def columns(self, joint: str, model: JointModel) -> tuple[FloatArray, FloatArray]:
+        """(N, P) columns [N m] of one joint in the training and in the held-out rows.
+
+        That of the delay is the mean rate of the effort that acts and the one that is needed, as u - w is d times that
+        mean up to d^3.
+        """
+        made = []
+        for split in (model.train, model.held):
+            given = split.samples.reduce(over_samples(split.samples, joint, self.causes), fresh=True)
+            rate = rate_inside(0.5 * (split.latent + split.modelled), split.samples)
+            made.append(np.column_stack([given, split.samples.reduce(rate) / -split.gain]))
+        return made[0], made[1]

@@ -10,7 +10,7 @@ from drake_tc.diagnosis.diagnose import asked_of, joint_result
 from drake_tc.diagnosis.intervals import CRITICAL, parameters_of
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.problem.shared.causes import TITLES, Cause
+from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import SEEN, FittedLinks, LinkPosterior, links_of
@@ -19,9 +19,10 @@ from drake_tc.diagnosis.result.run_errors import run_errors
 from drake_tc.diagnosis.result.set_up import SetUpCheck
 from drake_tc.diagnosis.result.shared_effects import body_parameters
 from drake_tc.diagnosis.result.widening import robot_gains
-from drake_tc.diagnosis.robot.causes import Causes, Named
+from drake_tc.diagnosis.robot.causes import NAMES, Causes, Named
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint
 from drake_tc.diagnosis.robot.result import RobotResult
+from drake_tc.diagnosis.robot.runs import ALL_JOINTS
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.robot.link_parameters import LinkModel
@@ -96,6 +97,8 @@ def shared_effects(fit: RobotFit, named: Named, causes: Causes) -> tuple[SharedE
     """The causes found, by held-out gain."""
     out = []
     for cause in named.causes:
+        if cause.id == "delay" and _of(fit, cause)[0][0] <= 0.0:
+            continue  # efforts that are recorded late are no effect
         rest = [c for c in named.causes if c is not cause]
         gain, by_joint = held_out_gain(fit, causes, named.causes, rest)
         odds = causes.log_odds(fit, named.causes) - causes.log_odds(fit, rest)
@@ -103,7 +106,7 @@ def shared_effects(fit: RobotFit, named: Named, causes: Causes) -> tuple[SharedE
             SharedEffect(
                 id=cause.id,
                 where=cause.where,
-                title=TITLES[cause.id],
+                title=_title(cause),
                 parameters=_parameters(fit, cause),
                 heldout_gain=gain,
                 stability=float(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0)))),
@@ -112,6 +115,12 @@ def shared_effects(fit: RobotFit, named: Named, causes: Causes) -> tuple[SharedE
             )
         )
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def _title(cause: Cause) -> str:
+    if cause.id != "delay":
+        return NAMES[cause.id]
+    return "delay of all joints" if cause.where == ALL_JOINTS else "delay of the encoder"
 
 
 def held_out_gain(
@@ -152,7 +161,7 @@ def _links(model: LinkModel, fit: RobotFit) -> FittedLinks:
     seen = [joint.columns[0] for joint in fit.joints.values()]
     return links_of(
         model,
-        fit.runs.causes.causes,
+        fit.runs.every_cause,
         LinkPosterior(fit.shared.places, told.mean, told.covariance, fit.shared.deviation, CRITICAL, 0.0),
         np.concatenate([c[:: max(1, len(c) // SEEN)] for c in seen]),
     )

@@ -69,8 +69,8 @@ def diagnose_whole(
     if is_wrong(set_up):
         none = replace(runs, options=replace(options, effects=(), assess_residual=False))
         fit = searched(replace(before, runs=none))
-        return robot_result(logs, before, fit, Named.none(), Causes.of(runs.causes.causes, before), set_up, executor)
-    causes = Causes.of(runs.causes.causes, before)
+        return robot_result(logs, before, fit, Named.none(), Causes.of(before), set_up, executor)
+    causes = Causes.of(before)
     fit, named = with_causes(before, causes)
     fit = searched(fit)
     again = most_probable(fit, causes)
@@ -86,7 +86,7 @@ def diagnose_whole(
 def without_causes(runs: RobotRuns) -> RobotFit:
     """All joints with their declared models and errors within tolerance, links that are fitted among them."""
     zero = np.zeros(runs.width)
-    nobody = Shared.within_tolerance(runs.causes.causes)
+    nobody = Shared.within_tolerance(runs.every_cause)
     fit = declared_fit(runs, nobody, zero, tempered=True)
     for _ in range(PASSES if nobody.places.size else 0):
         fit = declared_fit(runs, nobody, fit.moved(), fit, tempered=True)
