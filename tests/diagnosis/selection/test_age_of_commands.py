@@ -56,6 +56,7 @@ def runs() -> list[Run]:
     return [run(shift) for shift in (0.0, 0.4, 0.7)]
 
 
+@pytest.mark.slow
 def test_a_goal_that_is_logged_after_it_was_written_is_no_delay(runs):
     found = diagnose_joint(runs[:2], runs[2:], RIG, JOINT, DiagnosisOptions(assess_residual=False))
     assert [each.key for each in found.effects] == []
@@ -75,6 +76,7 @@ def test_the_age_of_the_goal_is_found_beside_any_model(runs):
     assert age_of_samples(False, prepare, plain, plain.terms) is None
 
 
+@pytest.mark.slow
 def test_the_same_delay_is_named_if_the_rig_file_states_the_hold():
     found = diagnose(-2, replace(RIG, command_hold=True))
     assert [each.key for each in found.effects] == ["delay.command"]

@@ -14,6 +14,8 @@ from drake_tc.logs.rig import Rig, parse_rig
 
 from ..rigs import Joint, record, rig_of, servo
 
+pytestmark = pytest.mark.slow
+
 RATE = 1.5
 JOINT = servo(torque_noise=0.05)
 HANGING = replace(JOINT, encoder_noise=5e-5, extra=lambda m: 8.0 * np.sin(m.q) + 0.3 * m.a - m.tau)

@@ -13,6 +13,8 @@ from drake_tc.logs.record import Run
 
 from .test_sampling_instants import COULOMB, PERIOD, RIG, VISCOUS, run
 
+pytestmark = pytest.mark.slow
+
 
 def logged_late(recorded: Run, samples: int) -> Run:
     """The run with the current of `samples` samples before; its first ones are repeated."""

@@ -73,6 +73,7 @@ def test_half_a_period_of_hold_is_no_delay():
     assert 0.0 < older.age <= older.period
 
 
+@pytest.mark.slow
 def test_half_a_period_of_hold_is_no_delay_where_a_robot_model_gives_the_load(tmp_path):
     """The same pendulum as a robot of one link."""
     mass, length = 2.0, MOMENT / (2.0 * 9.81)

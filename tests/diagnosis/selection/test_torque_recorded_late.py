@@ -12,6 +12,8 @@ from drake_tc.logs.rig import parse_rig
 
 from ..rigs import Logged
 
+pytestmark = pytest.mark.slow
+
 GAIN, ROTOR, LINK, MOMENT, VISCOUS, COULOMB = 0.125, 0.9, 0.5, 20.0, 4.0, 5.0
 FINE = 2e-4
 RIG = parse_rig({"joint": "joint", "drive": "current", "declared": {"rotor_inertia": ROTOR}})

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 import yaml
-from fitted_arm import JOINTS, PAYLOAD, RIG, ROTOR, URDF, record, rig_file
+from fitted_arm import JOINTS, PAYLOAD, RIG, URDF, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
@@ -68,6 +66,7 @@ def test_one_loaded_log_among_those_of_the_training(logs):
     assert entry["runs"] == ["run_1_loaded"] and entry["carrier"] == "fore"
 
 
+@pytest.mark.slow
 def test_two_loaded_logs_of_four(logs):
     folder, log = logs
     check = checked(folder, [log(0), log(1, PAYLOAD), log(2, PAYLOAD), log(4)], [log(3)])
@@ -90,25 +89,6 @@ def test_a_load_in_all_training_logs_that_the_held_out_one_lacks(logs):
 def test_a_load_in_all_logs_is_taken_up_by_fitted_links(logs):
     folder, log = logs
     assert checked(folder, [log(0, PAYLOAD), log(1, PAYLOAD)], [log(3, PAYLOAD)]) is None
-
-
-def test_a_load_in_all_logs_that_known_links_lack(tmp_path):
-    """Three times the drive gains and other links would leave as little, but such links are not those of the URDF."""
-    robot = load_robot(write_robot(tmp_path, URDF, JOINTS))
-    logs = [record(tmp_path, robot, f"run_{number}", number, PAYLOAD) for number in range(4)]
-    rotors = {joint: {"rotor_inertia": rotor} for joint, rotor in zip(JOINTS, ROTOR.tolist(), strict=True)}
-    rig = rig_file(tmp_path, load=KNOWN, declared=rotors)
-    check = close_loop(rig, logs[:3], logs[3:], DiagnosisOptions(assess_residual=False)).set_up
-    assert payloads(check) == [((), False)]
-    assert check.alternatives == ()
-    assert "that the URDF does not have" in " ".join(set_up_sentences(check))
-
-
-def test_known_links_and_one_loaded_log(logs):
-    folder, log = logs
-    check = checked(folder, [log(0), log(1, PAYLOAD), log(2)], [log(3)], load=KNOWN)
-    assert payloads(check) == [(("run_1_loaded",), False)]
-    assert "`load: {robot: fitted, unknown_payload: [run_1_loaded]}`" in " ".join(set_up_sentences(check))
 
 
 @pytest.mark.parametrize("load", [KNOWN, {"robot": "fitted", "tolerance": 0.3}])
