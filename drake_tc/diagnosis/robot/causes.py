@@ -19,7 +19,7 @@ from drake_tc.diagnosis.robot.joints import RobotFit, Shared
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.types import FloatArray
 
-NAMES: Mapping[str, str] = TITLES | {"delay": "delay"}
+NAMES: Mapping[str, str] = {**TITLES, "delay": "delay"}
 """Causes that may be named."""
 
 

@@ -107,6 +107,11 @@ class RobotFit:
         return {name: residual_at(j.evidence, j.best, j.columns, step) for name, j in self.joints.items()}
 
     @property
+    def rows(self) -> int:
+        """Rows of all joints that count."""
+        return sum(joint.evidence.model.train.rows.index.size for joint in self.joints.values())
+
+    @property
     def sets(self) -> dict[str, frozenset[str]]:
         """Effects by joint."""
         return {name: joint.asked for name, joint in self.joints.items()}

@@ -38,6 +38,7 @@ class RobotRuns:
         options: Of the diagnosis. progress: Told how far it is.
         turns: (n, n) of the motors where gears couple joints (`estimation.coupled_gears`).
         momenta: Of fitted links whose runs' sampling instants scatter; None elsewhere.
+        unmoved: Both splits before the readings of a late encoder were moved in time; None where none were.
     """
 
     train: Sequence[Run]
@@ -48,6 +49,7 @@ class RobotRuns:
     progress: Progress = lambda text, share: None
     turns: FloatArray | None = None
     momenta: LinkMomenta | None = None
+    unmoved: tuple[Sequence[Run], Sequence[Run]] | None = None
 
     @property
     def every_cause(self) -> tuple[Cause, ...]:

@@ -37,6 +37,7 @@ def robot_result(
     causes: Causes,
     set_up: SetUpCheck | None,
     executor: Executor | None,
+    moved: float = 0.0,
 ) -> RobotResult:
     """The result of a robot.
 
@@ -48,6 +49,7 @@ def robot_result(
         causes: All of them.
         set_up: What the runs say against the set-up.
         executor: Assesses what is left in its workers; None does it here.
+        moved: By how much the readings of a late encoder were moved in time [s].
     """
     runs = fit.runs
     joints = {}
@@ -62,7 +64,7 @@ def robot_result(
     sigma = {n: rms(j.evidence.residual(j.evidence.model.train, j.best)) / j.best.b[0] for n, j in fit.joints.items()}
     return RobotResult(
         joints=joints,
-        shared=shared_effects(fit, named, causes),
+        shared=shared_effects(fit, before, named, causes, moved),
         held=runs.at(before.moved())[1],
         held_after=held_after,
         train_after=train_after,
@@ -93,21 +95,24 @@ def _with_baseline(result: JointResult, before: RobotJoint) -> JointResult:
     )
 
 
-def shared_effects(fit: RobotFit, named: Named, causes: Causes) -> tuple[SharedEffect, ...]:
-    """The causes found, by held-out gain."""
+def shared_effects(
+    fit: RobotFit, before: RobotFit, named: Named, causes: Causes, moved: float
+) -> tuple[SharedEffect, ...]:
+    """The causes found, by held-out gain; `moved` is that part of an encoder's delay which the runs lack already."""
     out = []
     for cause in named.causes:
-        if cause.id == "delay" and _of(fit, cause)[0][0] <= 0.0:
+        late = moved if cause.id == "delay" and cause.where != ALL_JOINTS else 0.0
+        if cause.id == "delay" and late + _of(fit, cause)[0][0] <= 0.0:
             continue  # efforts that are recorded late are no effect
         rest = [c for c in named.causes if c is not cause]
-        gain, by_joint = held_out_gain(fit, causes, named.causes, rest)
+        gain, by_joint = held_out_gain(fit, causes, named.causes, rest) if not late else _held_out(fit, before)
         odds = causes.log_odds(fit, named.causes) - causes.log_odds(fit, rest)
         out.append(
             SharedEffect(
                 id=cause.id,
                 where=cause.where,
                 title=_title(cause),
-                parameters=_parameters(fit, cause),
+                parameters=_shifted(_parameters(fit, cause), late),
                 heldout_gain=gain,
                 stability=float(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0)))),
                 joints=by_joint,
@@ -115,6 +120,23 @@ def shared_effects(fit: RobotFit, named: Named, causes: Causes) -> tuple[SharedE
             )
         )
     return tuple(sorted(out, key=lambda e: -e.heldout_gain))
+
+
+def _shifted(parameters: dict[str, Estimate], by: float) -> dict[str, Estimate]:
+    return {
+        name: replace(e, value=e.value + by, ci95=(e.ci95[0] + by, e.ci95[1] + by)) for name, e in parameters.items()
+    }
+
+
+def _held_out(fit: RobotFit, before: RobotFit) -> tuple[float, dict[str, float]]:
+    """Gain of all joints together, and by joint, against the declared models on other runs."""
+    sides = [
+        {n: j.evidence.residual(j.evidence.model.held, j.best) for n, j in each.joints.items()}
+        for each in (fit, before)
+    ]
+    by_joint = {name: 1.0 - rms(sides[0][name]) / max(rms(sides[1][name]), 1e-300) for name in fit.joints}
+    total = [sum(rms(side[n]) ** 2 / float(j.best.posterior.variance) for n, j in fit.joints.items()) for side in sides]
+    return 1.0 - float(np.sqrt(total[0] / max(total[1], 1e-300))), by_joint
 
 
 def _title(cause: Cause) -> str:

@@ -5,29 +5,32 @@
 2. Each joint's own search on these loads, beside what the other joints know of the shared parameters (`joints`); until
    the joints' sets stay the same.
 3. The causes once more, beside the joints' effects. A cause stands if all joints together are more probable with it
-   than without it, each joint with the set that it needs then.
+   than without it, each joint with the set that it needs then, and if it lowers the error of the held-out runs.
 """
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.problem.shared.momentum import momenta_over
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
 from drake_tc.diagnosis.robot.causes import Causes, Named, most_probable
+from drake_tc.diagnosis.robot.encoders import in_time, with_encoders
 from drake_tc.diagnosis.robot.joints import RobotFit, Shared, declared_fit, searched_fit
 from drake_tc.diagnosis.robot.result import RobotResult
-from drake_tc.diagnosis.robot.runs import RobotRuns
-from drake_tc.diagnosis.robot.told import robot_result
+from drake_tc.diagnosis.robot.runs import ALL_JOINTS, RobotRuns
+from drake_tc.diagnosis.robot.told import held_out_gain, robot_result
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.set_up.find import check_set_up
+from drake_tc.diagnosis.thresholds import HELD_FROM_PERIOD
 from drake_tc.estimation.coupled_gears import motor_turns
-from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import link_model
@@ -36,6 +39,8 @@ PASSES = 4
 """Of choosing causes under the noise that the last ones leave."""
 SWEEPS = 3
 """Of searching all joints beside what the others know."""
+MOVES = 2
+"""Of a late encoder's readings: its delay is known better once they have been moved."""
 
 
 def diagnose_whole(
@@ -63,52 +68,145 @@ def diagnose_whole(
     """
     turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
     momenta = None if logs.links is None else momenta_over(logs, logs.links, (train, held), rig)
-    runs = RobotRuns(train, held, rig, columns_over(logs, [*train, *held], rig), options, progress, turns, momenta)
-    before = without_causes(runs)
-    set_up = _set_up(logs, runs, before)
+    scaled = rig if logs.links is None else _with_unit(rig)
+    causes = columns_over(logs, [*train, *held], rig)
+    before = _with_hold(RobotRuns(train, held, scaled, causes, options, progress, turns, momenta))
+    set_up = _set_up(logs, before)
     if is_wrong(set_up):
-        none = replace(runs, options=replace(options, effects=(), assess_residual=False))
+        none = replace(before.runs, options=replace(before.runs.options, effects=(), assess_residual=False))
         fit = searched(replace(before, runs=none))
         return robot_result(logs, before, fit, Named.none(), Causes.of(before), set_up, executor)
-    causes = Causes.of(before)
-    fit, named = with_causes(before, causes)
+    answer = _answer(logs, before)
+    return robot_result(logs, before, answer.fit, answer.named, answer.causes, set_up, executor, answer.moved)
+
+
+def _with_unit(rig: Rig) -> Rig:
+    """The rig whose drives in torque have the gain 1 where none is declared: fitted links leave the unit open."""
+    unit = {joint: 1.0 for joint in rig.joints if rig.drive[joint] == "torque"}
+    return replace(rig, drive_gain=unit | dict(rig.drive_gain))
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """All joints after their searches, the causes, and by how much the readings of an encoder were moved [s]."""
+
+    fit: RobotFit
+    causes: Causes
+    named: Named
+    moved: float = 0.0
+
+
+def _answer(logs: RobotLogs, before: RobotFit) -> _Answer:
+    """The causes beside the sets of the joints; none where the joints alone are more probable."""
+    start = _again(with_encoders(logs, before), before)
+    fit, causes, named = with_causes(start, Causes.of(start))
+    moved, late = 0.0, [c for c in named.causes if _is_encoder(c)]
+    for _ in range(MOVES if late else 0):
+        moved += float(fit.moved()[late[0].columns][0])
+        fit, causes, named = _in_time(logs, fit, late[0], moved)
+    for _ in range(MOVES if any(c.id == "encoder_offset" for c in named.causes) else 0):
+        fit, causes, named = _at_offsets(logs, fit, named)
     fit = searched(fit)
     again = most_probable(fit, causes)
-    if {c.key for c in again.causes} != {c.key for c in named.causes}:
-        fit, named = searched(at(fit, causes.shared(again.causes))), again
-    if named.causes:
-        alone = searched(before)
-        if alone.log_odds >= fit.log_odds + causes.prior_odds(named.causes):
-            fit, named = alone, Named.none()
-    return robot_result(logs, before, fit, named, causes, set_up, executor)
+    if _keys(again) - _keys(named) or _keys(named) - _keys(again):
+        fit, named = searched(replace(fit, shared=causes.shared(again.causes))), again
+    worse = [
+        c
+        for c in named.causes
+        if not _is_encoder(c) and held_out_gain(fit, causes, named.causes, _rest(named, c))[0] < 0.0
+    ]
+    if worse:
+        named = replace(named, causes=tuple(c for c in named.causes if c not in worse))
+        fit = searched(replace(fit, shared=causes.shared(named.causes)))
+    if not named.causes:
+        return _Answer(fit, causes, named, moved)
+    alone = searched(start)
+    with_named = fit.log_odds + causes.prior_odds(named.causes)
+    if alone.log_odds * fit.rows >= with_named * alone.rows:
+        return _Answer(alone, causes, Named.none())
+    return _Answer(fit, causes, named, moved)
+
+
+def _keys(named: Named) -> frozenset[str]:
+    return frozenset(c.key for c in named.causes)
+
+
+def _rest(named: Named, cause: Cause) -> list[Cause]:
+    return [c for c in named.causes if c is not cause]
+
+
+def _is_encoder(cause: Cause) -> bool:
+    return cause.id == "delay" and cause.where != ALL_JOINTS
 
 
 def without_causes(runs: RobotRuns) -> RobotFit:
     """All joints with their declared models and errors within tolerance, links that are fitted among them."""
-    zero = np.zeros(runs.width)
     nobody = Shared.within_tolerance(runs.every_cause)
-    fit = declared_fit(runs, nobody, zero, tempered=True)
+    fit = declared_fit(runs, nobody, np.zeros(runs.width), tempered=True)
     for _ in range(PASSES if nobody.places.size else 0):
         fit = declared_fit(runs, nobody, fit.moved(), fit, tempered=True)
     return fit
 
 
-def with_causes(before: RobotFit, causes: Causes) -> tuple[RobotFit, Named]:
+def _again(runs: RobotRuns, before: RobotFit) -> RobotFit:
+    """The same fit with further causes among the columns of its runs."""
+    if runs is before.runs:
+        return before
+    delta = np.zeros(runs.width)
+    delta[: before.runs.width - 1] = before.moved()[:-1]
+    nobody = Shared.within_tolerance(runs.every_cause)
+    first = declared_fit(runs, nobody, delta, tempered=True)
+    return declared_fit(runs, nobody, delta, first, tempered=True)
+
+
+def _with_hold(runs: RobotRuns) -> RobotFit:
+    """The declared fit with commands of servos that hold or not, for all joints alike, whichever is more probable."""
+    servos = "position_servo" in runs.rig.drive.values()
+    if not servos or runs.rig.command_hold is not None or runs.train[0].period < HELD_FROM_PERIOD:
+        return without_causes(runs)
+    tried = []
+    for hold in (True, False):
+        fit = without_causes(replace(runs, options=replace(runs.options, command_held=hold)))
+        tried.append((declared_fit(fit.runs, fit.shared, fit.moved(), fit).log_odds, fit))
+    return max(tried, key=lambda pair: pair[0])[1]
+
+
+def with_causes(before: RobotFit, causes: Causes) -> tuple[RobotFit, Causes, Named]:
     """The most probable causes beside the declared models, each pass under the noise that the last ones leave."""
     named, fit = most_probable(before, causes), before
     for _ in range(PASSES):
         fit = replace(fit, shared=causes.shared(named.causes))
         fit = declared_fit(fit.runs, fit.shared, fit.moved(), fit)
         again = most_probable(fit, causes)
-        if {c.key for c in again.causes} == {c.key for c in named.causes}:
-            return fit, again
+        if _keys(again) == _keys(named):
+            return fit, causes, again
         named = again
-    return fit, named
+    return fit, causes, named
 
 
-def at(fit: RobotFit, shared: Shared) -> RobotFit:
-    """The fit with other shared parameters, its joints as they are."""
-    return replace(fit, shared=shared)
+def _in_time(logs: RobotLogs, fit: RobotFit, late: Cause, delay: float) -> tuple[RobotFit, Causes, Named]:
+    """The declared models on runs in which an encoder's readings are moved, and what is left of its delay."""
+    runs = fit.runs
+    first = runs.unmoved or (runs.train, runs.held)
+    train, held = (with_robot_loads(logs, in_time(r, late.where, delay), runs.rig.joints) for r in first)
+    causes = columns_over(logs, [*train, *held], runs.rig)
+    moved = without_causes(replace(runs, train=train, held=held, causes=causes, unmoved=first))
+    start = _again(with_encoders(logs, moved), moved)
+    known = Causes.of(start)
+    same = next(c for c in known.causes if c.key == late.key)
+    shared = replace(start, shared=known.shared([same]))
+    return declared_fit(shared.runs, shared.shared, shared.moved(), shared), known, Named((same,), {})
+
+
+def _at_offsets(logs: RobotLogs, fit: RobotFit, named: Named) -> tuple[RobotFit, Causes, Named]:
+    """The same with the columns of encoders' zeros at the offsets that were found."""
+    delta, runs = fit.moved(), fit.runs
+    offsets = {c.where: float(delta[c.columns][0]) for c in named.causes if c.id == "encoder_offset"}
+    made = replace(runs, causes=columns_over(logs, [*runs.train, *runs.held], runs.rig, offsets))
+    again = declared_fit(made, fit.shared, delta, fit)
+    causes = Causes.of(again)
+    chosen = tuple(c for c in causes.causes if c.key in _keys(named))
+    return again, causes, replace(named, causes=chosen)
 
 
 def searched(fit: RobotFit) -> RobotFit:
@@ -121,9 +219,9 @@ def searched(fit: RobotFit) -> RobotFit:
     return fit
 
 
-def _set_up(logs: RobotLogs, runs: RobotRuns, before: RobotFit) -> SetUpCheck | None:
+def _set_up(logs: RobotLogs, before: RobotFit) -> SetUpCheck | None:
     """What the runs say against the set-up; None where this is not looked at or little of every effort is left."""
-    links = logs.links
+    links, runs = logs.links, before.runs
     if links is None:
         if not logs.robot.fixed_base or logs.reads_imu or logs.robot.force_torque:
             return None
