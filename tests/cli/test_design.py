@@ -10,6 +10,7 @@ import yaml
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
+from drake_tc.cli.demo import JOINT
 from drake_tc.logs.rig import parse_rig
 
 
@@ -36,31 +37,29 @@ def test_it_writes_the_motion_for_a_logger_for_ros_and_for_a_person(invoke, benc
 
 
 def test_after_a_report_it_makes_the_experiment_that_tells_its_alternatives_apart(invoke, bench, quick, tmp_path):
-    (name,) = json.loads(invoke("check", *bench.arguments(), "--json").out)["joints"]
     report = {
         "logs": [str(path) for path in bench.logs],
-        "joints": {name: {"indistinguishable": [["delay", "current_lag"]], "effects": []}},
+        "joints": {JOINT: {"indistinguishable": [["delay", "current_lag"]], "effects": []}},
     }
     path = tmp_path / "report.json"
     path.write_text(json.dumps(report), encoding="utf-8")
     done = invoke("design", "--rig", bench.rig, "--after", path, *quick, "--json")
     assert done.code == 0, done.err
-    assert json.loads(done.out)["joints"][name]["goal"] == "tell:delay,current_lag"
+    assert json.loads(done.out)["joints"][JOINT]["goal"] == "tell:delay,current_lag"
 
 
 def test_a_pair_that_the_user_names_has_the_sizes_of_the_report(invoke, bench, quick, tmp_path):
-    (name,) = json.loads(invoke("check", *bench.arguments(), "--json").out)["joints"]
     found = {"id": "delay", "parameters": {"delay": {"value": 6.5e-3}}}
     report = {
         "logs": [str(path) for path in bench.logs],
-        "joints": {name: {"indistinguishable": [], "effects": [found]}},
+        "joints": {JOINT: {"indistinguishable": [], "effects": [found]}},
     }
     path = tmp_path / "report.json"
     path.write_text(json.dumps(report), encoding="utf-8")
     goal = ["--goal", "tell:delay,current_lag"]
     done = invoke("design", "--rig", bench.rig, "--after", path, *goal, *quick, "--json")
     assert done.code == 0, done.err
-    sentence = json.loads(done.out)["joints"][name]["sentences"][0]
+    sentence = json.loads(done.out)["joints"][JOINT]["sentences"][0]
     assert "delay.command (0.0065 s) and current_lag (0.0065 s)" in sentence
 
 

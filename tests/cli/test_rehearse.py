@@ -4,16 +4,20 @@ import json
 
 import pytest
 
+from drake_tc.experiments.rehearsal.run import rehearse
 
-def test_it_prints_and_writes_a_power_curve(invoke, bench, tmp_path):
+
+def test_it_prints_and_writes_a_power_curve(invoke, bench, tmp_path, monkeypatch):
+    """One size beside none: each is a simulation and a diagnosis."""
+    monkeypatch.setitem(rehearse.__kwdefaults__, "factors", (2.0,))
     done = invoke(
         "rehearse", *bench.arguments(), "--holdout", bench.holdout, "--with", "load_dependent_friction=0.1",
         "--repeats", 1, "--jobs", 1, "--out", tmp_path / "r", "--json",
     )  # fmt: skip
     assert done.code == 0, done.err
     document = json.loads(done.out)
-    assert [p["trials"] for p in document["points"]] == [1] * 6
-    assert document["points"][0]["size"] == 0.0 and sum(p["found"] for p in document["points"]) >= 2
+    assert [(p["size"], p["trials"]) for p in document["points"]] == [(0.0, 1), (0.2, 1)]
+    assert document["points"][1]["found"] == 1
     assert (tmp_path / "r" / "rehearsal.html").exists()
 
 
