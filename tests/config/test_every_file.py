@@ -87,10 +87,10 @@ FREE_FORM = ("actuator",)
 def refused(kind: str, folder: Path, text: str) -> str:
     path = folder / "some.yaml"
     path.write_text(text, encoding="utf-8")
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(DrakeTcError) as caught:
         KINDS[kind][0](path)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
     message = str(caught.value)
     assert str(path) in message and "\n" not in message and len(message) < len(str(path)) + 500
     return message.replace(str(path), "FILE")

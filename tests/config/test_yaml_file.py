@@ -46,10 +46,10 @@ REFUSED = {
 
 @pytest.mark.parametrize(("text", "message"), REFUSED.values(), ids=REFUSED)
 def test_refused_in_one_short_line_at_once(text, message):
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(ParamsError, match=f"^some.yaml: ({message})") as caught:
         parse_yaml(text, "some.yaml")
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 200
 
 

@@ -6,6 +6,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from tests.benchmarks.times.machine import slowness
+
 from .conftest import ROOT
 
 FETCHING = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "video": "src"}
@@ -42,7 +44,7 @@ def test_it_builds_without_a_warning(site):
 
 
 def test_it_builds_within_a_minute_of_an_idle_processor(site):
-    assert site.seconds < 60.0
+    assert site.seconds < 60.0 * slowness()
 
 
 def test_links_lead_to_pages_and_headings(pages, site):

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.common_kernel import CommonKernel
+from tests.benchmarks.times.machine import require
 
 
 @settings(max_examples=30, deadline=None)
@@ -120,12 +121,13 @@ def test_a_million_samples_in_half_a_second():
     kernel = CommonKernel(0.05, 1e-3)
     x = np.random.default_rng(0).normal(size=1_000_000)
     kernel.smooth(x[:1000])
-    best = np.inf
-    for _ in range(3):
+
+    def smoothed():
         start = time.perf_counter()
         kernel.smooth(x)
-        best = min(best, time.perf_counter() - start)
-    assert best < 0.5
+        return {"a million samples": time.perf_counter() - start}
+
+    require({"a million samples": 0.3}, smoothed)
 
 
 @pytest.mark.parametrize(("width", "period"), [(0.0, 1e-3), (0.1, -1.0), (np.nan, 1e-3)])

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.asymmetric import asymmetric_least_squares, penalty
 from drake_tc.identification.regression import least_squares
+from tests.benchmarks.times.machine import require
 
 
 def servo(seed, samples, noise=2e-3):
@@ -97,12 +98,13 @@ def test_intervals_have_the_spread_of_repeated_experiments():
 @pytest.mark.benchmark
 def test_a_million_samples_in_under_a_second():
     columns, target = servo(0, 1_000_000)
-    best = np.inf
-    for _ in range(3):
+
+    def fitted():
         start = time.perf_counter()
         asymmetric_least_squares(columns, target)
-        best = min(best, time.perf_counter() - start)
-    assert best < 1.0  # some 0.4 s on an idle core
+        return {"a million samples": time.perf_counter() - start}
+
+    require({"a million samples": 0.5}, fitted)
 
 
 def test_bad_input_is_refused():

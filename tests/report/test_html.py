@@ -15,6 +15,7 @@ from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.html import render, write_report
 from drake_tc.report.leftover_plots import leftover_plots
+from tests.benchmarks.times.machine import require
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "path", "use", "image", "rect", "circle"}
 
@@ -181,9 +182,12 @@ def test_no_figure_is_refused(result: CloseLoopResult, joint: JointResult, value
 
 @pytest.mark.benchmark
 def test_it_is_quick(result: CloseLoopResult, tmp_path: Path) -> None:
-    start = time.process_time()
-    write_report(result, tmp_path / "report.html")
-    assert time.process_time() - start < 6.0  # 4 s on an idle core; some margin for a shared one
+    def written() -> dict[str, float]:
+        start = time.process_time()
+        write_report(result, tmp_path / "report.html")
+        return {"report": time.process_time() - start}
+
+    require({"report": 4.0}, written, rounds=3)
 
 
 def test_workers_draw_the_same_page(result: CloseLoopResult, html: str) -> None:
