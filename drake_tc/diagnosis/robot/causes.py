@@ -78,6 +78,11 @@ class Causes:
                     deviation.append(float(each))
         return Shared(np.array(places, dtype=np.int64), np.array(deviation))
 
+    def sizes(self, cause: Cause, delta: FloatArray) -> FloatArray:
+        """(n,) RMS of a cause's part of each joint's effort over the joint's noise floor, at delta (P,)."""
+        own = delta[cause.columns]
+        return np.asarray(np.sqrt(np.einsum("i,jik,k->j", own, self.squares[:, cause.columns, cause.columns], own)))
+
     def prior_odds(self, asked: Sequence[Cause]) -> float:
         """Log prior odds of these causes."""
         return COMMON * len(asked)
@@ -89,9 +94,8 @@ class Causes:
         delta = np.zeros_like(fit.delta)
         delta[shared.places] = told.mean
         for cause in asked:
-            value, own = cause.physical(delta[cause.columns]), delta[cause.columns]
-            size = np.einsum("i,jik,k->j", own, self.squares[:, cause.columns, cause.columns], own)
-            if np.sqrt(np.max(size)) < NAMED_FLOORS:
+            value = cause.physical(delta[cause.columns])
+            if np.max(self.sizes(cause, delta)) < NAMED_FLOORS:
                 return -np.inf
             if cause.id == "payload" and np.linalg.norm(value[1:4]) > FARTHEST * abs(value[0]):
                 return -np.inf

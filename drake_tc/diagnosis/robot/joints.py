@@ -144,12 +144,11 @@ def declared_fit(
     return RobotFit(runs, shared, delta, joints)
 
 
-def searched_fit(before: RobotFit, delta: FloatArray, shared: Shared | None = None) -> RobotFit:
-    """All joints searched anew on loads at delta (P,), one after the other; each knows what the others say by then."""
-    shared = shared or before.shared
-    joints = dict(before.joints)
-    for number, (name, prepared) in enumerate(before.runs.prepared(delta).items()):
-        before.runs.progress(name, number / len(joints))
+def searched_fit(before: RobotFit, delta: FloatArray, names: Sequence[str]) -> RobotFit:
+    """These joints searched anew on loads at delta (P,), in turn, each beside what the others say by then."""
+    shared, joints = before.shared, dict(before.joints)
+    for number, (name, prepared) in enumerate(before.runs.prepared(delta, names).items()):
+        before.runs.progress(name, number / len(names))
         alone = joint_model(prepared)
         columns = before.runs.columns(name, alone)
         known = shared.belief(replace(before, joints=joints).others(name))

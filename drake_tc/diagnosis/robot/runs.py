@@ -74,8 +74,8 @@ class RobotRuns:
             out.append(made if self.turns is None else at_motors(self.turns, self.rig.joints, made))
         return out[0], out[1]
 
-    def prepared(self, delta: FloatArray) -> dict[str, Prepared]:
-        """Each joint with its declared model on loads at delta (P,).
+    def prepared(self, delta: FloatArray, names: Sequence[str] = ()) -> dict[str, Prepared]:
+        """Each joint, or each of these, with its declared model on loads at delta (P,).
 
         A delay of all joints is part of each model. Where it is negative, all efforts are recorded late.
         """
@@ -88,7 +88,7 @@ class RobotRuns:
             command_held=options.command_held,
             sampled_late=options.effort_age + min(delay, 0.0) / self.train[0].period,
         )
-        return {joint: made(train, held, self.rig, joint) for joint in self.rig.joints}
+        return {joint: made(train, held, self.rig, joint) for joint in names or self.rig.joints}
 
     def columns(self, joint: str, model: JointModel) -> tuple[FloatArray, FloatArray]:
         """(N, P) columns [N m] of one joint in the training and in the held-out rows.

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import NAMED_FLOORS
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.problem.shared.momentum import momenta_over
@@ -120,11 +121,22 @@ def _answer(logs: RobotLogs, before: RobotFit) -> _Answer:
         fit = searched(replace(fit, shared=causes.shared(named.causes)))
     if not named.causes:
         return _Answer(fit, causes, named, moved)
-    alone = searched(start)
+    alone = _alone(start, fit, causes, named)
     with_named = fit.log_odds + causes.prior_odds(named.causes)
     if alone.log_odds * fit.rows >= with_named * alone.rows:
         return _Answer(alone, causes, Named.none())
     return _Answer(fit, causes, named, moved)
+
+
+def _alone(start: RobotFit, fit: RobotFit, causes: Causes, named: Named) -> RobotFit:
+    """The joints without the causes: those that a cause touches explain their part by effects of their own."""
+    delta = fit.moved()
+    touched = np.max([causes.sizes(c, delta) for c in named.causes], axis=0) >= NAMED_FLOORS
+    names = [
+        name for name, each in zip(fit.joints, touched, strict=True) if each or any(map(_is_encoder, named.causes))
+    ]
+    others = {name: joint for name, joint in fit.joints.items() if name not in names}
+    return searched(replace(start, joints=dict(start.joints) | others), names) if names else start
 
 
 def _keys(named: Named) -> frozenset[str]:
@@ -209,11 +221,11 @@ def _at_offsets(logs: RobotLogs, fit: RobotFit, named: Named) -> tuple[RobotFit,
     return again, causes, replace(named, causes=chosen)
 
 
-def searched(fit: RobotFit) -> RobotFit:
-    """All joints with the sets of effects that they lack."""
+def searched(fit: RobotFit, names: Sequence[str] = ()) -> RobotFit:
+    """All joints, or these, with the sets of effects that they lack."""
     for _ in range(SWEEPS):
         before = fit.sets
-        fit = searched_fit(fit, fit.moved())
+        fit = searched_fit(fit, fit.moved(), names or fit.runs.rig.joints)
         if fit.sets == before or not fit.shared.places.size:
             break
     return fit
