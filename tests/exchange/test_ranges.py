@@ -306,6 +306,9 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     (tmp_path / "report.json").write_text('{"joints": {"hip": {}}}')
     with pytest.raises(ParamsError, match="no joint 'knee'"):
         read_unit(model)
+    folder(tmp_path, rejected=[{"id": "backlash"}])
+    with pytest.raises(ParamsError, match="joint 'knee': expected the entries that close-loop writes, got KeyError"):
+        read_unit(model)
     bare = tmp_path / "bare" / "model.yaml"
     bare.parent.mkdir()
     save_models({"knee": ActuatorModel("knee", Drive("current", 0.4))}, bare)

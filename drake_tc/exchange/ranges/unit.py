@@ -126,9 +126,16 @@ def read_unit(model: Path, report: Path | None = None) -> Unit:
     estimated, not_shown, correlation, notes = {}, [], {}, []
     for joint, each in models.items():
         reader = _Joint(each, told.get(joint, {}), checked.get(joint, {}))
-        estimated[joint], held = reader.parameters()
-        not_shown += [*held, *reader.other_effects()]
-        if (known := reader.correlation(estimated[joint])) is not None:
+        try:
+            estimated[joint], held = reader.parameters()
+            not_shown += [*held, *reader.other_effects()]
+            known = reader.correlation(estimated[joint])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ParamsError(
+                f"{source}: joint {joint!r}: expected the entries that close-loop writes, got {error!r}; run close-loop"
+                " (and check) again"
+            ) from error
+        if known is not None:
             correlation[joint] = known
     if not any(estimated.values()):
         raise ParamsError(
