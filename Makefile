@@ -41,7 +41,7 @@ demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the
 bench: $(VENV)/.installed-test ## run a benchmark: NAME=tick; without NAME, list them
 	$(BIN)/python -m tests.benchmarks $(NAME)
 
-test: lint unit times wheel ## all checks, at most eight minutes on two cores
+test: lint unit times wheel ## all checks, about a quarter of an hour on two quiet cores
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
@@ -55,7 +55,7 @@ unit: $(VENV)/.installed-test
 coverage: $(VENV)/.installed-test ## the same tests, and which lines they reach
 	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
 
-times: $(VENV)/.installed-test ## what one tick costs: nothing else running
+times: $(VENV)/.installed-test ## what one tick costs, measured in rounds: other work on the machine does no harm
 	$(BIN)/pytest -q -m 'benchmark and not slow'
 
 wheel: $(VENV)/.installed-test ## build the wheel and run the demo from it, in an empty environment

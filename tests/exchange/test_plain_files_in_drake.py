@@ -160,7 +160,7 @@ def test_a_joint_without_inertia_and_damping_is_unstable(simulate):
     assert np.isnan(simulate(Terms("torque", 1.0), None, alone(np.ones(T.size)))[-1])
 
 
-@FORMATS
+@pytest.mark.parametrize("kind", ["sdf"])
 def test_the_error_is_that_of_what_the_format_lacks(kind):
     """The rotor of 0.3 kg m^2, then the dry friction too, which the format has and Drake does not use."""
     errors = []
@@ -192,7 +192,7 @@ TAGS = {
 }
 
 
-@FORMATS
+@pytest.mark.parametrize("kind", ["urdf"])
 def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys, kind):
     """The user's file has three times the damping; its rotor inertia in Drake's tags stays as it is."""
     model = ActuatorModel("joint", Drive("position_servo", 2e-3), SERVO)

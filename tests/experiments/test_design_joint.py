@@ -138,7 +138,14 @@ def test_the_probability_of_being_told_apart_is_that_of_simulated_fits():
     assert distinction_probability(0.0, 100.0) == 0.0
 
 
-@pytest.mark.parametrize("goal", ["parameters", "tell:load_dependent_friction,quadratic_viscous", "all"])
+@pytest.mark.parametrize(
+    "goal",
+    [
+        "parameters",
+        "tell:load_dependent_friction,quadratic_viscous",
+        pytest.param("all", marks=pytest.mark.slow),
+    ],
+)
 def test_a_designed_motion_keeps_every_limit_and_is_no_worse_than_any_random_one(joint, goal):
     design = design_joint(joint, LIMITS, parse_goal(goal), QUICK)
     assert design.optimum.value >= design.optimum.start_value

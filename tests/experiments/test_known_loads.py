@@ -177,7 +177,13 @@ def test_a_wrong_gain_that_a_payload_contains_is_ruled_out_under_loads():
     assert isinstance(criterion_of(goal, joint, 30.0, under=under), Discrimination)
 
 
-@pytest.mark.parametrize("goal", ["parameters:load_dependent_friction", "tell:load_dependent_friction,stribeck"])
+@pytest.mark.parametrize(
+    "goal",
+    [
+        "parameters:load_dependent_friction",
+        pytest.param("tell:load_dependent_friction,stribeck", marks=pytest.mark.slow),
+    ],
+)
 def test_motions_under_loads_keep_every_limit_with_their_load_and_are_worth_it(goal):
     joint = joint_of(gravity=6.0)
     design = design_with_loads(joint, LIMITS, parse_goal(goal), QUICK, (KnownLoad(0.0), HEAVY, KnownLoad(1.0, 0.5)))
