@@ -1,5 +1,7 @@
 """Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
 
+from itertools import combinations
+
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import is_filter
 from drake_tc.diagnosis.priors import FALLS
@@ -31,16 +33,24 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
 
 
 def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
-    """The set without the effects whose absence predicts the held-out runs better, the worst one first, and these.
+    """The part of a set that predicts the held-out runs best where the whole set predicts them worse, and the rest.
 
-    All held-out runs count together: no run has a veto.
+    All held-out runs count together: no run has a veto. Effects that take each other's place hide each other's fault,
+    so that every part of the set is tried, not only what is left when one effect goes.
     """
     dropped: list[Term] = []
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
-        gains = [(held_gain(evidence, scored, t), i) for i, t in enumerate(asked)]
-        if not gains or min(gains)[0] >= -FALLS:
+        whole = evidence.predictive(scored.terms, scored.posterior.variance)
+        worst: tuple[Term, ...] = ()
+        best = whole + FALLS
+        for count in range(1, len(asked) + 1):
+            for gone in combinations(asked, count):
+                rest = [t for t in scored.terms if t not in gone]
+                density = evidence.predictive(rest, scored.posterior.variance)
+                if density > best:
+                    best, worst = density, gone
+        if not worst:
             return scored, tuple(dropped)
-        worst = asked[min(gains)[1]]
-        dropped.append(worst)
-        scored = evidence.refined(evidence.score([t for t in scored.terms if t is not worst]))
+        dropped += worst
+        scored = evidence.refined(evidence.score([t for t in scored.terms if t not in worst]))

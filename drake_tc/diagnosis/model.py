@@ -14,10 +14,10 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from scipy.signal import oaconvolve, welch
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.latent import Shares, filtered
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.noise import Rows
 from drake_tc.diagnosis.priors import (
@@ -39,9 +39,6 @@ from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
-SPECTRUM = 256
-"""Samples over which spectra are taken."""
-
 
 @dataclass(frozen=True)
 class Block:
@@ -59,15 +56,17 @@ class Split:
         recorded: Columns computed from the recorded effort: the target.
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
         modelled: (T,) w, the effort that the model needs [effort].
-        share: (m,) taps of the filter l of `latent_share`, by which the latent effort follows the recorded one.
+        shares: By which channels the latent signals follow what the residual tells.
         gain: K of the fit that computed w [effort/(N m)].
+        inertia: dw/dqddot/K of the same fit [kg m^2].
     """
 
     recorded: Columns
     clean: Columns
     modelled: FloatArray
-    share: FloatArray
+    shares: Shares
     gain: float
+    inertia: float
 
     @property
     def samples(self) -> Samples:
@@ -76,17 +75,19 @@ class Split:
 
     @cached_property
     def latent(self) -> FloatArray:
-        """(T,) x, see `latent_share` [effort]."""
+        """(T,) x, see `Shares` [effort]."""
         return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
+
+    @cached_property
+    def accelerated(self) -> FloatArray:
+        """(T,) what the residual tells the recorded acceleration lacks, see `Shares` [rad/s^2]."""
+        error = self.samples.signals.effort - self.modelled
+        per = self.gain * self.inertia
+        return filtered(self.samples, self.shares.acceleration, error) / per if per else np.zeros_like(error)
 
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
-        if self.share.size == 1:
-            return np.asarray(self.share[0] * values)
-        out, half = np.empty_like(values), self.share.size // 2
-        for s in self.samples.segments:
-            out[s] = oaconvolve(np.pad(values[s], half, mode="edge"), self.share, mode="valid")
-        return out
+        return filtered(self.samples, self.shares.effort, values)
 
     @cached_property
     def rows(self) -> Rows:
@@ -317,8 +318,8 @@ class JointModel:
     def with_share(self, share: float) -> "JointModel":
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
-        taps = np.array([share])
-        train, held = (with_clean(replace(s, share=taps), measured=measured) for s in (self.train, self.held))
+        splits = (replace(s, shares=replace(s.shares, effort=np.array([share]))) for s in (self.train, self.held))
+        train, held = (with_clean(s, measured=measured) for s in splits)
         return replace(self, train=train, held=held)
 
 
@@ -345,61 +346,46 @@ def _inside(values: FloatArray, samples: Samples) -> FloatArray:
 
 
 def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, measured: bool) -> Split:
-    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit.
-
-    All columns are computed from the latent effort and, where the load is `measured`, from the load torque that it
-    means: two channels of which each has its own noise would together explain the noise of the residual.
-    """
+    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit."""
     samples = recorded.samples
     s = samples.signals
-    torque = s.load_torque + s.rotor_inertia * s.acceleration + s.known_torque
-    if samples.load_unknown or samples.link_prior is not None:  # the load is among the terms
-        torque = s.rotor_inertia * s.acceleration + s.known_torque
+    faster = replace(s, acceleration=s.acceleration + 1.0, load_torque=s.load_torque + s.link_inertia)
+    torque, more = (_needed(replace(samples, signals=each), terms, beta) for each in (s, faster))
+    gain, inertia = 1.0 / float(beta[0]), float(np.median((more - torque)[samples.rows]))
+    shares = Shares.of(samples, s.effort - gain * torque, gain * inertia)
+    return with_clean(Split(recorded, recorded, gain * torque, shares, gain, inertia), measured=measured)
+
+
+def _needed(samples: Samples, terms: Sequence[Term], beta: FloatArray) -> FloatArray:
+    """(T,) torque of the drive that a fit needs [N m]."""
+    s = samples.signals
+    torque = s.rotor_inertia * s.acceleration + s.known_torque
+    if not samples.load_unknown and samples.link_prior is None:  # else the load is among the terms
+        torque = torque + s.load_torque
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size:
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
-    gain = 1.0 / float(beta[0])
-    first = Split(recorded, recorded, gain * torque, latent_share(recorded, gain * torque), gain)
-    return with_clean(first, measured=measured)
+    return np.asarray(torque)
 
 
 def with_clean(first: Split, *, measured: bool) -> Split:
-    """The split with its columns computed from the latent effort, and the load torque that it means."""
+    """The split with its columns computed from the latent effort and acceleration, and the load torque that they mean.
+
+    Two channels of which each has its own noise would together explain the noise of the residual.
+    """
     samples, gain = first.samples, first.gain
     s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent
-    load = s.load_torque + (first.latent - first.modelled) / gain if measured else s.load_torque
-    slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
-    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow)
-    return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))
-
-
-def latent_share(recorded: Columns, modelled: FloatArray) -> FloatArray:
-    """Taps (m,) of the filter l by which the most probable effort x follows what was recorded, u, and not the model, w.
-
-    x = w + l * (u - w),   l(f) = 1 - S_n(f)/S(f)
-
-    with the spectra S_n of the noise of the recorded effort and S of u - w (Wiener's filter). The errors of x are not
-    correlated with u - w at any lag, so that no filter of x explains the residual's noise by itself. A share that is
-    the same for all frequencies would let the noise of a load that is computed from accelerations explain itself.
-    """
-    samples = recorded.samples
-    resolution, s = samples.resolution, samples.signals
-    noise = max(resolution.effort_noise**2, resolution.effort_step**2 / 12.0)
-    if samples.floor.servo:
-        noise += resolution.position_noise**2
-    error, edge, total, count = s.effort - modelled, samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0
-    for part in samples.segments:
-        inner = error[part.start + edge : part.stop - edge]
-        if inner.size >= SPECTRUM:
-            power = welch(inner, 1.0 / s.period, nperseg=SPECTRUM, detrend=False)[1]
-            total, count = total + inner.size * power, count + inner.size
-    of_noise = 2.0 * s.period * noise * np.abs(np.fft.rfft(samples.light.kernels[0], SPECTRUM)) ** 2
-    if not count:
-        kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-        left = float(np.mean(samples.reduce(error) ** 2))
-        share = 1.0 - noise * float(kernel @ kernel) / max(left, 1e-300)
-        return np.array([min(max(share, 0.0), 1.0)])
-    follows = np.clip(1.0 - of_noise * count / np.maximum(total, 1e-300), 0.0, 1.0)
-    taps = np.fft.fftshift(np.fft.irfft(follows, SPECTRUM))
-    return np.asarray(np.append(taps, taps[0])[: SPECTRUM + 1] * np.hanning(SPECTRUM + 1))
+    load, slow = s.load_torque + s.link_inertia * first.accelerated, s.slow_torque
+    if measured:
+        load = s.load_torque + (first.latent - first.modelled) / gain - first.inertia * first.accelerated
+        slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
+    clean = replace(
+        s,
+        effort=first.latent,
+        command=command,
+        load_torque=load,
+        slow_torque=slow,
+        acceleration=s.acceleration + first.accelerated,
+    )
+    return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=clean)))
