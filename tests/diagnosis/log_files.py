@@ -76,6 +76,11 @@ def write_logs(
     return Logs(write_rig(folder, first, **(rig or {})), tuple(paths[:2]), tuple(paths[2:]))
 
 
+def found(report: Mapping[str, Any]) -> list[str]:
+    """Ids of the effects that are named, sorted."""
+    return sorted(effect["id"] for effect in report["joints"]["joint"]["effects"])
+
+
 def figures(report: Mapping[str, Any]) -> np.ndarray:
     """Floor, errors before and after, and held-out gains: what must not depend on how the logs are written."""
     joint = report["joints"]["joint"]
