@@ -252,12 +252,8 @@ class JointModel:
 
         The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
         """
-        channels = {
-            ("command" if t.effect.acts_on == "command" else "inside") if "inside" in self.ages else "effort"
-            for t in terms
-            if isinstance(t.effect, Delay)
-        }
-        return frozenset(number for number, channel in enumerate(self.ages) if channel in channels)
+        late = any(isinstance(t.effect, Delay) for t in terms)
+        return frozenset(n for n, channel in enumerate(self.ages) if late and channel in ("command", "effort", "inside"))
 
     def nuisances(self, split: Split) -> list[Block]:
         """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
