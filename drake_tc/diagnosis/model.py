@@ -252,8 +252,8 @@ class JointModel:
 
         The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
         """
-        late = any(isinstance(t.effect, Delay) for t in terms)
-        return frozenset(n for n, channel in enumerate(self.ages) if late and channel in ("command", "effort", "inside"))
+        held = ("command", "effort", "inside") if any(isinstance(t.effect, Delay) for t in terms) else ()
+        return frozenset(number for number, channel in enumerate(self.ages) if channel in held)
 
     def nuisances(self, split: Split) -> list[Block]:
         """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
