@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
 from drake_tc.diagnosis.model import drives
-from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, MOST_EFFECTS
+from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
@@ -166,6 +166,9 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[0].rank(pair[1]))
         if number and best.ids == before:
             break
+    if evidence.distortion(best) > DISTORTED:  # what is left is no noise: rows count alike
+        evidence = evidence.tempered(best.terms)
+        best = evidence.refined(evidence.score(best.terms))
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near))

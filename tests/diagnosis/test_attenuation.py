@@ -1,0 +1,57 @@
+"""Coefficients beside noisy columns, against the truth of simulated logs and against closed forms."""
+
+import numpy as np
+import pytest
+
+from drake_tc.diagnosis.attenuation import corrected, drawn
+from drake_tc.diagnosis.diagnose import joint_model
+from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.intervals import CRITICAL
+from drake_tc.diagnosis.problem.prepared import prepare_joint
+from tests.diagnosis.rigs import Joint, record, rig_of
+
+NOISE = 1.5
+"""Of the torque sensor [N m], a quarter of the torque's RMS, before the filters."""
+
+
+def _heard(joint: Joint) -> tuple[Evidence, Scored]:
+    train = [record(joint, f"run{k}", 0.4 * k, seed=k) for k in range(3)]
+    prepared = prepare_joint(train, [record(joint, "held", 2.1, seed=9)], rig_of(joint), "joint")
+    model = joint_model(prepared)
+    evidence = Evidence(model).tempered(model.declared)
+    return evidence, evidence.score(model.declared)
+
+
+@pytest.fixture(scope="module")
+def noisy() -> tuple[Evidence, Scored]:
+    return _heard(Joint(torque_noise=NOISE))
+
+
+def test_the_gain_beside_a_noisy_torque_sensor_is_that_of_the_joint(noisy: tuple[Evidence, Scored]) -> None:
+    truth = Joint().gain
+    evidence, scored = noisy
+    after = corrected(evidence, scored)
+    deviation = float(np.sqrt(after.posterior.covariance[0, 0]))
+    attenuated = CRITICAL * float(np.sqrt(scored.posterior.covariance[0, 0]))
+    assert scored.b[0] < truth - attenuated
+    assert abs(after.b[0] - truth) <= 2.5 * deviation
+    assert deviation < 0.02 * truth
+
+
+def test_the_drawn_noise_of_the_gain_s_column_is_what_the_filters_pass(noisy: tuple[Evidence, Scored]) -> None:
+    """White noise through both kernels has the sum of the squares of their taps as its variance."""
+    evidence, scored = noisy
+    samples = evidence.model.train.samples
+    taps = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+    columns, _ = drawn(evidence, scored)
+    unit = evidence.model.train.rows.whitened(
+        np.random.default_rng(1).normal(size=(samples.rows.size, 1)), evidence.noise
+    )[0]
+    expected = NOISE * np.sqrt(taps @ taps) * np.sqrt(np.mean(unit**2))
+    assert np.sqrt(np.mean(columns[:, 0] ** 2)) == pytest.approx(expected, rel=0.35)
+
+
+def test_without_noise_nothing_changes() -> None:
+    evidence, scored = _heard(Joint())
+    after = corrected(evidence, scored)
+    np.testing.assert_allclose(after.b, scored.b, rtol=2e-4)
