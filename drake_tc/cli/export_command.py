@@ -148,6 +148,7 @@ def export_command(
                 unit or (),
                 samples,
                 seed,
+                torque_constant,
                 _speeds(rig, log or [], list(load_model_file(model).models)),
                 force,
                 as_json,

@@ -33,6 +33,7 @@ class RangesRequest:
     units: Sequence[Path]
     samples: int
     seed: int
+    torque_constant: float | None
     recorded: "Recorded"
     force: bool
     as_json: bool
@@ -85,9 +86,8 @@ def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list
     from drake_tc.exchange.ranges.mjlab import to_mjlab
     from drake_tc.exchange.ranges.playground import to_playground
     from drake_tc.exchange.ranges.terms import term_ranges
-    from drake_tc.exchange.targets import TARGETS
 
-    ranges = term_ranges(posterior, TARGETS[request.to], PROJECTED, request.seed, request.recorded)
+    ranges = term_ranges(posterior, request.to, PROJECTED, request.seed, request.recorded, request.torque_constant)
     writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]
     return writer(posterior, ranges), ranges
 

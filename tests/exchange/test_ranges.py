@@ -21,7 +21,6 @@ from drake_tc.exchange.ranges.playground import to_playground
 from drake_tc.exchange.ranges.posterior import draws, posterior_of
 from drake_tc.exchange.ranges.terms import term_ranges
 from drake_tc.exchange.ranges.unit import read_unit
-from drake_tc.exchange.targets import TARGETS
 
 from .released_names import installed, is_installed, released, wrong_names
 
@@ -200,7 +199,7 @@ RANGES = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_pl
 
 def program(tmp_path, target, **changes):
     posterior = posterior_of([read_unit(folder(tmp_path, **changes))])
-    ranges = term_ranges(posterior, TARGETS[target], 400, 0)
+    ranges = term_ranges(posterior, target, 400, 0)
     return RANGES[target](posterior, ranges), ranges
 
 
@@ -255,6 +254,43 @@ def test_terms_keep_the_correlation_of_the_parameters(tmp_path):
     found = ranges.correlation[names.index("damping"), names.index("frictionloss")]
     assert -0.9 < found < -0.4
     assert f"damping and frictionloss have the correlation {found:.2f}; drawn independently" in text
+
+
+def servo_with_limit(tmp_path):
+    """A servo whose limit acts on its damping too: 500 N m s/rad of its own, 1500 N m s/rad of the joint."""
+    limit = EffectValue("saturation.servo", {"limit": 0.1, "derivative_time": 0.1}, {"limit": (0.09, 0.11)})
+    viscous = EffectValue("viscous", {"viscous": 2000.0}, {"viscous": (1900.0, 2100.0)})
+    model = ActuatorModel("knee", Drive("position_servo", 2e-4), (viscous, limit))
+    save_models({"knee": model}, tmp_path / "model.yaml")
+    return posterior_of([read_unit(tmp_path / "model.yaml")])
+
+
+@pytest.mark.parametrize("target", ["mjlab", "playground"])
+def test_the_damping_of_the_joint_is_without_that_of_the_servo(target, tmp_path):
+    (ranges,) = term_ranges(servo_with_limit(tmp_path), target, 400, 0)
+    assert ranges.projection.terms.derivative_gain == pytest.approx(500.0)
+    assert ranges.distributions["damping"].value == pytest.approx(1500.0, rel=0.01)
+    assert ranges.distributions["torque_limit"].value == pytest.approx(500.0, rel=0.01)
+
+
+@pytest.mark.parametrize("target", ["mjlab", "isaaclab"])
+def test_the_damping_of_the_joint_is_without_the_back_emf(target, tmp_path):
+    viscous = EffectValue("viscous", {"viscous": 4.0}, {"viscous": (3.8, 4.2)})
+    limit = EffectValue("saturation", {"limit": 9.0}, {"limit": (8.0, 10.0)})
+    peak = EffectValue("stribeck", {"stribeck": 0.5, "stribeck_velocity": 0.2, "stribeck_exponent": 2.0})
+    dry = EffectValue("coulomb", {"coulomb": 1.0}, {"coulomb": (0.9, 1.1)})
+    save_models(
+        {"knee": ActuatorModel("knee", Drive("voltage", 0.5), (viscous, limit, dry, peak))}, tmp_path / "m.yaml"
+    )
+    posterior = posterior_of([read_unit(tmp_path / "m.yaml")])
+    (plain,) = term_ranges(posterior, target, 400, 0)
+    (motor,) = term_ranges(posterior, target, 400, 0, torque_constant=1.2)
+    less = plain.distributions["damping"].value - motor.distributions["damping"].value
+    refitted = plain.projection.terms.damping - motor.projection.terms.damping
+    assert less == pytest.approx(refitted + 1.2 / 0.5, rel=0.05)
+    text = RANGES[target](posterior, [motor])
+    assert ("dr.joint_friction" in text, "dr.effort_limits" in text) == (False, False)
+    assert ("knee frictionloss" in text) == (target == "mjlab")  # in the motor's lugre, which no term draws
 
 
 def test_the_samples_are_a_table_with_its_units(tmp_path):

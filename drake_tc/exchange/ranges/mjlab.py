@@ -32,8 +32,10 @@ NOTABLE = 0.3
 
 def randomised(each: TermRanges) -> tuple[str, ...]:
     """Terms of a joint that mjlab can randomise."""
-    servo = ("kp",) if each.projection.terms.drive == "position_servo" else ()
-    return (*OF_JOINTS, *servo, "torque_limit")
+    terms = each.projection.terms
+    in_lugre = ("frictionloss",) if terms.torque_constant is not None and terms.stribeck is not None else ()
+    servo = ("kp", "torque_limit") if terms.drive == "position_servo" else ()
+    return (*(name for name in OF_JOINTS if name not in in_lugre), *servo)
 
 
 def to_mjlab(posterior: Posterior, ranges: Sequence[TermRanges]) -> str:

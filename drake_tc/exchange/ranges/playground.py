@@ -25,8 +25,8 @@ OTHERS = {
 
 def randomised(each: TermRanges) -> tuple[str, ...]:
     """Terms of a joint that the file can randomise."""
-    servo = ("kp",) if each.projection.terms.drive == "position_servo" else ()
-    return (*OF_DOFS, "stiffness", *servo, "torque_limit")
+    servo = ("kp", "torque_limit") if each.projection.terms.drive == "position_servo" else ()
+    return (*OF_DOFS, "stiffness", *servo)
 
 
 def to_playground(posterior: Posterior, ranges: Sequence[TermRanges]) -> str:

@@ -1,16 +1,19 @@
 """The posterior in a simulator's terms: every draw is projected, so that a refit acts on whole models."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import rankdata
 
 from drake_tc.config.joint_units import JointType, in_units_of
-from drake_tc.exchange.projection import Projection, Vocabulary, project
+from drake_tc.exchange.dc_motor import with_torque_constant
+from drake_tc.exchange.projection import Projection, project
 from drake_tc.exchange.ranges.distribution import Distribution
 from drake_tc.exchange.ranges.posterior import Posterior, central_model, drawn_models, draws, fitted
+from drake_tc.exchange.targets import vocabulary
+from drake_tc.simulator_files.terms import Terms
 from drake_tc.types import FloatArray
 
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -45,7 +48,8 @@ class TermRanges:
     Attributes:
         joint: Its name.
         projection: Of the model at the medians.
-        distributions: By term.
+        distributions: By term. "damping" is what is left to the joint: not the servo's own damping, nor the back-EMF of
+            a motor.
         correlation: (t, t) of the normal scores of the terms, in their order (Gaussian copula).
     """
 
@@ -69,23 +73,38 @@ Recorded = Mapping[str, tuple[FloatArray | None, FloatArray | None]]
 
 
 def term_ranges(
-    posterior: Posterior, target: Vocabulary, count: int, seed: int, recorded: Recorded | None = None
+    posterior: Posterior,
+    target: str,
+    count: int,
+    seed: int,
+    recorded: Recorded | None = None,
+    torque_constant: float | None = None,
 ) -> list[TermRanges]:
     """The terms of each joint with their distributions.
 
     Args:
         posterior: Of the parameters.
-        target: What the simulator can express.
+        target: Name of the simulator on the command line.
         count: Number of draws that are projected.
         seed: Of the generator.
         recorded: Velocities and loads that weight a refit of friction; None: all speeds count alike.
+        torque_constant: Of a data sheet [N m/A], for drives on a voltage; None: not known.
+
+    Raises:
+        ParamsError: a torque constant whose back-EMF exceeds the viscous friction.
     """
     drawn = draws(posterior, count, seed)
     out = []
     for joint in posterior.unit.models:
         at = (recorded or {}).get(joint, (None, None))
-        central = project(central_model(posterior, joint), target, *at)
-        all_terms = [project(model, target, *at).terms for model in drawn_models(posterior, joint, drawn[joint])]
+        words = vocabulary(target, posterior.unit.models[joint].drive.kind, torque_constant)
+        central = project(central_model(posterior, joint), words, *at)
+        if torque_constant is not None:
+            central = with_torque_constant(central, torque_constant, words)
+        kt = central.terms.torque_constant
+        all_terms = [
+            _joint_terms(project(model, words, *at).terms, kt) for model in drawn_models(posterior, joint, drawn[joint])
+        ]
         found: dict[str, FloatArray] = {}
         for name in UNITS:
             values = np.array([getattr(terms, name) or 0.0 for terms in all_terms])
@@ -94,6 +113,12 @@ def term_ranges(
         distributions = {name: fitted(values, -np.inf if name in SIGNED else 0.0) for name, values in found.items()}
         out.append(TermRanges(joint, central, distributions, _correlation(list(found.values()))))
     return out
+
+
+def _joint_terms(terms: Terms, torque_constant: float | None) -> Terms:
+    """The terms with the damping that is left to the joint."""
+    elsewhere = terms.derivative_gain + (0.0 if torque_constant is None else torque_constant * terms.kp)
+    return replace(terms, damping=max(terms.damping - elsewhere, 0.0))
 
 
 def _correlation(columns: list[FloatArray]) -> FloatArray:

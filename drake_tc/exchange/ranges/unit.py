@@ -275,6 +275,7 @@ class _Joint:
             joint_type=self.model.joint_type,
         )
         low, high = plausible_range(parameter, context)
+        low = low if low < math.inf else -math.inf  # a multiple of what no file tells
         return max(low, parameter.lower), min(high, parameter.upper)
 
     def _between_runs(self, key: Key) -> float:
