@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from drake_tc.exchange.ranges.terms import Recorded, TermRanges
 
 TARGETS_OF_RANGES = ("mjlab", "isaaclab", "playground", "parquet")
-PROJECTED = 400
+PROJECTED = 600
 """Draws that are projected into the terms of a simulator."""
 
 

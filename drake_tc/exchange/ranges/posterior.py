@@ -157,7 +157,7 @@ def with_values(model: ActuatorModel, values: dict[tuple[str, str], float]) -> A
     return replace(model, drive=replace(model.drive, gain=gain), effects=tuple(effects))
 
 
-def fitted(samples: FloatArray, lower: float = 0.0, upper: float = np.inf) -> Distribution:
-    """The distribution of a quantity of which samples (N,) are known: its median, and half its central 95 %."""
-    low, middle, high = np.quantile(samples, [0.025, 0.5, 0.975])
-    return distribution(float(middle), float(high - low) / (2.0 * CRITICAL), lower, upper)
+def fitted(samples: FloatArray, median: float, lower: float = 0.0, upper: float = np.inf) -> Distribution:
+    """The distribution of a quantity of which samples (N,) are known; their central 95 % gives its deviation."""
+    low, high = np.quantile(samples, [0.025, 0.975])
+    return distribution(median, float(high - low) / (2.0 * CRITICAL), lower, upper)

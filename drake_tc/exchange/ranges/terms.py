@@ -110,7 +110,11 @@ def term_ranges(
             values = np.array([getattr(terms, name) or 0.0 for terms in all_terms])
             if values.size and np.std(values) > VARIES * max(abs(float(np.median(values))), 1e-300):
                 found[name] = values
-        distributions = {name: fitted(values, -np.inf if name in SIGNED else 0.0) for name, values in found.items()}
+        at_medians = _joint_terms(central.terms, kt)
+        distributions = {
+            name: fitted(values, getattr(at_medians, name) or 0.0, -np.inf if name in SIGNED else 0.0)
+            for name, values in found.items()
+        }
         out.append(TermRanges(joint, central, distributions, _correlation(list(found.values()))))
     return out
 
