@@ -199,6 +199,10 @@ class Evidence:
             out[j] = np.clip(out[j], p.lower, p.upper)
         return out
 
+    def with_shapes(self, scored: Scored) -> Scored:
+        """The same set, the uncertainty of its shapes in its posterior and evidence."""
+        return self._with_shapes(scored)[0]
+
     def _with_shapes(self, scored: Scored) -> tuple[Scored, FloatArray]:
         """The same set and shapes, the shapes' uncertainty in its posterior and evidence, and the Gauss-Newton step."""
         where, _ = shape_places(scored.terms)

@@ -1,11 +1,14 @@
 """Physical parameters of a set of terms with 95 % intervals from the posterior, every nuisance included."""
 
 from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.model import RunSpread
+from drake_tc.diagnosis.priors import RUN_SPREADS
 from drake_tc.diagnosis.problem.estimates import Estimate, rests_on_bound
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
 from drake_tc.diagnosis.search import as_fit
@@ -13,7 +16,9 @@ from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 
-CRITICAL = float(norm.ppf(0.975))
+LEVEL = 0.95
+CRITICAL = float(norm.ppf(0.5 + 0.5 * LEVEL))
+BISECTIONS = 20
 
 
 def parameters_of(evidence: Evidence, scored: Scored) -> Mapping[str, Mapping[str, Estimate]]:
@@ -21,7 +26,8 @@ def parameters_of(evidence: Evidence, scored: Scored) -> Mapping[str, Mapping[st
     fit, size = as_fit(scored), scored.coefficients
     at = size + scored.shapes
     point = np.concatenate([scored.b, shape_places(scored.terms)[1]])
-    covariance = scored.posterior.covariance[:at, :at]
+    wider = _by_run_spread(evidence, scored)
+    covariance = scored.posterior.covariance[:at, :at] * np.outer(wider, wider)
     if not scored.shapes and point.size > size:
         point = point[:size]
 
@@ -50,6 +56,32 @@ def parameters_of(evidence: Evidence, scored: Scored) -> Mapping[str, Mapping[st
         unit = units.get((key, name), "-")
         out.setdefault(key, {})[name] = Estimate(float(value), unit, ci95, rests_on_bound(value, low, high))
     return out
+
+
+def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:
+    """(k,) by how much few runs, which tell little of how much runs differ, widen each coefficient and shape.
+
+    The coefficients are a mixture over the tried spreads s, weighed by their evidence, of Gaussians N(b_s, C_s). The
+    factor is that by which its central interval of 95 % around the taken b is wider than that of the taken spread.
+    """
+    at = scored.coefficients + scored.shapes
+    if len(evidence.model.train.samples.runs) < 2:
+        return np.ones(at)
+    spreads = [RunSpread(*pair) for pair in product(RUN_SPREADS, RUN_SPREADS)]
+    owns = [Evidence(evidence.model, evidence.noise, spread) for spread in spreads]
+    found = [own.with_shapes(own.score(scored.terms, scored.posterior.variance)) for own in owns]
+    odds = np.array([each.log_odds for each in found])
+    weights = np.exp(odds - odds.max())[:, None] / np.exp(odds - odds.max()).sum()
+    middle = np.array([each.posterior.beta[:at] for each in found])
+    deviation = np.sqrt([np.diag(each.posterior.covariance)[:at] for each in found])
+    taken = spreads.index(evidence.spread)
+    off = middle - middle[taken]
+    low, high = CRITICAL * deviation[taken], CRITICAL * (deviation + np.abs(off)).max(axis=0)
+    for _ in range(BISECTIONS):
+        half = 0.5 * (low + high)
+        inside = np.sum(weights * (norm.cdf((half - off) / deviation) - norm.cdf((-half - off) / deviation)), axis=0)
+        low, high = np.where(inside < LEVEL, half, low), np.where(inside < LEVEL, high, half)
+    return np.asarray(high / (CRITICAL * deviation[taken]))
 
 
 def _units_and_bounds(
