@@ -66,6 +66,7 @@ def export_ranges(request: RangesRequest) -> None:
     if request.to != "parquet":
         text, ranges = _program(request, posterior)
         document["terms"] = {each.joint: _terms(each) for each in ranges}
+        document["losses"] = _losses(request.to, ranges)
     inputs = [request.model, request.report, *request.units]
     if request.out is not None:
         with result_file(request.out, "--out", inputs=inputs, force=request.force) as path:
@@ -90,6 +91,14 @@ def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list
     ranges = term_ranges(posterior, request.to, PROJECTED, request.seed, request.recorded, request.torque_constant)
     writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]
     return writer(posterior, ranges), ranges
+
+
+def _losses(to: str, ranges: "Sequence[TermRanges]") -> list[str]:
+    """Sentences on what the simulator cannot express, of which the ranges have nothing."""
+    from drake_tc.exchange.account import sentences
+    from drake_tc.exchange.targets import TARGETS
+
+    return sentences([each.projection for each in ranges], TARGETS[to]) if ranges else []
 
 
 def _terms(each: "TermRanges") -> dict[str, Any]:
@@ -137,7 +146,7 @@ def _print(posterior: "Posterior", ranges: "Sequence[TermRanges]", request: Rang
         lines = [row_text(each) for each in posterior.not_shown if each.found_above is found]
         if lines:
             print(title, *(f"  {line}" for line in lines), sep="\n", file=shown)
-    for note in posterior.notes:
+    for note in (*_losses(request.to, ranges), *posterior.notes):
         print(note, file=shown)
     if request.out is not None:
         print(request.out, file=shown)

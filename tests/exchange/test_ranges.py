@@ -316,6 +316,7 @@ def test_the_document_has_everything_that_the_tables_show(tmp_path, capsys):
     assert document["terms"]["knee"]["damping"]["unit"] == "N m s/rad"
     assert {each["effect"] for each in document["joints"]["knee"]["not_shown"]} >= {"thermal_friction", "backlash"}
     assert any("correlation" in note for note in document["notes"])
+    assert any("mjlab has no Stribeck friction" in line for line in document["losses"])
 
 
 @pytest.mark.parametrize(
