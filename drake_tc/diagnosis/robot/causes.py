@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, CONTRIBUTION, MOST_EFFECTS, NAMED_FLOORS, UNIFORM
+from drake_tc.diagnosis.priors import ALTERNATIVE, CAUSE_CONTRIBUTION, COMMON, MOST_EFFECTS, NAMED_FLOORS, UNIFORM
 from drake_tc.diagnosis.problem.shared.causes import LINK_INERTIA_ID, TITLES, Cause
 from drake_tc.diagnosis.problem.shared.robot_causes import FARTHEST
 from drake_tc.diagnosis.robot.joints import RobotFit, Shared
@@ -39,7 +39,7 @@ class Causes:
 
     @classmethod
     def of(cls, fit: RobotFit) -> "Causes":
-        """With the prior that a cause contributes as much as an effect does, to the joint where it does most.
+        """With the prior of what a cause contributes to the joint where it does most.
 
         That of a delay is uniform over its range.
         """
@@ -49,7 +49,7 @@ class Causes:
             columns = model.train.gain * joint.columns[0]
             most = np.maximum(most, np.sqrt(np.mean(columns**2, axis=0)) / model.scale)
             squares.append(columns.T @ columns / max(len(columns), 1) / joint.prepared.floor**2)
-        wide = CONTRIBUTION / np.where(most > 0.0, most, np.inf)
+        wide = CAUSE_CONTRIBUTION / np.where(most > 0.0, most, np.inf)
         for cause in fit.runs.every_cause:
             if cause.id == "delay":
                 wide[cause.columns] = UNIFORM * 2.0 * DELAY_RANGE.upper
