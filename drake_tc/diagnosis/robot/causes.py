@@ -12,7 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.priors import ALTERNATIVE, CAUSE_CONTRIBUTION, COMMON, MOST_EFFECTS, NAMED_FLOORS, UNIFORM
+from drake_tc.diagnosis.priors import (
+    ALTERNATIVE,
+    CAUSE_CONTRIBUTION,
+    COMMON,
+    GAIN_ERROR,
+    MOST_EFFECTS,
+    NAMED_FLOORS,
+    UNIFORM,
+)
 from drake_tc.diagnosis.problem.shared.causes import LINK_INERTIA_ID, TITLES, Cause
 from drake_tc.diagnosis.problem.shared.robot_causes import FARTHEST
 from drake_tc.diagnosis.robot.joints import RobotFit, Shared
@@ -30,30 +38,40 @@ class Causes:
     Attributes:
         causes: All of them.
         wide: (P,) standard deviations of parameters of a cause that is asked for.
+        age: Standard deviation of an age that all joints have in common, and that is no delay [s].
         squares: (n, P, P) by joint, mean products of the columns [effort] over the joint's noise floor.
     """
 
     causes: Sequence[Cause]
     wide: FloatArray
+    age: float
     squares: FloatArray
 
     @classmethod
     def of(cls, fit: RobotFit) -> "Causes":
         """With the prior of what a cause contributes to the joint where it does most.
 
-        That of a delay is uniform over its range.
+        That of a delay is uniform over its range, and no gain is off by more than some `GAIN_ERROR`.
         """
-        most, squares = np.zeros(fit.delta.size), []
+        most, squares, age = np.zeros(fit.delta.size), [], 0.0
         for joint in fit.joints.values():
             model = joint.evidence.model
             columns = model.train.gain * joint.columns[0]
             most = np.maximum(most, np.sqrt(np.mean(columns**2, axis=0)) / model.scale)
+            known = (
+                spread for channel, (_, spread) in model.ages.items() if channel in ("command", "effort", "inside")
+            )
+            age = max(age, float(np.linalg.norm(list(known))))
             squares.append(columns.T @ columns / max(len(columns), 1) / joint.prepared.floor**2)
         wide = CAUSE_CONTRIBUTION / np.where(most > 0.0, most, np.inf)
         for cause in fit.runs.every_cause:
             if cause.id == "delay":
                 wide[cause.columns] = UNIFORM * 2.0 * DELAY_RANGE.upper
-        return cls(fit.runs.every_cause, np.where(most > 1e-9 * most.max(initial=0.0), wide, 0.0), np.array(squares))
+            if cause.id == "ft_gain":
+                wide[cause.columns] = np.minimum(wide[cause.columns], GAIN_ERROR)
+        return cls(
+            fit.runs.every_cause, np.where(most > 1e-9 * most.max(initial=0.0), wide, 0.0), age, np.array(squares)
+        )
 
     @property
     def candidates(self) -> list[Cause]:
@@ -90,6 +108,10 @@ class Causes:
     def log_odds(self, fit: RobotFit, asked: Sequence[Cause]) -> float:
         """Of these causes beside the joints' sets as they are; minus infinity for impossible or very small values."""
         shared = self.shared(asked)
+        late = self.causes[-1]
+        if late not in asked:  # clocks and buses that all joints share have an age
+            places = np.append(shared.places, late.columns.start)
+            shared = Shared(places, np.append(shared.deviation, self.age))
         told = shared.belief(fit.messages)
         delta = np.zeros_like(fit.delta)
         delta[shared.places] = told.mean
