@@ -17,7 +17,7 @@ from drake_tc.diagnosis.linear import Posterior
 from drake_tc.diagnosis.model import Split, with_clean, with_needed
 from drake_tc.diagnosis.priors import NOISE_LEVEL
 from drake_tc.effects.base import Signals
-from drake_tc.types import FloatArray
+from drake_tc.types import BoolArray, FloatArray
 
 SEED = 0
 LEAST_SIGNAL = 0.1
@@ -48,10 +48,17 @@ def corrected(evidence: Evidence, scored: Scored) -> Scored:
         shift[free] = gram @ held.beta[free] - moment
         shift = np.asarray(np.linalg.solve(true, shift))
         beta = held.beta + shift
+        beta[:size] = np.where(_positive(evidence, scored), np.maximum(beta[:size], 0.0), beta[:size])
     covariance = held.covariance + NOISE_LEVEL**2 * np.outer(shift, shift)
     return replace(
         scored, posterior=Posterior(beta, np.asarray(np.linalg.inv(covariance)), held.variance, held.log_evidence)
     )
+
+
+def _positive(evidence: Evidence, scored: Scored) -> BoolArray:
+    """(1 + k,) of the drive gain and the coefficients, which may not be negative."""
+    blocks = evidence.model.blocks(evidence.model.train, scored.terms)
+    return np.concatenate([block.prior.positive for block in blocks])
 
 
 def _least(hessian: FloatArray, scale: FloatArray) -> float:
@@ -102,7 +109,7 @@ def drawn(evidence: Evidence, scored: Scored) -> tuple[FloatArray, FloatArray]:
     columns = []
     for each in (recorded, recorded.changed(samples=samples, target=None)):
         needed = with_needed(each, scored.terms, scored.beta, measured=measured)
-        own = replace(model, train=with_clean(replace(needed, shares=model.train.shares), measured=measured))
+        own = replace(model, train=with_clean(replace(needed, share=model.train.share), measured=measured))
         blocks = [*own.blocks(own.train, scored.terms), *own.nuisances(own.train)]
         columns.append(np.concatenate([*(b.values for b in blocks), own.train.target(())[:, None]], axis=1))
     white = model.train.rows.whitened(columns[1] - columns[0], evidence.noise)[0]

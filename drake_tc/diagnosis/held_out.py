@@ -2,6 +2,8 @@
 
 from itertools import combinations
 
+import numpy as np
+
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import is_filter
 from drake_tc.diagnosis.priors import FALLS
@@ -36,21 +38,21 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
     """The part of a set that predicts the held-out runs best where the whole set predicts them worse, and the rest.
 
     All held-out runs count together: no run has a veto. Effects that take each other's place hide each other's fault,
-    so that every part of the set is tried, not only what is left when one effect goes.
+    so that every part of the set is tried, not only what is left when one effect goes. Both noise models are asked,
+    that of the set and the one in which rows count alike: a whitened error can fall while the error itself grows.
     """
     dropped: list[Term] = []
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
-        whole = evidence.predictive(scored.terms, scored.posterior.variance)
-        worst: tuple[Term, ...] = ()
-        best = whole + FALLS
-        for count in range(1, len(asked) + 1):
-            for gone in combinations(asked, count):
-                rest = [t for t in scored.terms if t not in gone]
-                density = evidence.predictive(rest, scored.posterior.variance)
-                if density > best:
-                    best, worst = density, gone
-        if not worst:
+        parts = [gone for count in range(len(asked) + 1) for gone in combinations(asked, count)]
+        gains = np.zeros(len(parts))
+        for noise in (evidence, evidence.tempered(scored.terms)):
+            variance = noise.score(scored.terms).posterior.variance
+            left = [[t for t in scored.terms if t not in gone] for gone in parts]
+            density = np.array([noise.predictive(rest, variance) for rest in left])
+            gains = np.maximum(gains, density - density[0])
+        worst = parts[int(np.argmax(gains))]
+        if gains.max() <= FALLS:
             return scored, tuple(dropped)
         dropped += worst
         scored = evidence.refined(evidence.score([t for t in scored.terms if t not in worst]))

@@ -17,9 +17,9 @@ import numpy as np
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.latent import Shares, filtered
+from drake_tc.diagnosis.latent import filtered, latent_share
 from drake_tc.diagnosis.linear import Prior
-from drake_tc.diagnosis.noise import Rows
+from drake_tc.diagnosis.noise import INDEPENDENT, Rows
 from drake_tc.diagnosis.priors import (
     AGE_PERIODS,
     CONTRIBUTION,
@@ -39,6 +39,9 @@ from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
+FILTER_MEMORY_S = 0.5
+"""Over which the response of a filter of the effort is followed [s]."""
+
 
 @dataclass(frozen=True)
 class Block:
@@ -55,18 +58,18 @@ class Split:
     Attributes:
         recorded: Columns computed from the recorded effort: the target.
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
-        modelled: (T,) w, the effort that the model needs [effort].
-        shares: By which channels the latent signals follow what the residual tells.
+        needed: (T,) w, the effort that the model needs [effort]. modelled: the same before the filters of the fit that
+            computed it, as it would be recorded.
+        share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.share`).
         gain: K of the fit that computed w [effort/(N m)].
-        inertia: dw/dqddot/K of the same fit [kg m^2].
     """
 
     recorded: Columns
     clean: Columns
+    needed: FloatArray
     modelled: FloatArray
-    shares: Shares
+    share: FloatArray
     gain: float
-    inertia: float
 
     @property
     def samples(self) -> Samples:
@@ -75,19 +78,12 @@ class Split:
 
     @cached_property
     def latent(self) -> FloatArray:
-        """(T,) x, see `Shares` [effort]."""
+        """(T,) x, see `latent` [effort]."""
         return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
-
-    @cached_property
-    def accelerated(self) -> FloatArray:
-        """(T,) what the residual tells the recorded acceleration lacks, see `Shares` [rad/s^2]."""
-        error = self.samples.signals.effort - self.modelled
-        per = self.gain * self.inertia
-        return filtered(self.samples, self.shares.acceleration, error) / per if per else np.zeros_like(error)
 
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
-        return filtered(self.samples, self.shares.effort, values)
+        return filtered(self.samples, self.share, values)
 
     @cached_property
     def rows(self) -> Rows:
@@ -110,7 +106,7 @@ class Split:
     def _offset(self, term: Term) -> FloatArray:
         """(N,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
         if term.cache_key not in self._kept:
-            u, w = self.samples.signals.effort, self.modelled
+            u, w = self.samples.signals.effort, self.needed
             act = partial(self.clean.samples.by_segment, term.effect, term.shape)
             needed = act(w, undo=True) - w
             self._kept[term.cache_key] = self.samples.reduce(needed + self._followed(u - act(u) - needed))
@@ -119,18 +115,47 @@ class Split:
     def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
         """Sum over the rows that count of log |du*/du|, at least as much as noise of this deviation tells.
 
-        Where the drive does not pass the effort on, u is known up to its own range and nothing else.
+        Where the drive does not pass the effort on, u is known up to its own range and nothing else. A filter counts by
+        the share of the residual's noise that it passes.
         """
+        filters = [t for t in drives(terms) if isinstance(t.effect, DriveEffect) and t.effect.filters]
+        passed = 0.5 * self.rows.index.size * sum(self._passed(t) for t in filters)
         static = [t for t in drives(terms) if not is_filter(t)]
         if not static:
-            return 0.0
+            return float(passed)
         key = ("slope", *(k for t in static for k in t.cache_key))
         if key not in self._kept:
             self._kept[key] = self._slope(static)
         slope = self._kept[key]
         span = float(np.ptp(self.samples.signals.effort[self.samples.rows]))
         least = min(deviation * np.sqrt(2.0 * np.pi) / max(span, 1e-300), 1.0)
-        return float(np.sum(np.log(np.clip(slope, least, 1.0))))
+        return float(passed + np.sum(np.log(np.clip(slope, least, 1.0))))
+
+    def _passed(self, term: Term) -> float:
+        """Mean logarithm over the rows' frequencies of the residual's power that passes a filter T.
+
+        With l the share of the residual that the latent effort follows, its noise is the recorded effort's to 1 - l,
+        which passes 1 - l (1 - T), and the needed effort's to l, which passes 1 - (1 - l) (1 - 1/T).
+        """
+        key = ("passed", *term.cache_key)
+        if key not in self._kept:
+            samples = self.samples
+            kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+            size = 1 + kernel.size + round(FILTER_MEMORY_S / samples.signals.period)
+            piece = samples.signals.take(np.minimum(np.arange(size), len(samples.signals) - 1))
+            pulse = np.zeros(size)
+            pulse[1 : 1 + kernel.size] = kernel  # filters take the first value for that before the log: 0
+            effect: Any = term.effect
+            inside = np.fft.rfftfreq(2 * size) <= 0.5 * min(float(kernel @ kernel) / INDEPENDENT, 1.0)
+            noise, late, early = (
+                np.fft.rfft(each, 2 * size)[inside]
+                for each in (pulse, effect.transform(pulse, piece, term.shape), effect.undone(pulse, piece, term.shape))
+            )
+            follows = np.abs(np.fft.rfft(self.share, 2 * size))[inside]
+            of_effort = (1.0 - follows) * np.abs(1.0 - follows * (1.0 - late / noise)) ** 2
+            of_need = follows * np.abs(1.0 - (1.0 - follows) * (1.0 - early / noise)) ** 2
+            self._kept[key] = float(np.mean(np.log(of_effort + of_need)))
+        return float(self._kept[key])
 
     def _slope(self, static: Sequence[Term]) -> FloatArray:
         """(n,) |du*/du| of drive effects without memory on the rows that count."""
@@ -314,8 +339,8 @@ class JointModel:
     def with_share(self, share: float) -> "JointModel":
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
-        splits = (replace(s, shares=replace(s.shares, effort=np.array([share]))) for s in (self.train, self.held))
-        train, held = (with_clean(s, measured=measured) for s in splits)
+        taps = np.array([share])
+        train, held = (with_clean(replace(s, share=taps), measured=measured) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
 
 
@@ -345,43 +370,30 @@ def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, m
     """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit."""
     samples = recorded.samples
     s = samples.signals
-    faster = replace(s, acceleration=s.acceleration + 1.0, load_torque=s.load_torque + s.link_inertia)
-    torque, more = (_needed(replace(samples, signals=each), terms, beta) for each in (s, faster))
-    gain, inertia = 1.0 / float(beta[0]), float(np.median((more - torque)[samples.rows]))
-    shares = Shares.of(samples, s.effort - gain * torque, gain * inertia)
-    return with_clean(Split(recorded, recorded, gain * torque, shares, gain, inertia), measured=measured)
-
-
-def _needed(samples: Samples, terms: Sequence[Term], beta: FloatArray) -> FloatArray:
-    """(T,) torque of the drive that a fit needs [N m]."""
-    s = samples.signals
     torque = s.rotor_inertia * s.acceleration + s.known_torque
     if not samples.load_unknown and samples.link_prior is None:  # else the load is among the terms
         torque = torque + s.load_torque
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size:
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
-    return np.asarray(torque)
+    gain = 1.0 / float(beta[0])
+    modelled = gain * torque
+    for term in reversed(drives(terms)):
+        if is_filter(term):
+            modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
+    share = latent_share(samples, s.effort - modelled)
+    return with_clean(Split(recorded, recorded, gain * torque, modelled, share, gain), measured=measured)
 
 
 def with_clean(first: Split, *, measured: bool) -> Split:
-    """The split with its columns computed from the latent effort and acceleration, and the load torque that they mean.
+    """The split with its columns computed from the latent effort and, of a `measured` load, from what it means.
 
     Two channels of which each has its own noise would together explain the noise of the residual.
     """
     samples, gain = first.samples, first.gain
     s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent
-    load, slow = s.load_torque + s.link_inertia * first.accelerated, s.slow_torque
-    if measured:
-        load = s.load_torque + (first.latent - first.modelled) / gain - first.inertia * first.accelerated
-        slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
-    clean = replace(
-        s,
-        effort=first.latent,
-        command=command,
-        load_torque=load,
-        slow_torque=slow,
-        acceleration=s.acceleration + first.accelerated,
-    )
-    return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=clean)))
+    load = s.load_torque + (first.latent - first.modelled) / gain if measured else s.load_torque
+    slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
+    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow)
+    return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))
