@@ -40,8 +40,12 @@ PASSES = 4
 """Of choosing causes under the noise that the last ones leave."""
 SWEEPS = 3
 """Of searching all joints beside what the others know."""
-MOVES = 2
-"""Of a late encoder's readings: its delay is known better once they have been moved."""
+MOVES = 4
+"""Of a late encoder's readings, at most: its delay is known better once they have been moved."""
+OFFSETS = 2
+"""How often the columns of an encoder's zero are computed anew at the zero that was found."""
+SETTLED = 0.02
+"""Share of a delay or an offset that is left, below which it is known well enough."""
 
 
 def diagnose_whole(
@@ -103,9 +107,12 @@ def _answer(logs: RobotLogs, before: RobotFit) -> _Answer:
     fit, causes, named = with_causes(start, Causes.of(start))
     moved, late = 0.0, [c for c in named.causes if _is_encoder(c)]
     for _ in range(MOVES if late else 0):
-        moved += float(fit.moved()[late[0].columns][0])
+        left = float(fit.moved()[_same(causes, late[0]).columns][0])
+        if abs(left) < SETTLED * moved:
+            break
+        moved += left
         fit, causes, named = _in_time(logs, fit, late[0], moved)
-    for _ in range(MOVES if any(c.id == "encoder_offset" for c in named.causes) else 0):
+    for _ in range(OFFSETS if any(c.id == "encoder_offset" for c in named.causes) else 0):
         fit, causes, named = _at_offsets(logs, fit, named)
     fit = searched(fit)
     again = most_probable(fit, causes)
@@ -137,6 +144,11 @@ def _alone(start: RobotFit, fit: RobotFit, causes: Causes, named: Named) -> Robo
     ]
     others = {name: joint for name, joint in fit.joints.items() if name not in names}
     return searched(replace(start, joints=dict(start.joints) | others), names) if names else start
+
+
+def _same(causes: Causes, cause: Cause) -> Cause:
+    """The cause of this name, whose columns may be at another place."""
+    return next(c for c in causes.causes if c.key == cause.key)
 
 
 def _keys(named: Named) -> frozenset[str]:
@@ -205,7 +217,7 @@ def _in_time(logs: RobotLogs, fit: RobotFit, late: Cause, delay: float) -> tuple
     moved = without_causes(replace(runs, train=train, held=held, causes=causes, unmoved=first))
     start = _again(with_encoders(logs, moved), moved)
     known = Causes.of(start)
-    same = next(c for c in known.causes if c.key == late.key)
+    same = _same(known, late)
     shared = replace(start, shared=known.shared([same]))
     return declared_fit(shared.runs, shared.shared, shared.moved(), shared), known, Named((same,), {})
 
