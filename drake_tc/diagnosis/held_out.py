@@ -8,6 +8,7 @@ from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import is_filter
 from drake_tc.diagnosis.priors import FALLS
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.effects.delay import Delay
 
 
 def held_gain(evidence: Evidence, scored: Scored, term: Term) -> float:
@@ -18,14 +19,15 @@ def held_gain(evidence: Evidence, scored: Scored, term: Term) -> float:
 
 
 def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
-    """The set without filters of the effort that only the noise of one channel asks for, and these.
+    """The set without lags of the effort that only the noise of one channel asks for, and these.
 
-    A filter of the recorded effort can explain noise of the effort, and one of the effort that the model needs can
-    explain noise of the load. What acts in the drive is seen by both.
+    A lag of the recorded effort can explain noise of the effort, and one of the effort that the model needs can explain
+    noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none.
     """
     dropped: list[Term] = []
     for share in (0.0, 1.0):
-        for term in [t for t in scored.terms if is_filter(t) and not evidence.model.is_declared(t.effect)]:
+        lags = [t for t in scored.terms if is_filter(t) and not isinstance(t.effect, Delay)]
+        for term in [t for t in lags if not evidence.model.is_declared(t.effect)]:
             other = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
             rest = [t for t in scored.terms if t is not term]
             if other.refined(other.score(scored.terms)).log_odds < other.refined(other.score(rest)).log_odds:
