@@ -103,11 +103,12 @@ def close_loop_command(
         ),
     ] = None,
     engine: Annotated[
-        Engine,
+        Engine | None,
         typer.Option(
-            help="How effects of a joint are chosen: by posterior odds (evidence), or by rules. Robots use rules."
+            help="How effects are chosen: by posterior odds (evidence), or by rules. By default single joints use"
+            " evidence and robots use rules."
         ),
-    ] = Engine.evidence,
+    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -153,7 +154,8 @@ def close_loop_command(
             from drake_tc.experiments.check.run import check_rig
 
             write_check(check_rig(rig, log or [], progress), folder)
-        options = DiagnosisOptions(seed=seed, engine=engine.value)
+        chosen = (Engine.evidence, Engine.rules) if engine is None else (engine, engine)
+        options = DiagnosisOptions(seed=seed, engine=chosen[0].value, robots=chosen[1].value)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop and not result.has_wrong_set_up:
             found = compare_loops(result, seed, progress, pool)

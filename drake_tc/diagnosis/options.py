@@ -23,7 +23,7 @@ class DiagnosisOptions:
     `command_held`: whether position servos hold their commands, decided for all joints; None: each joint decides.
     `effort_age`: age of the efforts of all joints beyond that of held commands [sampling periods]; negative: they are
     recorded late. `without`: ids of effects that are not looked for.
-    `engine`: "evidence" for the posterior odds of `diagnosis.search`.
+    `engine`: "evidence" for the posterior odds of `diagnosis.search`. `robots`: engine of whole robots; None: the same.
 
     Raises:
         ParamsError: an effect that is neither of the library nor registered.
@@ -40,10 +40,12 @@ class DiagnosisOptions:
     effort_age: float = 0.0
     without: frozenset[str] = frozenset()
     engine: Engine = "rules"
+    robots: Engine | None = None
 
     def __post_init__(self) -> None:
-        if self.engine not in get_args(Engine):
-            raise ParamsError(f"engine: expected one of {', '.join(get_args(Engine))}, got {self.engine!r}")
-        for given in self.effects or ():
-            if type(effect(given.key)) is not type(given):
-                raise ParamsError(f"effects: the id {given.key!r} is taken by another effect; choose another id")
+        for name, given in (("engine", self.engine), ("robots", self.robots or self.engine)):
+            if given not in get_args(Engine):
+                raise ParamsError(f"{name}: expected one of {', '.join(get_args(Engine))}, got {given!r}")
+        for own in self.effects or ():
+            if type(effect(own.key)) is not type(own):
+                raise ParamsError(f"effects: the id {own.key!r} is taken by another effect; choose another id")

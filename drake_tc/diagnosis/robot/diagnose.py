@@ -48,7 +48,7 @@ def diagnose_robot(
     train = with_robot_loads(logs, train_runs, rig.joints)
     held = with_robot_loads(logs, held_runs, rig.joints)
     progress("what all joints share", 0.0)
-    if options.engine == "evidence":
+    if (options.robots or options.engine) == "evidence":
         return diagnose_whole(logs, train, held, rig, options, progress, executor)
     if logs.links is not None and options.search == JOINT:
         options = replace(options, search=FITTED_LINKS)
