@@ -12,7 +12,7 @@ from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
-from drake_tc.diagnosis.intervals import parameters_of
+from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel, Split, with_needed
@@ -135,6 +135,7 @@ def joint_result(
     if verdict == "no_missing_effect" and visible > CANNOT_TELL:
         verdict = "cannot_tell"
     alternatives = _indistinguishable(found, best)
+    parameters, correlation = correlated_parameters(evidence, best)
     return JointResult(
         joint=joint,
         drive=context.drive,
@@ -143,7 +144,8 @@ def joint_result(
         baseline=baseline,
         final=chosen,
         baseline_parameters=parameters_of(evidence, declared),
-        final_parameters=parameters_of(evidence, best),
+        final_parameters=parameters,
+        correlation=correlation,
         noise_floor=floor,
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),

@@ -9,7 +9,7 @@ from scipy.stats import norm
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import RUN_SPREADS
-from drake_tc.diagnosis.problem.estimates import Estimate, rests_on_bound
+from drake_tc.diagnosis.problem.estimates import Correlation, Estimate, rests_on_bound
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
 from drake_tc.diagnosis.search import as_fit
 from drake_tc.effects.link_load import LinkLoad
@@ -23,6 +23,13 @@ BISECTIONS = 20
 
 def parameters_of(evidence: Evidence, scored: Scored) -> Mapping[str, Mapping[str, Estimate]]:
     """Every parameter of the set by effect key and name ("drive" holds the gain), by the delta method."""
+    return correlated_parameters(evidence, scored)[0]
+
+
+def correlated_parameters(
+    evidence: Evidence, scored: Scored
+) -> tuple[Mapping[str, Mapping[str, Estimate]], Correlation]:
+    """The parameters with their correlation, 0 for one without a deviation."""
     fit, size = as_fit(scored), scored.coefficients
     at = size + scored.shapes
     point = np.concatenate([scored.b, shape_places(scored.terms)[1]])
@@ -55,7 +62,14 @@ def parameters_of(evidence: Evidence, scored: Scored) -> Mapping[str, Mapping[st
         ci95 = (float(max(value - half, low)), float(min(value + half, high)))
         unit = units.get((key, name), "-")
         out.setdefault(key, {})[name] = Estimate(float(value), unit, ci95, rests_on_bound(value, low, high))
-    return out
+    kept = {key: slope for key, slope in slopes.items() if key[0] not in (LinkLoad.id, WithinTolerance.id)}
+    turn = np.stack(list(kept.values()))
+    spread = turn @ covariance @ turn.T
+    deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    scale = np.where(deviation > 0.0, 1.0 / np.maximum(deviation, 1e-300), 0.0)
+    matrix = spread * np.outer(scale, scale)
+    np.fill_diagonal(matrix, 1.0)
+    return out, Correlation(tuple(".".join(key) for key in kept), matrix)
 
 
 def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:

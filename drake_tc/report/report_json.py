@@ -93,6 +93,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "parameters": {
             key: {name: _estimate(e) for name, e in group.items()} for key, group in joint.final_parameters.items()
         },
+        "correlation": None if joint.correlation is None else json_value(asdict(joint.correlation)),
         "load": _load(joint),
         "noise_floor": _number(joint.noise_floor),
         "error": {

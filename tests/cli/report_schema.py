@@ -106,6 +106,7 @@ JOINT = fields(
     {
         "baseline": fields({"effects": each(text), "parameters": named(named(number_or_null))}),
         "parameters": named(named(PARAMETER)),
+        "correlation": or_null(fields({"names": each(text), "matrix": each(each(number))})),
         "noise_floor": number_or_null,
         "error": fields(
             {

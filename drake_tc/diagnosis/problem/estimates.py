@@ -38,6 +38,14 @@ class Estimate:
         return bool(np.isfinite(self.ci95).all())
 
 
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """Correlation (p, p) of parameters, named "effect.parameter"; the drive gain is "drive.gain"."""
+
+    names: tuple[str, ...]
+    matrix: FloatArray
+
+
 def block_lengths(columns: Columns) -> list[int]:
     """Rows in each contiguous stretch: autocorrelation is not counted across gaps."""
     rows = columns.samples.rows

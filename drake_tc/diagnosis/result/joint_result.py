@@ -6,7 +6,7 @@ from typing import Literal
 
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import Note
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.estimates import Correlation, Estimate
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
 from drake_tc.diagnosis.result.experiments import NextExperiment
@@ -176,6 +176,7 @@ class JointResult:
     links_fitted: bool = False
     units: JointUnits = TURNING
     held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    correlation: Correlation | None = None
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:
