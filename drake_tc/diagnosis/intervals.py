@@ -52,24 +52,21 @@ def correlated_parameters(
         changed = named(moved)
         for (key, name), slope in slopes.items():
             slope[j] = (changed[key][name] - first[key][name]) / step
+    told = [place for place in slopes if place[0] not in (LinkLoad.id, WithinTolerance.id)]
+    turn = np.stack([slopes[place] for place in told])
+    spread = turn @ covariance @ turn.T
+    deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
     units, bounds = _units_and_bounds(evidence, scored)
     out: dict[str, dict[str, Estimate]] = {}
-    for (key, name), slope in slopes.items():
-        if key in (LinkLoad.id, WithinTolerance.id):
-            continue
-        value, half = first[key][name], CRITICAL * float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
-        low, high = bounds.get((key, name), (-np.inf, np.inf))
+    for (key, name), half in zip(told, CRITICAL * deviation, strict=True):
+        value, (low, high) = first[key][name], bounds.get((key, name), (-np.inf, np.inf))
         ci95 = (float(max(value - half, low)), float(min(value + half, high)))
         unit = units.get((key, name), "-")
         out.setdefault(key, {})[name] = Estimate(float(value), unit, ci95, rests_on_bound(value, low, high))
-    kept = {key: slope for key, slope in slopes.items() if key[0] not in (LinkLoad.id, WithinTolerance.id)}
-    turn = np.stack(list(kept.values()))
-    spread = turn @ covariance @ turn.T
-    deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
     scale = np.where(deviation > 0.0, 1.0 / np.maximum(deviation, 1e-300), 0.0)
     matrix = spread * np.outer(scale, scale)
     np.fill_diagonal(matrix, 1.0)
-    return out, Correlation(tuple(".".join(key) for key in kept), matrix)
+    return out, Correlation(tuple(".".join(place) for place in told), matrix)
 
 
 def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:

@@ -11,7 +11,7 @@ the effort (delay, lag) enters by its inverse, computed on w, which has no noise
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -38,9 +38,6 @@ from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
-
-FILTER_MEMORY_S = 0.5
-"""Over which the response of a filter of the effort is followed [s]."""
 
 
 @dataclass(frozen=True)
@@ -139,14 +136,9 @@ class Split:
         """
         key = ("passed", *term.cache_key)
         if key not in self._kept:
-            samples = self.samples
-            kernel = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-            size = 1 + kernel.size + round(FILTER_MEMORY_S / samples.signals.period)
-            piece = samples.signals.take(np.minimum(np.arange(size), len(samples.signals) - 1))
-            pulse = np.zeros(size)
-            pulse[1 : 1 + kernel.size] = kernel  # filters take the first value for that before the log: 0
-            effect: Any = term.effect
-            inside = np.fft.rfftfreq(2 * size) <= 0.5 * min(float(kernel @ kernel) / INDEPENDENT, 1.0)
+            pulse, piece = self.samples.pulse()
+            size, effect = pulse.size, cast(DriveEffect, term.effect)
+            inside = np.fft.rfftfreq(2 * size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
             noise, late, early = (
                 np.fft.rfft(each, 2 * size)[inside]
                 for each in (pulse, effect.transform(pulse, piece, term.shape), effect.undone(pulse, piece, term.shape))

@@ -11,6 +11,10 @@ PHYSICS_STEP = 0.005
 """Of Isaac Lab's examples [s], in which its delays are counted."""
 _NO_DELAY = "delay the commands in your controller's loop instead"
 _NO_BACKLASH = "the gear has no play there"
+_REDUCED_MJCF = frozenset(
+    {"armature", "frictionloss", "torque_limit", "backlash", "stiffness", "preload", "compliance", "derivative_gain"}
+)
+"""What readers of MJCF other than MuJoCo itself take."""
 _DELAYED_POSITION = "the position command is delayed there, the position that the servo measures is not"
 
 
@@ -48,16 +52,14 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "playground": Vocabulary(
             "MuJoCo Playground (MJX)",
-            frozenset({"armature", "frictionloss", "torque_limit", "backlash", "stiffness", "preload", "compliance"})
-            | {"derivative_gain", "lag"},
+            _REDUCED_MJCF | {"lag"},
             {"delay": _NO_DELAY},
             drives=frozenset({"position_servo", "current", "voltage", "torque"}),
             no_motor=_no_motor,
         ),
         "newton": Vocabulary(
             "Newton",
-            frozenset({"armature", "frictionloss", "torque_limit", "backlash", "stiffness", "preload", "compliance"})
-            | {"derivative_gain"},
+            _REDUCED_MJCF,
             {"delay": _NO_DELAY},
             drives=frozenset({"position_servo", "current", "voltage", "torque"}),
         ),

@@ -150,14 +150,22 @@ class Samples:
 
     def passed_noise(self, filters: Sequence[tuple[DriveEffect, Shape]]) -> float:
         """Share of the variance of white noise, after both kernels, that passes linear filters (`DriveEffect`) too."""
-        kernel = np.convolve(self.light.kernels[0], self.kernel.kernels[0])
-        size = 1 + kernel.size + round(LONGEST_MEMORY / self.light.period)
-        piece = self.signals.take(np.minimum(np.arange(size), len(self.signals) - 1))
-        response = np.zeros(size)
-        response[1 : 1 + kernel.size] = kernel  # filters take the first value for that before the log: 0
+        pulse, piece = self.pulse()
+        response = pulse
         for effect, shape in filters:
             response = effect.transform(response, piece, shape)
-        return float(response @ response / (kernel @ kernel))
+        return float(response @ response / (pulse @ pulse))
+
+    def pulse(self) -> tuple[FloatArray, Signals]:
+        """(M,) one sample through both kernels, followed for `LONGEST_MEMORY`, and signals of that length.
+
+        It begins with a zero: filters take the first value for that before the log.
+        """
+        kernel = np.convolve(self.light.kernels[0], self.kernel.kernels[0])
+        size = 1 + kernel.size + round(LONGEST_MEMORY / self.light.period)
+        out = np.zeros(size)
+        out[1 : 1 + kernel.size] = kernel
+        return out, self.signals.take(np.minimum(np.arange(size), len(self.signals) - 1))
 
     def subsample(self, most: int) -> "Samples":
         """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""

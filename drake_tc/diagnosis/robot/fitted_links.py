@@ -40,7 +40,8 @@ from drake_tc.diagnosis.result.widening import robot_gains
 from drake_tc.diagnosis.robot.case import OwnModel, RobotCase
 from drake_tc.diagnosis.robot.common_delay import DelayProblem, SharedDelay, common_delay, common_lead
 from drake_tc.diagnosis.robot.confirmed_effects import confirmed_effects, with_first
-from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, estimated_anew, late_encoder, with_encoder_in_time
+from drake_tc.diagnosis.robot.encoders import in_time
+from drake_tc.diagnosis.robot.late_encoder import EncoderProblem, estimated_anew, late_encoder
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.start import (
     Links,
@@ -184,8 +185,7 @@ def _in_time(start: Start, encoder: SharedEffect, logs: RobotLogs) -> Start:
     """The declared models on runs in which this encoder's readings are moved."""
     case, delay = start.case, encoder.parameters["delay"].value
     train, held = (
-        with_robot_loads(logs, with_encoder_in_time(runs, encoder.where, delay), case.rig.joints)
-        for runs in (case.train, case.held)
+        with_robot_loads(logs, in_time(runs, encoder.where, delay), case.rig.joints) for runs in (case.train, case.held)
     )
     return at_width(replace(case, train=train, held=held, causes=columns_over(logs, [*train, *held], case.rig)))
 

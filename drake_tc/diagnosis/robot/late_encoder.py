@@ -12,7 +12,7 @@ and if it lowers the error of the held-out runs in nearly all of their block res
 moved to the time at which they were taken, in all runs, and the diagnosis goes on with these.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,6 @@ from drake_tc.diagnosis.result.shared_effects import on_held_out
 from drake_tc.diagnosis.robot.all_joints import AllJoints
 from drake_tc.diagnosis.thresholds import HELDOUT_CERTAIN, LATE_ENCODER
 from drake_tc.effects.delay import DELAY_RANGE, Delay
-from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray, IntArray
 
 
@@ -147,23 +146,3 @@ def estimated_anew(effect: SharedEffect, problem: EncoderProblem) -> SharedEffec
     value = effect.parameters["delay"].value + float(fitted.delta[0])
     half = float(intervals(problem.rows, fitted)[0])
     return replace(effect, parameters={"delay": Estimate(value, "s", (value - half, value + half), at_bound=False)})
-
-
-def with_encoder_in_time(runs: Sequence[Run], joint: str, delay: float) -> list[Run]:
-    """The runs with the readings of one encoder at the time at which they were taken, q_j(t + d).
-
-    The end of each stretch, whose readings came after it, is not used.
-    """
-    out = []
-    for run in runs:
-        segment, moved = run.segment.copy(), {}
-        names = [name for name in (f"{joint}/position", f"{joint}/velocity") if name in run.columns]
-        for part in run.segments():
-            segment[part][run.time[part] + delay > run.time[part][-1]] = -1
-        for name in names:
-            values = np.array(run.columns[name])
-            for part in run.segments():
-                values[part] = np.interp(run.time[part] + delay, run.time[part], run.columns[name][part])
-            moved[name] = values
-        out.append(replace(run, columns=dict(run.columns) | moved, segment=segment))
-    return out
