@@ -27,7 +27,8 @@ LEAST_SIGNAL = 0.1
 def corrected(evidence: Evidence, scored: Scored) -> Scored:
     """The set with coefficients that noise does not attenuate; how well the noise is known widens their covariance.
 
-    Where noise is most of a column, the coefficients stay, and their own size is their uncertainty.
+    Shapes and what differs from run to run stay. Where noise is most of a column, the coefficients stay, and their own
+    size is their uncertainty.
     """
     columns, target = drawn(evidence, scored)
     held = scored.posterior
@@ -45,8 +46,7 @@ def corrected(evidence: Evidence, scored: Scored) -> Scored:
         shift[free] = held.beta[free]
         beta = held.beta
     else:
-        shift[free] = gram @ held.beta[free] - moment
-        shift = np.asarray(np.linalg.solve(true, shift))
+        shift[free] = np.linalg.solve(true[np.ix_(free, free)], gram @ held.beta[free] - moment)
         beta = held.beta + shift
         beta[:size] = np.where(_positive(evidence, scored), np.maximum(beta[:size], 0.0), beta[:size])
     covariance = held.covariance + NOISE_LEVEL**2 * np.outer(shift, shift)
