@@ -7,6 +7,7 @@ from drake_tc.diagnosis.attenuation import corrected, drawn
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import CRITICAL
+from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from tests.diagnosis.rigs import Joint, record, rig_of
 
@@ -55,3 +56,14 @@ def test_without_noise_nothing_changes() -> None:
     evidence, scored = _heard(Joint())
     after = corrected(evidence, scored)
     np.testing.assert_allclose(after.b, scored.b, rtol=2e-4)
+
+
+def test_what_differs_from_run_to_run_takes_no_part_of_the_correction(noisy: tuple[Evidence, Scored]) -> None:
+    """Residuals are told without it, and would hold the part that it took."""
+    evidence, scored = noisy
+    beside_runs = Evidence(evidence.model, evidence.noise, RunSpread(friction=0.1, zero=0.1))
+    scored = beside_runs.score(scored.terms)
+    after = corrected(beside_runs, scored)
+    runs = sum(b.values.shape[1] for b in beside_runs.model.of_runs(beside_runs.model.train, beside_runs.spread))
+    np.testing.assert_array_equal(after.posterior.beta[-runs:], scored.posterior.beta[-runs:])
+    assert after.b[0] > scored.b[0]
