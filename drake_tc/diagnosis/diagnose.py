@@ -124,7 +124,7 @@ def joint_result(
     found, best, floor = decision.found, corrected(decision.found.evidence, decision.best), decision.floor
     model, evidence = found.evidence.model, found.evidence
     context = model.context
-    declared = evidence.score(model.declared)
+    declared = corrected(evidence, evidence.score(model.declared))
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
     splits = (_split(evidence, model.train, declared, best), _split(evidence, model.held, declared, best))
