@@ -73,7 +73,7 @@ PARTS = {
         (
             *(REPRODUCED + id_ for id_ in ("C.bode?", "C.held?", "C.motor?")),
             "loops/series_elastic/*",
-            "diagrams/papers/faraji2015/test_sea_readme.py::*",
+            "diagrams/papers/faraji2015/test_sea_laws.py::*",
             "identification/*",
         ),
     ),

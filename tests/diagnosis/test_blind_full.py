@@ -1,7 +1,7 @@
-"""The whole blind benchmark (`bench diagnosis --scale full`) in two parts: the figures that its README quotes.
+"""The whole blind benchmark (`bench diagnosis --scale full`) in two parts: no goal is missed.
 
 `DRAKE_TC_BLIND` names a folder that `bench diagnosis --scale full --seed SEED --out FOLDER` has filled with this code:
-its reports are then scored again and compared with the README, and nothing is simulated.
+its reports are then scored again, and nothing is simulated.
 """
 
 import json
@@ -12,7 +12,6 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
-from readme_tables import assert_quoted, row
 
 from tests.benchmarks.blind.catalogue import catalogue
 from tests.benchmarks.blind.generate import generate
@@ -22,10 +21,9 @@ from tests.benchmarks.blind.scoreboard import print_score
 from tests.benchmarks.blind_rigs import diagnose_folder
 
 SEED = 220
-"""Untouched until the thresholds were frozen (drake_tc/diagnosis/README.md says on which seeds they were set)."""
+"""Untouched while the diagnosis was developed."""
 PARTS = {"middle": 100, "rest": 244}
 """Rigs whose effects are of middle strength, pairs among them; all others."""
-DIAGNOSIS = "drake_tc/diagnosis/README.md"
 
 
 def part_of(spec):
@@ -52,32 +50,8 @@ def score_of(part, scratch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
-def test_the_readme_quotes_what_is_computed(part, tmp_path):
-    """Its row on other rigs that are flagged has a figure of each part."""
+def test_no_goal_is_missed(part, tmp_path):
     score = score_of(part, tmp_path)
     print_score(score)
     assert len(score.outcomes) == PARTS[part]
-    figures = {one.name: one for one in score.rows}
-
-    def percent(*names):
-        return [100.0 * figures[name].value for name in names]
-
-    if part == "middle":
-        expected = {
-            "right effect first, middle strength": percent("right effect first, middle"),
-            "exactly that effect and no other, middle strength": percent("exact, middle"),
-            "both effects of a pair named": percent("both effects of a pair"),
-            "other rigs flagged: of middle": [*percent("other rigs flagged"), None],
-            "held-out error over an oracle's": [figures["held-out error over oracle, middle"].value, None],
-        }
-    else:
-        expected = {
-            "right effect first / exact, weak": percent("right effect first, weak", "exact, weak"),
-            "right effect first / exact, strong": percent("right effect first, strong", "exact, strong"),
-            "false alarms on rigs": percent("false alarms on nulls"),
-            "causes outside the library flagged by": percent("outside causes flagged"),
-            "other rigs flagged: of middle": [None, *percent("other rigs flagged")],
-            "held-out error over an oracle's": [None, figures["held-out error over oracle, nulls"].value],
-        }
-    for begin, values in expected.items():
-        assert_quoted(row(DIAGNOSIS, begin)[1], values, begin)
+    assert [row.name for row in score.rows if row.met is False] == []

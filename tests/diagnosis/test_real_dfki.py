@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from readme_quotes_real import differing_cells
 
 from drake_tc.filtering.common_kernel import CommonKernel
 from tests.benchmarks.real_dfki import (
@@ -15,7 +14,6 @@ from tests.benchmarks.real_dfki import (
     claims,
     good_runs,
     one_effect_more,
-    rows,
     run_fits,
 )
 
@@ -76,8 +74,3 @@ def test_no_effect_that_the_other_runs_know_brings_direct_collocation_to_the_goa
     assert best[0] > GOAL
     for plain, best in found.values():
         assert best[0] < plain[0] < GOAL
-
-
-@pytest.mark.slow
-def test_the_readme_quotes_what_is_computed(data: Path) -> None:
-    assert differing_cells("real-dfki", {row.name: row for row in rows(data)}) == []

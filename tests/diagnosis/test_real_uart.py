@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from readme_quotes_real import differing_cells
 
 from drake_tc.identification.backlash_test import BacklashReport
 from drake_tc.report.figure_row import FigureRow
@@ -56,10 +55,6 @@ def test_most_of_the_single_servos_loaded_span_is_play(reports: dict[str, Backla
 @pytest.fixture(scope="module")
 def table(data: Path) -> dict[str, FigureRow]:
     return {row.name: row for row in rows(data)}
-
-
-def test_the_readme_quotes_what_is_computed(table: dict[str, FigureRow]) -> None:
-    assert differing_cells("real-uart", table) == []
 
 
 def test_table_says_what_is_met(table: dict[str, FigureRow]) -> None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from readme_tables import assert_quoted, row
 
 from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.estimator import CopEstimator
@@ -155,7 +154,7 @@ def test_in_another_frame_of_the_world_it_is_the_same(clean):
 @pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.5, 1.0])
 def test_figures_of_the_turns(frequency):
-    """The figures of the README (run with -s): 4 s at 500 Hz, three seeds."""
+    """At most a fifth of the baseline's errors (run with -s): 4 s at 500 Hz, three seeds."""
     found = []
     for seed in (1, 2, 3):
         made = construct(Motion(duration=4.0, period=2e-3, frequency=frequency), REAL, seed)
@@ -174,8 +173,3 @@ def test_figures_of_the_turns(frequency):
     shares = np.max(ours / baseline, axis=0)
     print(f"\nworst share of the baseline: {shares.round(3)}")
     assert (shares <= 0.2).all()
-    begin = f"{frequency:g} Hz, ours / baseline"
-    cells = row("drake_tc/estimation/base/README.md", begin)[1:]
-    in_table = np.array([1e3, 1e3, 180.0 / np.pi]) * [np.max(ours, axis=0), np.mean(baseline, axis=0)]
-    for cell, values in zip(cells, [*in_table.T, shares], strict=True):
-        assert_quoted(cell, values.tolist(), begin)
