@@ -121,16 +121,17 @@ def joint_result(
     executor: Executor | None = None,
 ) -> JointResult:
     """What is told of a joint after its search, and what is left."""
-    found, best, floor = decision.found, corrected(decision.found.evidence, decision.best), decision.floor
+    found, best = decision.found, corrected(decision.found.evidence, decision.best)
     model, evidence = found.evidence.model, found.evidence
     context = model.context
+    floor = rms(model.train.as_recorded(best.terms, np.full(model.train.samples.rows.size, decision.floor)))
     declared = corrected(evidence, evidence.score(model.declared))
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
     splits = (_split(evidence, model.train, declared, best), _split(evidence, model.held, declared, best))
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
     effects = _effects(evidence, best, found)
-    visible = visible_share(evidence, best, floor)
+    visible = visible_share(evidence, best, decision.floor)
     verdict = verdict_of(unexplained, found=bool(effects))
     if verdict == "no_missing_effect" and visible > CANNOT_TELL:
         verdict = "cannot_tell"
@@ -196,7 +197,8 @@ def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:
 
 
 def _split(evidence: Evidence, split: Split, before: Scored, after: Scored) -> DataSplit:
-    return DataSplit(split.recorded.samples, *(evidence.residual(split, s) for s in (before, after)))
+    errors = (split.as_recorded(s.terms, evidence.residual(split, s)) for s in (before, after))
+    return DataSplit(split.recorded.samples, *errors)
 
 
 def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Scored, tuple[Term, ...]]:

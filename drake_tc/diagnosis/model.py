@@ -26,6 +26,7 @@ from drake_tc.diagnosis.priors import (
     DECLARED_CONTRIBUTION,
     DRIVE_LAG_S,
     HELD_GAIN,
+    PASSED_ON,
     SERVO_LAG_S,
     UNIFORM,
 )
@@ -122,7 +123,7 @@ class Split:
             return float(passed)
         key = ("slope", *(k for t in static for k in t.cache_key))
         if key not in self._kept:
-            self._kept[key] = self._slope(static)
+            self._kept[key] = self._slope(static)[self.rows.index]
         slope = self._kept[key]
         span = float(np.ptp(self.samples.signals.effort[self.samples.rows]))
         least = min(deviation * np.sqrt(2.0 * np.pi) / max(span, 1e-300), 1.0)
@@ -149,11 +150,23 @@ class Split:
             self._kept[key] = float(np.mean(np.log(of_effort + of_need)))
         return float(self._kept[key])
 
+    def as_recorded(self, terms: Sequence[Term], residual: FloatArray) -> FloatArray:
+        """(N,) error [recorded effort] that is an error of the effort on which the drive acts, (du*/du)^-1 of it.
+
+        Where the drive does not pass the effort on, a dead zone or a limit, every effort within is as good, and the
+        acting effort's own error is kept.
+        """
+        static = [t for t in drives(terms) if not is_filter(t)]
+        if not static:
+            return residual
+        slope = self._slope(static)
+        return np.asarray(residual / np.where(slope > PASSED_ON, slope, 1.0))
+
     def _slope(self, static: Sequence[Term]) -> FloatArray:
-        """(n,) |du*/du| of drive effects without memory on the rows that count."""
+        """(N,) |du*/du| of drive effects without memory on all rows."""
         step = 1e-3 * max(rms(self.samples.signals.effort[self.samples.rows]), 1e-12)
         up, down = (self.recorded.acting_effort(static, sign * step) for sign in (1.0, -1.0))
-        return np.asarray(np.abs(((up - down) / (2.0 * step))[self.samples.rows][self.rows.index]))
+        return np.asarray(np.abs(((up - down) / (2.0 * step))[self.samples.rows]))
 
 
 def drives(terms: Sequence[Term]) -> list[Term]:

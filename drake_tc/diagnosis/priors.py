@@ -56,6 +56,8 @@ SEEN = 8.0
 """Log likelihood ratio from which an effect counts as visible in the logs."""
 CANNOT_TELL = 0.1
 """Smallest visible torque error over the signal from which the logs cannot tell."""
+PASSED_ON = 0.05
+"""Slope du*/du of a drive effect below which the drive does not pass the effort on."""
 MORE_THAN_NOISE = 3.0
 """Noise floors from which what is left is more than the sensors' noise explains."""
 MODEL_ACCURACY = 0.005
