@@ -28,9 +28,6 @@ SHOWN = {
     "drake_tc/robot/ROBOT.md": "reference/robot.md",
     "drake_tc/actuation/ACTUATOR.md": "reference/actuator.md",
     "drake_tc/tsid/CONTROLLER.md": "reference/controller.md",
-    "drake_tc/loops/torque/SCENARIO.md": "reference/scenario.md",
-    "drake_tc/loops/whole_body/SCENARIO.md": "reference/whole-body-scenario.md",
-    "drake_tc/loops/series_elastic/SCENARIO.md": "reference/series-elastic-scenario.md",
 }
 """File of the repository to its page."""
 IMAGES = ("notebooks/images", "docs/images")
