@@ -19,4 +19,6 @@ grep -q '"verdict": "effects_found"' "$room/out/report.json" || { echo "the whee
 PYTHONPATH= "$room/venv/bin/drake-tc" simulate hrp2_leg --duration 0.3 --out "$room/leg" > /dev/null
 test -s "$room/leg/log.csv" || { echo "the wheel's leg simulation wrote no log" >&2; exit 1; }
 PYTHONPATH= "$room/venv/bin/drake-tc" graph hrp2_leg_contact --out "$room/leg.svg" > /dev/null
+said="$(PYTHONPATH= "$room/venv/bin/drake-tc" reproduce A.table2 2>&1)" && { echo "the wheel reproduced a table" >&2; exit 1; }
+grep -q 'are in the repository' <<< "$said" || { echo "the wheel's reproduce said: $said" >&2; exit 1; }
 echo "wheel: installed, closed the loop, simulated and drew the leg outside the source tree"

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -27,10 +28,9 @@ if TYPE_CHECKING:
 
 DIAGRAMS, REPRODUCTIONS = "drake_tc.diagrams", "drake_tc.reproductions"
 """Groups of entry points."""
-CATALOGUES = {
-    DIAGRAMS: "drake_tc.diagrams.catalogue:DIAGRAMS",
-    REPRODUCTIONS: "drake_tc.diagrams.papers.catalogue:REPRODUCTIONS",
-}
+PAPERS = "drake_tc.diagrams.papers"
+"""The published tables, which the repository holds and a wheel does not."""
+CATALOGUES = {DIAGRAMS: "drake_tc.diagrams.catalogue:DIAGRAMS", REPRODUCTIONS: f"{PAPERS}.catalogue:REPRODUCTIONS"}
 """Group to the table of names and `module:attribute` texts that comes with the library."""
 
 
@@ -56,12 +56,17 @@ def registered(group: str) -> Mapping[str, str]:
     Raises:
         ParamsError: two objects of one name.
     """
-    found: dict[str, str] = dict(loaded(CATALOGUES[group]))
+    found: dict[str, str] = dict(loaded(CATALOGUES[group])) if group == DIAGRAMS or papers_are_here() else {}
     for point in entry_points(group=group):
         if found.get(point.name, point.value) != point.value:
             raise ParamsError(f"{group}: {point.name!r} is registered twice: {found[point.name]} and {point.value}")
         found[point.name] = point.value
     return found
+
+
+def papers_are_here() -> bool:
+    """Whether the published tables can be imported: in a clone, not in an installed wheel."""
+    return find_spec(PAPERS) is not None
 
 
 def diagrams(kind: "Kind | None" = None) -> dict[str, "DiagramEntry[Any, Any]"]:
@@ -148,9 +153,14 @@ def reproductions(name: str) -> "dict[str, Callable[[int, Progress | None], Repr
         name: An id, or "all".
 
     Raises:
-        ParamsError: no such id; the message lists the ids.
+        ParamsError: no such id; the message lists the ids, or says that the published tables are not installed.
     """
     known = registered(REPRODUCTIONS)
+    if name not in known and not papers_are_here() and not (name == "all" and known):
+        raise ParamsError(
+            f"reproduce {name}: the published tables are in the repository (diagrams/papers) and not in the installed "
+            "package; run `drake-tc reproduce` from an installed clone"
+        )
     if name != "all" and name not in known:
         raise ParamsError(f"no reproduction {name!r}; possible: {', '.join(known)}, all")
     return {id_: loaded(text) for id_, text in known.items() if name in ("all", id_)}

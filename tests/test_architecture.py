@@ -285,12 +285,17 @@ def test_the_library_names_no_robot():
     assert found == [], "robots belong in diagrams/ and models/"
 
 
+NOT_INSTALLED = "drake_tc.diagrams.papers"
+"""The published tables stay in the repository."""
+
+
 def test_every_package_is_installed():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     here = {".".join(p.parent.relative_to(ROOT).parts) for p in LIBRARY.rglob("__init__.py")}
     for folder in ("diagrams", "models"):
         inits = (ROOT / folder).rglob("__init__.py")
         here |= {".".join(("drake_tc", *p.parent.relative_to(ROOT).parts)) for p in inits}
+    here = {name for name in here if not f"{name}.".startswith(f"{NOT_INSTALLED}.")}
     assert set(settings["tool"]["setuptools"]["packages"]) == here
 
 

@@ -155,3 +155,15 @@ def test_help_names_every_option(invoke):
     outcome = invoke("reproduce", "--help")
     assert outcome.code == 0
     assert all(option in outcome.out for option in ("--seed", "--figures", "--json"))
+
+
+def test_without_the_repository_reproduce_says_where_the_tables_are(invoke, monkeypatch):
+    monkeypatch.setattr(registry, "papers_are_here", lambda: False)
+    registry.registered.cache_clear()
+    try:
+        for name in ("A.table2", "all"):
+            outcome = invoke("reproduce", name)
+            assert outcome.code == 2 and outcome.out == ""
+            assert "are in the repository (diagrams/papers)" in outcome.err
+    finally:
+        registry.registered.cache_clear()
