@@ -4,6 +4,7 @@ No window opens, and a terminal is 80 columns wide unless a test says otherwise.
 """
 
 import os
+from pathlib import Path
 
 # Before numpy and scikit-learn are imported: gradient-boosted trees spin when two test processes use all cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -25,6 +26,16 @@ def _plain_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.delenv("FORCE_COLOR", raising=False)
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """The folder of public data sets, by DRAKE_TC_DATA or beside the project; skips where there is none."""
+    named = os.environ.get("DRAKE_TC_DATA")
+    root = Path(named) if named else Path(__file__).resolve().parents[1].parent / "shared" / "data"
+    if not root.is_dir():
+        pytest.skip("no public data: neither ../shared/data beside the project nor DRAKE_TC_DATA")
+    return root
 
 
 SLOW_TIMEOUT = 40 * 60

@@ -27,7 +27,7 @@ from drake_tc.diagnosis.result.free_running import FreeRun
 from drake_tc.diagnosis.result.run_errors import position_errors
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.importers.bam import JOINT
+from drake_tc.logs.bam_runs import JOINT
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.figure_row import FigureRow

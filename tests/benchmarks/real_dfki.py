@@ -25,11 +25,11 @@ from drake_tc.diagnosis.problem.regression import fit, predict
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import LogError
 from drake_tc.logs.common_rate import at_common_period
-from drake_tc.logs.importers.dfki import TORQUE_PER_AMPERE, convert
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.importers.dfki import TORQUE_PER_AMPERE, convert
 from tests.benchmarks.real_log_cases import import_set
 from tests.benchmarks.real_log_claims import CaseClaims, RunFigures
 from tests.benchmarks.real_logs import chosen_sets, run_case

@@ -28,9 +28,9 @@ from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import LogError, ParamsError
-from drake_tc.logs.importers import IMPORTERS
-from drake_tc.logs.importers.files import read_table, run_name
 from drake_tc.logs.rig import load_rig
+from tests.benchmarks.importers import IMPORTERS
+from tests.benchmarks.importers.files import read_table, run_name
 
 RIGS = Path(__file__).parent / "rigs"
 

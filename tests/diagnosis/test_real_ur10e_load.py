@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.robot import fitted_links
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
-from drake_tc.logs.importers.ur10e import convert
+from tests.benchmarks.importers.ur10e import convert
 
 MASS = 2.805
 """By the authors of the data [kg]."""

@@ -24,12 +24,12 @@ from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.importers import dfki, tmotor, uart_backlash
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.logs.rig_writing import save_rig
 from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 from drake_tc.report.report_json import joint_json
+from tests.benchmarks.importers import dfki, tmotor, uart_backlash
 
 from . import pendulum_rig
 from .pendulum_rig import JOINT, Swing, record, rig_of, runs_of

@@ -1,6 +1,5 @@
 """A small bench whose balance is known in closed form, and where the public data sets lie."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,21 +10,6 @@ from drake_tc.logs.rig import Rig, parse_rig
 
 GAIN = 2e-3  # rad/(N m)
 PERIOD = 1e-3
-
-
-def data_root() -> Path | None:
-    """The folder of public data sets, by DRAKE_TC_DATA or beside the project; None where there is none."""
-    named = os.environ.get("DRAKE_TC_DATA")
-    root = Path(named) if named else Path(__file__).resolve().parents[2].parent / "shared" / "data"
-    return root if root.is_dir() else None
-
-
-@pytest.fixture
-def data() -> Path:
-    root = data_root()
-    if root is None:
-        pytest.skip("no public data: neither ../shared/data beside the project nor DRAKE_TC_DATA")
-    return root
 
 
 def bench(seconds: float = 6.0, period: float = PERIOD, joint: str = "joint", seed: int = 0) -> pd.DataFrame:

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
 from drake_tc.types import FloatArray
+from tests.benchmarks.importers.files import find, floats, read_table, run_name, write_log, write_rig
 
 COUNT = 2.0 * np.pi / 4096.0
 ZERO = 2047.0

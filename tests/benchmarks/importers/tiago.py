@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import find, floats, read_table, write_log, write_rig
+from tests.benchmarks.importers.files import find, floats, read_table, write_log, write_rig
 
 CHANNELS = {"position": "position", "velocity": "velocity", "effort": "current"}
 WRIST = ("arm_5_joint", "arm_6_joint", "arm_7_joint")

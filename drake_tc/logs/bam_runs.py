@@ -15,11 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from drake_tc.config.is_file import is_folder
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.file_names import file_name
-from drake_tc.logs.importers.files import find, read_text, write_log, write_rig
+from drake_tc.logs.rig import parse_rig
+from drake_tc.logs.rig_writing import save_rig
+from drake_tc.logs.sizes import unpacked_gzip
 
 JOINT = "servo"
 FULL_DUTY = 885.0
@@ -27,6 +31,46 @@ LARGEST = 1e12
 """No number of a run is as large; nan is not below it."""
 POSITION_LOOPS = {"xl330": 4096.0 / (2.0 * np.pi) / (256.0 * FULL_DUTY)}
 """Duty for one unit of the firmware's P gain and one rad of position error, by motor (README of the data set)."""
+
+
+def find(src: Path, *patterns: str) -> list[Path]:
+    """The set's files in the folder `src` that match any of the patterns, sorted.
+
+    Raises:
+        LogError: Not a folder, or nothing in it matches.
+    """
+    if not is_folder(src):
+        raise LogError(f"{src}: expected the folder of a data set, and there is none")
+    found = sorted({path for pattern in patterns for path in src.glob(pattern)})
+    if not found:
+        raise LogError(f"{src}: none of the set's files is here; expected {' or '.join(patterns)}")
+    return found
+
+
+def read_text(path: Path) -> str:
+    """The text of a file, unpacked where its name ends in `.gz`.
+
+    Raises:
+        LogError: It cannot be read as text.
+    """
+    try:
+        return (unpacked_gzip(path) if path.suffix == ".gz" else path.read_bytes()).decode("utf-8")
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path}: byte {error.start} is not UTF-8; save the file in UTF-8") from None
+
+
+def write_log(columns: Mapping[str, np.ndarray], path: Path) -> Path:
+    """Write canonical columns (T,) as a Parquet log, making the folder if need be."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(dict(columns)).to_parquet(path, index=False)
+    return path
+
+
+def write_rig(document: Mapping[str, Any], path: Path, comment: str) -> Path:
+    """Write a rig file; the robot file that `document` may name lies beside it."""
+    return save_rig(parse_rig(dict(document), path), path, comment)
 
 
 def _load(path: Path) -> dict[str, Any]:

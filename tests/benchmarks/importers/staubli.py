@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import (
+from drake_tc.types import FloatArray
+from tests.benchmarks.importers.files import (
     FITTED_ROBOT,
     find,
     floats,
@@ -20,7 +21,6 @@ from drake_tc.logs.importers.files import (
     write_rig,
     write_robot,
 )
-from drake_tc.types import FloatArray
 
 PERIOD = 2e-4
 AVERAGED = 5

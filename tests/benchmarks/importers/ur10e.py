@@ -8,7 +8,7 @@ a load: `rig_load.yaml` reads the same logs and names that run as one with an un
 
 from pathlib import Path
 
-from drake_tc.logs.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
+from tests.benchmarks.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
 
 TORQUE_PER_AMPERE = {
     "shoulder_pan_joint": 11.976,

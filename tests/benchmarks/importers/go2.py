@@ -6,8 +6,8 @@ gain of 1/Kp whose damping shows up as viscous friction. The set has an MJCF; it
 
 from pathlib import Path
 
-from drake_tc.logs.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
-from drake_tc.logs.importers.mjcf import urdf_of_mjcf
+from tests.benchmarks.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
+from tests.benchmarks.importers.mjcf import urdf_of_mjcf
 
 STIFFNESS = 20.0
 """Kp [N m/rad]."""

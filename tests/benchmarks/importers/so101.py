@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
 from drake_tc.types import FloatArray
+from tests.benchmarks.importers.files import FITTED_ROBOT, find, read_logs, read_text, write_log, write_rig, write_robot
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 """Joints of the URDF in the order of the columns."""

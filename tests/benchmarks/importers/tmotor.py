@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
 from drake_tc.types import FloatArray
+from tests.benchmarks.importers.files import find, floats, read_table, run_name, write_log, write_rig
 
 JOINT = "actuator"
 SESSIONS = {

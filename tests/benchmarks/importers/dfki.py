@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.logs.importers.files import find, floats, read_table, run_name, write_log, write_rig
+from tests.benchmarks.importers.files import find, floats, read_table, run_name, write_log, write_rig
 
 TORQUE_PER_AMPERE = 0.091 * 6.0
 SIMPLE_JOINT = "pendulum"

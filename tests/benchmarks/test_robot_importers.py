@@ -11,14 +11,14 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.errors import LogError
-from drake_tc.logs.importers import IMPORTERS
-from drake_tc.logs.importers.mjcf import urdf_of_mjcf
-from drake_tc.logs.importers.so101 import tip_height
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.logs.valid import Condition
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.importers import IMPORTERS
+from tests.benchmarks.importers.mjcf import urdf_of_mjcf
+from tests.benchmarks.importers.so101 import tip_height
 
 MJCF = """<mujoco model="small">
   <compiler angle="radian"/>
