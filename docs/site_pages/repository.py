@@ -25,9 +25,6 @@ SHOWN = {
     "diagrams/papers/faraji2015/README.md": "methods/faraji2015.md",
     "models/README.md": "methods/models.md",
     "drake_tc/logs/RIG.md": "reference/rig.md",
-    "drake_tc/robot/ROBOT.md": "reference/robot.md",
-    "drake_tc/actuation/ACTUATOR.md": "reference/actuator.md",
-    "drake_tc/tsid/CONTROLLER.md": "reference/controller.md",
 }
 """File of the repository to its page."""
 IMAGES = ("notebooks/images", "docs/images")
