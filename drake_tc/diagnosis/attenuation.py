@@ -108,7 +108,7 @@ def drawn(evidence: Evidence, scored: Scored) -> tuple[FloatArray, FloatArray]:
     samples = replace(recorded.samples, signals=noise.added(recorded.samples.signals))
     columns = []
     for each in (recorded, recorded.changed(samples=samples, target=None)):
-        needed = with_needed(each, scored.terms, scored.beta, measured=measured)
+        needed = with_needed(each, scored.terms, scored.beta, measured=measured, ages=model.train.ages)
         own = replace(model, train=with_clean(replace(needed, share=model.train.share), measured=measured))
         blocks = [*own.blocks(own.train, scored.terms), *own.nuisances(own.train)]
         columns.append(np.concatenate([*(b.values for b in blocks), own.train.target(())[:, None]], axis=1))

@@ -19,6 +19,8 @@ from drake_tc.types import FloatArray, IntArray
 
 HEARINGS = 4
 """Rounds of the fixed point of noise and coefficients."""
+LEAST_GAIN = 1e-6
+"""Drive gain over that of the declared fit below which a set needs no effort at all."""
 STEP = 1e-3
 """Relative step of a difference quotient over a shape parameter."""
 
@@ -274,6 +276,16 @@ class Evidence:
                 break
             found = Evidence(found.model, noise, found.spread)
         return found
+
+    def ages(self, scored: Scored) -> dict[str, float]:
+        """Ages of the channels [s] of a set."""
+        at = scored.coefficients + scored.shapes
+        return {channel: float(scored.posterior.beta[at + i]) for i, channel in enumerate(self.model.ages)}
+
+    def relinearised(self, scored: Scored) -> JointModel:
+        """The joint linearised at a set: at the effort that it needs, and at its ages."""
+        gain = max(float(scored.b[0]), LEAST_GAIN * self.model.train.gain)
+        return self.model.relinearised(scored.terms, scored.b[1:] / gain, gain, self.ages(scored))
 
     def residual(self, split: Split, scored: Scored, *, runs: bool = False) -> FloatArray:
         """(N,) recorded effort less the prediction on all rows [effort]; `runs`: with what differs from run to run."""

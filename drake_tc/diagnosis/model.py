@@ -1,19 +1,21 @@
 """One joint's log as a probabilistic model: the effort that motion and load need, recorded by imperfect channels.
 
-    u = K (tau + J qddot) + sum_k b_k phi_k + sum_i a_i (-dw/dt)_i + (what differs from run to run) + n + d
+    u = K (tau + J qddot) + sum_k b_k phi_k + sum_i f_i(a_i) + (what differs from run to run) + n + d
 
-u is the effort on which the drive acted, b_k = K theta_k, w the effort that the model needs, and a_i the ages of the
-channels (`nuisances`). The effort is the target: what is scored is the density of what was recorded, given motion and
-load. A drive effect without memory maps the recorded effort to u, and its Jacobian is part of the density; a filter of
-the effort (delay, lag) enters by its inverse, computed on w, which has no noise.
+u is the effort on which the drive acted, b_k = K theta_k, w the effort that the model needs, and f_i what the age a_i
+of channel i does (`Aged`). The effort is the target: what is scored is the density of what was recorded, given motion
+and load. A drive effect without memory maps the recorded effort to u, and its Jacobian is part of the density; a filter
+of the effort (delay, lag) enters by its inverse, computed on w, which has no noise.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
@@ -60,6 +62,7 @@ class Split:
             computed it, as it would be recorded.
         share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.share`).
         gain: K of the fit that computed w [effort/(N m)].
+        ages: By channel, the age at which what it does is linearised [s].
     """
 
     recorded: Columns
@@ -68,6 +71,7 @@ class Split:
     modelled: FloatArray
     share: FloatArray
     gain: float
+    ages: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def samples(self) -> Samples:
@@ -95,7 +99,36 @@ class Split:
         for term in acting:
             if is_filter(term):
                 out = out - self._offset(term)
+        for channel, aged in self._aged.items():
+            if channel not in stands_for(terms):
+                out = out - aged
         return out
+
+    @cached_property
+    def channels(self) -> Mapping[str, "Aged"]:
+        """What the age of each channel does, but that of the rate in a servo."""
+        s = self.samples.signals
+        slow = self.gain * self.clean.samples.signals.slow_torque
+        return {
+            "command": Aged(s.command, -1.0),
+            "inside": Aged(self.latent, -1.0),
+            "effort": Aged(-self.latent, 1.0),
+            "torque": Aged(slow, 1.0),
+        }
+
+    def slope_of(self, channel: str) -> FloatArray:
+        """(T,) df/da at the age at which the channel is linearised."""
+        return self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
+
+    @cached_property
+    def _aged(self) -> dict[str, FloatArray]:
+        """(N,) f(a) - a df/da of each channel at its age a."""
+        return {
+            channel: self.samples.reduce(
+                _inside(self.channels[channel].change(self.samples, age) - age * self.slope_of(channel), self.samples)
+            )
+            for channel, age in self.ages.items()
+        }
 
     @cached_property
     def _kept(self) -> dict[tuple[object, ...], Any]:
@@ -167,6 +200,50 @@ class Split:
         step = 1e-3 * max(rms(self.samples.signals.effort[self.samples.rows]), 1e-12)
         up, down = (self.recorded.acting_effort(static, sign * step) for sign in (1.0, -1.0))
         return np.asarray(np.abs(((up - down) / (2.0 * step))[self.samples.rows]))
+
+
+@dataclass(frozen=True)
+class Aged:
+    """What the age a of a channel does to the recorded effort: f(a) = d (x(t + d a) - x(t)), d = 1 or -1.
+
+    Attributes:
+        values: (T,) x [effort].
+        way: d, -1 where the drive acts on what is older than its record.
+    """
+
+    values: FloatArray
+    way: float
+
+    def change(self, samples: Samples, age: float) -> FloatArray:
+        """(T,) f(a)."""
+        return np.asarray(self.way * (moved(self.values, samples, self.way * age) - self.values))
+
+    def slope(self, samples: Samples, age: float) -> FloatArray:
+        """(T,) df/da."""
+        return rate_inside(moved(self.values, samples, self.way * age), samples)
+
+
+def moved(values: FloatArray, samples: Samples, by: float) -> FloatArray:
+    """(T,) x(t + by) of values x (T,), stretch by stretch, by cubic splines; the ends of a stretch are held."""
+    if by == 0.0:
+        return values
+    out, step = np.empty_like(values), by / samples.signals.period
+    for s in samples.segments:
+        at = np.arange(s.stop - s.start, dtype=np.float64)
+        if at.size < 4:
+            out[s] = values[s]
+            continue
+        out[s] = CubicSpline(at, values[s])(np.clip(at + step, 0.0, at[-1]))
+    return out
+
+
+def stands_for(terms: Sequence[Term]) -> frozenset[str]:
+    """Channels for whose ages a delay among the terms stands.
+
+    The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
+    """
+    delayed = any(isinstance(t.effect, Delay) for t in terms)
+    return frozenset(("command", "effort", "inside") if delayed else ())
 
 
 def drives(terms: Sequence[Term]) -> list[Term]:
@@ -251,7 +328,8 @@ class JointModel:
         train = values if split is self.train else self.train.clean.of(term)
         size = np.sqrt(np.mean(train**2, axis=0))
         wide = DECLARED_CONTRIBUTION if self.is_declared(effect) else CONTRIBUTION
-        deviation = wide * self.scale / np.maximum(size, 1e-9 * max(float(size.max(initial=0.0)), 1e-300))
+        largest = float(size.max(initial=0.0)) or 1.0  # a column of zeros tells nothing
+        deviation = wide * self.scale / np.maximum(size, 1e-9 * largest)
         if isinstance(effect, WithinTolerance):
             deviation = self.train.gain * np.asarray(effect.tolerances, float)
         positive = np.array([p.lower >= 0.0 for p in effect.coefficients])
@@ -278,27 +356,20 @@ class JointModel:
         return out
 
     def held_ages(self, terms: Sequence[Term]) -> frozenset[int]:
-        """Numbers of the ages that a delay among the terms stands for; they are held at 0.
-
-        The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
-        """
-        held = ("command", "effort", "inside") if any(isinstance(t.effect, Delay) for t in terms) else ()
+        """Numbers of the ages that are held at 0, see `stands_for`."""
+        held = stands_for(terms)
         return frozenset(number for number, channel in enumerate(self.ages) if channel in held)
 
     def nuisances(self, split: Split) -> list[Block]:
         """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
-        s, out = split.samples.signals, []
-        rate: dict[str, Callable[[], FloatArray]] = {
-            "command": lambda: np.gradient(s.command, s.period),
-            "effort": lambda: -np.gradient(split.latent, s.period),
-            "inside": lambda: np.gradient(split.latent, s.period),
-            "rate": lambda: split.gain * self.viscous * s.acceleration,
-            "torque": lambda: split.gain * np.gradient(split.clean.samples.signals.slow_torque, s.period),
-        }
+        out = []
         for channel, (mean, deviation) in self.ages.items():
-            values = split.samples.reduce(_inside(rate[channel](), split.samples))
+            if channel == "rate":
+                slope = _inside(split.gain * self.viscous * split.samples.signals.acceleration, split.samples)
+            else:
+                slope = split.slope_of(channel)
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
-            out.append(Block(values[:, None], prior))
+            out.append(Block(split.samples.reduce(slope)[:, None], prior))
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
             out.append(Block(one, Prior(np.zeros(1), np.array([CONTRIBUTION * self.scale]), np.zeros(1, dtype=bool))))
@@ -332,14 +403,16 @@ class JointModel:
         grid = [shape[name] for shape in effect.shape_grid(self.context)]
         return float(max(max(grid) - min(grid), abs(max(grid)), 1e-12))
 
-    def relinearised(self, terms: Sequence[Term], theta: FloatArray, gain: float) -> "JointModel":
-        """The model whose needed effort is that of a fit, `theta` (k,) of the terms and K."""
-        beta = np.concatenate([[1.0 / gain], theta])
-        return replace(
-            self,
-            train=with_needed(self.train.recorded, terms, beta, measured=self.context.load == "torque"),
-            held=with_needed(self.held.recorded, terms, beta, measured=self.context.load == "torque"),
+    def relinearised(
+        self, terms: Sequence[Term], theta: FloatArray, gain: float, ages: Mapping[str, float]
+    ) -> "JointModel":
+        """The model linearised at a fit: `theta` (k,) of the terms, K, and the ages of the channels [s]."""
+        beta, measured = np.concatenate([[1.0 / gain], theta]), self.context.load == "torque"
+        own = {channel: age for channel, age in ages.items() if channel != "rate" and channel not in stands_for(terms)}
+        train, held = (
+            with_needed(split.recorded, terms, beta, measured=measured, ages=own) for split in (self.train, self.held)
         )
+        return replace(self, train=train, held=held)
 
     def with_share(self, share: float) -> "JointModel":
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
@@ -371,8 +444,15 @@ def _inside(values: FloatArray, samples: Samples) -> FloatArray:
     return out
 
 
-def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, measured: bool) -> Split:
-    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit."""
+def with_needed(
+    recorded: Columns,
+    terms: Sequence[Term],
+    beta: FloatArray,
+    *,
+    measured: bool,
+    ages: Mapping[str, float] = MappingProxyType({}),
+) -> Split:
+    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit, at ages [s]."""
     samples = recorded.samples
     s = samples.signals
     torque = s.rotor_inertia * s.acceleration + s.known_torque
@@ -386,8 +466,11 @@ def with_needed(recorded: Columns, terms: Sequence[Term], beta: FloatArray, *, m
     for term in reversed(drives(terms)):
         if is_filter(term):
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
+    modelled = moved(modelled, samples, ages.get("inside", 0.0) - ages.get("effort", 0.0))
+    modelled = modelled + Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
+    modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
     share = latent_share(samples, s.effort - modelled)
-    return with_clean(Split(recorded, recorded, gain * torque, modelled, share, gain), measured=measured)
+    return with_clean(Split(recorded, recorded, gain * torque, modelled, share, gain, ages), measured=measured)
 
 
 def with_clean(first: Split, *, measured: bool) -> Split:

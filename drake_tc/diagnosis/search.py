@@ -163,7 +163,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         sets, before = Sets(used, effects), best.ids
         pool = sorted(_beam(sets, [sets.score(best.terms), used.score(declared)]), key=lambda s: -s.log_odds)
         found = pool[0]
-        evidence, best = max((settled(used, s) for s in pool[:CONTENDERS]), key=lambda pair: pair[0].rank(pair[1]))
+        evidence, best = simplest([settled(used, s) for s in _contenders(pool)])
         if number and best.ids == before:
             break
     if evidence.distortion(best) > DISTORTED:
@@ -172,6 +172,22 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near))
+
+
+def _contenders(pool: Sequence[Scored]) -> list[Scored]:
+    """The most probable sets of a pool, sorted by odds, and the most probable one of those with fewer effects."""
+    smaller = [s for s in pool[CONTENDERS:] if len(s.terms) < min(len(t.terms) for t in pool[:CONTENDERS])]
+    return [*pool[:CONTENDERS], *smaller[:1]]
+
+
+def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:
+    """The set with the fewest effects of those that the logs do not distinguish from the most probable one."""
+    best = max(settled_sets, key=lambda pair: pair[0].rank(pair[1]))
+    undistorted, odds = best[0].rank(best[1])
+    near = [
+        (evidence, each) for evidence, each in settled_sets if evidence.rank(each) >= (undistorted, odds - ALTERNATIVE)
+    ]
+    return min(near, key=lambda pair: (len(pair[1].terms), -pair[1].log_odds))
 
 
 def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence, Scored, list[Scored]]:
@@ -186,8 +202,7 @@ def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence,
         before, sets = best.ids, Sets(evidence, effects)
         pool = _beam(sets, [sets.score(best.terms), evidence.score(evidence.model.declared)])
         best = max(pool, key=lambda s: s.log_odds)
-        gain = max(float(best.b[0]), 1e-300)
-        evidence = Evidence(evidence.model.relinearised(best.terms, best.b[1:] / gain, gain), spread=evidence.spread)
+        evidence = Evidence(evidence.relinearised(best), spread=evidence.spread)
         if best.ids == before:
             break
     evidence = evidence.tempered(best.terms)
@@ -197,20 +212,18 @@ def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence,
 def settled(evidence: Evidence, scored: Scored) -> tuple[Evidence, Scored]:
     """The evidence under the noise and the latent effort that a set means, and the set under it."""
     for _ in range(SETTLING):
-        gain = max(float(scored.b[0]), 1e-300)
-        model = evidence.model.relinearised(scored.terms, scored.b[1:] / gain, gain)
-        evidence = Evidence(model, evidence.noise, evidence.spread).heard(scored.terms)
+        evidence = Evidence(evidence.relinearised(scored), evidence.noise, evidence.spread).heard(scored.terms)
         scored = evidence.refined(evidence.score(scored.terms))
     return evidence, scored
 
 
 def pruned(evidence: Evidence, scored: Scored) -> Scored:
-    """The set without the effects that lower its log odds, one after the other."""
+    """The set without the effects that are not probable enough to be named, the least probable one first."""
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
         smaller = [evidence.refined(evidence.score([t for t in scored.terms if t is not each])) for each in asked]
         best = max(smaller, key=lambda s: s.log_odds, default=scored)
-        if best.log_odds <= scored.log_odds:
+        if best.log_odds <= scored.log_odds - ALTERNATIVE or not asked:
             return scored
         scored = best
 
