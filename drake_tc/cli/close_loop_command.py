@@ -43,13 +43,6 @@ LOADED_BY_WORKERS = (
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
 
-class Engine(StrEnum):
-    """Ways to choose effects."""
-
-    rules = "rules"
-    evidence = "evidence"
-
-
 class ExportTarget(StrEnum):
     """Simulators in which an export can be tried."""
 
@@ -102,13 +95,6 @@ def close_loop_command(
             " and of the file of --declared, and says what is lost."
         ),
     ] = None,
-    engine: Annotated[
-        Engine | None,
-        typer.Option(
-            help="How effects are chosen: by posterior odds (evidence), or by rules. By default single joints use"
-            " evidence and robots use rules."
-        ),
-    ] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:
@@ -154,8 +140,7 @@ def close_loop_command(
             from drake_tc.experiments.check.run import check_rig
 
             write_check(check_rig(rig, log or [], progress), folder)
-        chosen = (Engine.evidence, Engine.rules) if engine is None else (engine, engine)
-        options = DiagnosisOptions(seed=seed, engine=chosen[0].value, robots=chosen[1].value)
+        options = DiagnosisOptions(seed=seed)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop and not result.has_wrong_set_up:
             found = compare_loops(result, seed, progress, pool)

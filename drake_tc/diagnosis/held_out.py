@@ -11,13 +11,6 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.delay import Delay
 
 
-def held_gain(evidence: Evidence, scored: Scored, term: Term) -> float:
-    """Log p(held-out | training) with a term less that without it, under the noise of the set with it."""
-    rest = [t for t in scored.terms if t is not term]
-    variance = scored.posterior.variance
-    return evidence.predictive(scored.terms, variance) - evidence.predictive(rest, variance)
-
-
 def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
     """The set without lags of the effort that only the noise of one channel asks for, and these.
 

@@ -58,9 +58,5 @@ CANNOT_TELL = 0.1
 """Smallest visible torque error over the signal from which the logs cannot tell."""
 PASSED_ON = 0.05
 """Slope du*/du of a drive effect below which the drive does not pass the effort on."""
-MORE_THAN_NOISE = 3.0
-"""Noise floors from which what is left is more than the sensors' noise explains."""
-MODEL_ACCURACY = 0.005
-"""Share of the effort below which what is left is no finding: no gain, clock or filter is more accurate."""
 MOST_EFFECTS = 6
 BEAM = 3

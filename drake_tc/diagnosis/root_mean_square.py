@@ -8,8 +8,3 @@ from drake_tc.types import FloatArray
 def rms(values: FloatArray) -> float:
     """Root mean square of values (N,); 0 of none."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def mean_absolute(values: FloatArray) -> float:
-    """Mean magnitude of values (N,); 0 of none."""
-    return float(np.mean(np.abs(values))) if values.size else 0.0

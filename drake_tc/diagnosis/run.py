@@ -8,8 +8,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis import diagnose
-from drake_tc.diagnosis import joint as rules
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
@@ -21,9 +20,9 @@ from drake_tc.diagnosis.result.link_causes import link_notes
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
-from drake_tc.diagnosis.robot.diagnose import diagnose_robot
+from drake_tc.diagnosis.robot.whole import diagnose_robot
 from drake_tc.diagnosis.run_order import in_order
-from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.distinct_notes import distinct_notes
@@ -49,7 +48,7 @@ def close_loop(
         rig_path: Rig file.
         logs: Runs to fit.
         holdout: Runs that take no part in fitting or choosing.
-        options: SearchThresholds and seed.
+        options: What to do otherwise.
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
         executor: Runs free runs and the fits of what is left beside each other; None runs them here.
@@ -109,8 +108,7 @@ def _close_loop(
         }
     for joint in rig.joints:
         if logs_of_robot is None:
-            one = diagnose.diagnose_joint if options.engine == "evidence" else rules.diagnose_joint
-            joints[joint] = one(train, held, rig, joint, options, progress, executor=executor)
+            joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
         if free_run is not None and not wrong:
             result = joints[joint]
             own = [without_errors(runs, rig, joint, result.final) for runs in (train, held)]

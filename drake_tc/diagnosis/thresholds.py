@@ -4,9 +4,7 @@ They were set on simulated rigs of calibration seeds, many of which lack nothing
 seeds (drake_tc/diagnosis/README.md).
 """
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 # Signs of columns, and whether the declared model can be fitted at all
 
@@ -31,23 +29,9 @@ a period is less than a drive's own delay, which the effect `delay` tells where 
 HELD_CERTAIN = 0.90
 """Share of block resamples in which a held command must leave the smaller error."""
 
-AGES = (0.25, 0.5, 0.75, 1.0)
-"""Ages of an effort that are tried [sampling periods]; a controller that runs faster than the log holds it for less."""
-AGES_OF_COMMAND = (0.125, 0.25, 0.375)
-"""Ages of a position servo's command that are tried between those of a continuous one, 0, and of one that is recorded
-as it is written and held, 0.5 [sampling periods]. The servo's stiffness makes viscous friction of an error of them."""
-OF_HELD_EFFORT = 0.6
-"""Delay in sampling periods that the hold of an effort explains: half a period, and a tenth for jitter."""
-BESIDE_TORQUE_SENSOR = 1.0
-"""The same where the torque is measured, perhaps at the end of the hold."""
 
 LEAD_FLOORS = 1.5
 """Noise floors that the declared model must leave before the effort is taken to be recorded late."""
-LEAD_LEAVES = 0.5
-"""Share of the declared model's error that it may leave at most with an earlier effort."""
-LONGEST_LEAD = 0.05
-"""Longest time by which an effort is recorded late [s], and the number of leads tried up to it."""
-LEADS = 6
 
 # Search: what counts as a real improvement
 
@@ -116,99 +100,9 @@ class SearchThresholds:
 JOINT = SearchThresholds()
 """Of one joint whose load is measured."""
 
-LEAST_REMOVED_OF_ESTIMATED_LOAD = 1.0
-"""Noise floors that an effect must explain on a joint whose load a robot's model gives: the floor knows the sensors'
-noise, but not what the filters do to an estimated load near reversals, which is about as large."""
-
-FITTED_LINKS = replace(JOINT, beam=3, refined=4, most=5, least_gain=0.03, least_removed=LEAST_REMOVED_OF_ESTIMATED_LOAD)
-"""Of one joint of a robot whose links are fitted. One effect of many lowers the error by less: what the links'
-parameters, the other joints and effects not yet found leave is in every cross-validated figure. A gear of several
-stages has a friction law, ripples and a delay of its own."""
-
-SHARED = SearchThresholds(
-    beam=1,
-    refined=10**6,
-    most=3,
-    near=np.inf,
-    worth_refining=-np.inf,
-    least_gain=0.10,
-    least_log_evidence=20.0,
-    least_share=0.0,
-    own_gain=np.inf,
-    promising_gain=np.inf,
-    least_joints=2,
-    second_gain=0.05,
-    second_log_evidence=5.0,
-    least_of_special=0.0,
-)
-"""Of causes that no single joint owns: one that a single joint supports is that joint's own. A mass at a wrong place
-explains nearly all of a payload, so what is left for the payload may be a small share of it."""
-
-BEYOND_TOLERANCE_BESIDE = replace(
-    SHARED,
-    most=1,
-    least_gain=0.02,
-    least_log_evidence=40.0,
-    least_removed=0.25,
-    least_of_first=0.0,
-    second_gain=0.02,
-)
-"""Of a sensor's error beyond its tolerance, looked for beside all that was found. Where the joints leave little more
-than noise (`NEAR_NOISE`), evidence tells an error that lowers theirs by a few per cent: in 15 simulated cases of
-calibration seed 100 no error within its tolerance came out beyond it, and the largest evidence of one was 46."""
-NEAR_NOISE = 2.0
-"""Noise floors that each joint may leave in which such an error shows."""
-
-COMMON_DELAY = replace(
-    SHARED,
-    least_gain=FITTED_LINKS.least_gain,
-    second_gain=FITTED_LINKS.least_gain,
-    least_removed=FITTED_LINKS.least_removed,
-)
-"""Of a delay that all joints share. Beside fitted links one cause of many lowers an error by less; what guards against
-another cause is that the joints must agree on the delay (`robot.common_delay`), half of them with support."""
-
-LATE_ENCODER = replace(
-    COMMON_DELAY,
-    least_joints=1,
-)
-"""Of an encoder that comes late, over the declared models and over a delay of its joint's drive, which leaves the other
-joints as they are."""
-
-LAG_OVER_NOISE = 4.0
-"""What a lag must explain, over what the same filter explains backwards in time."""
-BEYOND_TOLERANCE = 3.0
-"""Standard deviations, of tolerance and estimate together, beyond which a sensor's error is not expected."""
-SOFTER_GEAR = 0.97
-"""Error with the rows of a soft gear over that without, below which the gear is taken to be soft."""
 
 # Confirmation: which runs may speak against an effect
 
-RESOLVED = 4.0
-"""Standard deviations that a wave of the encoder's error must reach if it is smaller than one step. Chance reaches four
-with probability exp(-8) (Rayleigh's distribution), with a hundred periods tried in 3 % of the searches."""
-MOST_OF_KNOWN_LOAD = 0.9
-"""Share of a curve over the position that may be a multiple of the known load: from there on the curve says that the
-scale of that load, of the inertia or of the drive is wrong."""
-OWN_FORM = 3.0
-"""RMS of the rest of such a curve, over that of the residual, from which on the rest has a form of its own all the
-same."""
-RUN_ACTS = 0.25
-"""RMS of an effect's contribution to a run, in noise floors, from which on the run says something about it."""
-HELDOUT_ACTS = 0.1
-"""The same for all held-out runs together."""
-RUN_CERTAIN = 0.98
-"""Share of block resamples that must agree before a training run speaks against an effect, as in the search."""
-HELDOUT_CERTAIN = 0.90
-"""Share of block resamples of each held-out run, and of all together, in which an effect that acts there must lower the
-error."""
-MOSTLY_LEVEL = 0.5
-"""Share of what an effect changes that its means over the runs hold, from which on it is evaluated as a level."""
-LEAST_OVER_WANDER = 3.0
-"""Standard deviations of a mean under noise that wanders as what is left does, which a level must reach. On calibration
-seed 100 weak torque sensor biases reach 67 and more."""
-FEW_RUNS = 3
-"""Training runs from which on each is left out in turn. Two of them tell an effect beside the model of both."""
 
 # Alternatives, and effects that were not tested
 
@@ -216,18 +110,9 @@ SAME_ERROR = 0.02
 """Rise of the error that an effect in another's place may bring to fit as well."""
 CERTAINLY_BETTER = 0.98
 """Share of block resamples from which on the chosen effect is the better one all the same."""
-UNTESTED_EFFORT = 1.1
-"""Largest effort of the held-out runs over that of the training runs, above which a saturation was not tested."""
 
-LEAST_UNCOMMON = 0.25
-"""Relative drop of the cross-validated error of the model found from which on an uncommon effect is looked for."""
-WANDER_SECONDS = 1.5
-"""Distance of the knots of the line that follows a torque sensor as it wanders [s]."""
 
 # What is left
-
-MOST_WHERE_SLOW = 0.25
-"""Share of the residual's energy in the slower half of the command's samples, up to which it grows with the speed."""
 
 
 @dataclass(frozen=True)

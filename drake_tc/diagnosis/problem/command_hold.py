@@ -56,16 +56,6 @@ def command_is_held(
     return share >= HELD_CERTAIN
 
 
-def speaks_for_hold(drops: Sequence[FloatArray]) -> bool:
-    """Whether the errors of `drop_by_hold` of one joint or of all joints of a robot are smaller with a held command.
-
-    One controller commands all joints of a robot, and an effect that one joint lacks may speak for either. A joint
-    counts by its share of blocks.
-    """
-    blocks = np.concatenate(drops)
-    return blocks.size > 0 and better_share(blocks) >= HELD_CERTAIN
-
-
 def drop_by_hold(
     build: Callable[..., Samples], rig: Rig, joint: str, link_prior: LinkPrior | None, loads: Sequence[Effect]
 ) -> FloatArray:

@@ -68,37 +68,6 @@ def at_reverse_regression(columns: Columns, declared: Fit, drive: DriveKind) -> 
     return _fit_at(columns, gains[0], declared) if gains[0] > 0.0 else declared
 
 
-def require_drive_gain(columns: Columns, fitted: Fit, rig: Rig, joint: str, load_kind: LoadKind = "torque") -> None:
-    """Refuse a final model that does not tell the drive gain.
-
-    Args:
-        columns: Training rows.
-        fitted: The model found, fitted to them.
-        rig: For the message.
-        joint: Which.
-        load_kind: For the message: only a measured load has a column that can be turned.
-
-    Raises:
-        IdentificationError: One line that names what may be wrong.
-    """
-    if not tells_drive_gain(columns, fitted):
-        raise not_identifiable(joint, rig.drive[joint], turned_column(rig, joint, load_kind))
-
-
-def with_drive_gain(columns: Columns, declared: Fit, chosen: Fit) -> Fit:
-    """The declared model; fitted at the drive gain of the model found where it does not tell its own.
-
-    A declared model that leaves less torque than the same model with more effects does not tell it either: its 1/K is
-    nearly 0, and so is all that its friction has to explain.
-    """
-    own = fit(columns, declared.terms)
-    left, of_chosen = (rms(columns.target - columns.design(f.terms) @ f.beta) for f in (own, chosen))
-    physical = len(chosen.terms) == len(declared.terms) or left >= of_chosen
-    if tells_drive_gain(columns, own) and physical:
-        return declared
-    return _fit_at(columns, chosen.gain, declared)
-
-
 def _fit_at(columns: Columns, gain: float, declared: Fit) -> Fit:
     """The declared model at a drive gain [effort/(N m)]."""
     return fit(columns.changed(declared_gain=gain), declared.terms)

@@ -172,26 +172,6 @@ def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
     )
 
 
-def fit_without(columns: Columns, chosen: Fit, term: Term, declared: Sequence[Term]) -> Fit:
-    """The fit without one of its terms.
-
-    Effects of the declared model keep the shapes that were refined beside that term, or take those that they have in
-    the declared model alone: whichever leaves the smaller cross-validated error.
-
-    Args:
-        columns: Reduced columns of the training rows.
-        chosen: The fit with the term.
-        term: Which one to leave out.
-        declared: Terms of the declared model.
-    """
-    alone = {t.effect.key: t for t in declared}
-    rest = [t for t in chosen.terms if t is not term]
-    kept, returned = fit(columns, rest), [alone.get(t.effect.key, t) for t in rest]
-    if all(a.shape == b.shape for a, b in zip(rest, returned, strict=True)):
-        return kept
-    return min((kept, fit(columns, returned)), key=lambda f: f.cv_rms)
-
-
 def predict(columns: Columns, fitted: Fit) -> FloatArray:
     """Residual K (z - z_hat) (N,) of a fit on other samples, e.g. held-out runs."""
     return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * (columns.gain or fitted.gain))

@@ -10,28 +10,20 @@ coefficients have, beyond their own intervals, the covariance
     [ -S G'      S ]                                                                          (others, theta)
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
 
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
-from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term, prior_coefficients
-from drake_tc.diagnosis.problem.estimates import Estimate, estimates
-from drake_tc.diagnosis.problem.regression import Fit, bounds_of
-from drake_tc.diagnosis.problem.shared.covariance import covariance, own_response
-from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams
-from drake_tc.diagnosis.problem.shared.stacked import StackedFit
+from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
+from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.selection.comparison import effective_samples
-from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE
 from drake_tc.effects.base import Context, plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import COMMAND_COLUMN, Rig
-from drake_tc.types import FloatArray, IntArray
 
 
 def errors_of(context: Context) -> WithinTolerance | None:
@@ -59,97 +51,6 @@ def weighed(columns: Columns, rows: Columns, fitted: Fit) -> Columns:
     prior = SensorPrior(variance=float(np.mean(residual**2)), share=share)
     samples = replace(columns.samples, sensor_prior=prior)
     return columns.changed(samples=samples)
-
-
-def spread_of_errors(columns: Columns, fitted: Fit) -> FloatArray:
-    """(1 + k, 1 + k) covariance of beta that follows from what is not known of the sensors' errors; see the module.
-
-    Args:
-        columns: Training rows.
-        fitted: To these rows.
-    """
-    out = np.zeros((fitted.beta.size, fitted.beta.size))
-    low, high = bounds_of(fitted.terms, columns.declared_gain)
-    errors, held = errors_in(fitted.terms), prior_coefficients(fitted.terms, WithinTolerance)
-    if errors is None or not (held & (low < high)).any():
-        return out
-    free = np.flatnonzero(held & (low < high))
-    drive_held = bool(low[0] == high[0])
-    own = np.flatnonzero(~held)[1 if drive_held else 0 :]
-    rows, beta = _as_rows(columns, fitted, own, free, drive_held=drive_held)
-    share = effective_samples(fitted.residual, columns.samples) / np.array([columns.target.size])
-    stacked = StackedFit(
-        columns=np.arange(free.size),
-        tolerance=np.array(errors.tolerances)[(low < high)[held]],
-        delta=fitted.beta[free],
-        beta=(beta,),
-        sigma=np.array([float(np.std(rows.target - rows.own @ beta - rows.shared @ fitted.beta[free]))]),
-        effective=share,
-        share=share,
-        cv_rms=np.array([fitted.cv_rms]),
-    )
-    spread = covariance([rows], stacked)[0]
-    response = own_response(rows, stacked)[1 if drive_held else 0 :]
-    out[np.ix_(own, own)] = response @ spread @ response.T
-    out[np.ix_(own, free)] = -response @ spread
-    out[np.ix_(free, own)] = -spread @ response.T
-    out[np.ix_(free, free)] = spread
-    return out
-
-
-def _as_rows(
-    columns: Columns, fitted: Fit, own: IntArray, free: IntArray, *, drive_held: bool
-) -> tuple[JointRows, FloatArray]:
-    """One joint's rows as those of a whole robot, the errors' columns in place of shared causes', and its beta (k,).
-
-    Links' parameters among the own ones count from the mean of their prior; what is not known of them is told
-    elsewhere (`drake_tc.diagnosis.result.shared_uncertainty`).
-    """
-    design, block, links = columns.design(fitted.terms), columns.samples.block, columns.prior(fitted.terms)
-    target = columns.target - (fitted.beta[0] * design[:, 0] if drive_held else 0.0) - design[:, own] @ links.mean[own]
-    none = np.zeros(free.size, dtype=np.bool_)  # these columns do not hold the noise of the torque
-    rows = JointRows(
-        joint="",
-        samples=columns.samples,
-        own=design[:, own],
-        shared=design[:, free],
-        target=target,
-        block=block,
-        grams=fold_grams(design[:, own], design[:, free], target, block, links.precision[own]),
-        scaling=none,
-        held=float(fitted.beta[0]) if drive_held else None,
-        opposite=none,
-        precision=links.precision[own],
-    )
-    return rows, fitted.beta[own] - links.mean[own]
-
-
-def errors_in(terms: Sequence[Term]) -> WithinTolerance | None:
-    """The errors within tolerance among the terms of a model, or None."""
-    return next((t.effect for t in terms if isinstance(t.effect, WithinTolerance)), None)
-
-
-def expected_errors(columns: Columns, fitted: Fit, known: frozenset[str], context: Context) -> list[Term]:
-    """Effects of a fit that are errors which a sensor of the declared tolerance t may have.
-
-    |theta| <= 3 sqrt(t^2 + s^2) with the standard deviation s of the estimate.
-
-    Args:
-        columns: Training rows.
-        fitted: To these rows.
-        known: Keys of the declared effects, which are not questioned.
-        context: What the logs offer, the tolerances among it.
-    """
-    asked = [t for t in fitted.terms if t.effect.id in context.tolerances and t.effect.key not in known]
-    if not asked or not np.isfinite(fitted.cv_rms):
-        return []
-    found = estimates(columns, fitted, context.drive)
-    return [t for t in asked if _is_expected(context.tolerances[t.effect.id], *found[t.effect.key].values())]
-
-
-def _is_expected(tolerance: float, found: Estimate) -> bool:
-    deviation = (found.ci95[1] - found.ci95[0]) / (2.0 * float(norm.ppf(0.975)))
-    return abs(found.value) <= BEYOND_TOLERANCE * math.hypot(tolerance, deviation)
 
 
 def without_errors(runs: Sequence[Run], rig: Rig, joint: str, fitted: Fit) -> list[Run]:

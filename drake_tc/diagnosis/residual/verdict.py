@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
-import numpy as np
-
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
 from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.equal_noise import with_equal_noise
 from drake_tc.diagnosis.residual.extrapolation import beyond_training
@@ -19,15 +17,6 @@ from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, TransmissionEffect
-
-
-def compared(columns: Columns, held: Columns, baseline: Fit, chosen: Fit) -> tuple[DataSplit, DataSplit]:
-    """Residuals before and after on both splits, as effort by the final drive gain."""
-    out = []
-    for each in (columns, held):
-        before, after = ((each.target - each.design(f.terms) @ f.beta) * chosen.gain for f in (baseline, chosen))
-        out.append(DataSplit(each.samples, np.asarray(before), np.asarray(after)))
-    return out[0], out[1]
 
 
 def what_is_left(

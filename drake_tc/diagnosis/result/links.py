@@ -4,13 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD_ID, Cause, CauseColumns
-from drake_tc.diagnosis.problem.shared.covariance import covariance
-from drake_tc.diagnosis.problem.shared.rows import JointRows
-from drake_tc.diagnosis.problem.shared.stacked import StackedFit
+from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD_ID, Cause
 from drake_tc.identification.base_parameters import base_combinations
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray, IntArray
@@ -60,30 +56,6 @@ class FittedLinks:
     parameters: tuple[LinkEstimate, ...]
     base: tuple[BaseParameter, ...]
     payloads: dict[str, dict[str, Estimate]]
-
-
-def fitted_links(
-    model: LinkModel,
-    causes: CauseColumns,
-    rows: Sequence[JointRows],
-    fitted: StackedFit,
-    gain_tolerance: float = 0.0,
-) -> FittedLinks:
-    """Read the links' parameters off a fit of all joints.
-
-    Args:
-        model: Of the robot's file.
-        causes: Columns over the training runs.
-        rows: Training rows with the final models of the joints.
-        fitted: All joints together.
-        gain_tolerance: Standard deviation of the common relative error of the declared drive gains. All parameters
-            scale with it.
-    """
-    spread, freedom = covariance(rows, fitted)
-    seen = np.concatenate([r.shared[:: max(1, len(r.shared) // SEEN)] for r in rows])
-    critical = float(student.ppf(0.975, freedom))
-    told = LinkPosterior(fitted.columns, fitted.delta, spread, fitted.tolerance, critical, gain_tolerance)
-    return links_of(model, causes.causes, told, seen)
 
 
 @dataclass(frozen=True, eq=False)

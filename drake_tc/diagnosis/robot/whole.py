@@ -48,10 +48,10 @@ SETTLED = 0.02
 """Share of a delay or an offset that is left, below which it is known well enough."""
 
 
-def diagnose_whole(
+def diagnose_robot(
     logs: RobotLogs,
-    train: Sequence[Run],
-    held: Sequence[Run],
+    train_runs: Sequence[Run],
+    held_runs: Sequence[Run],
     rig: Rig,
     options: DiagnosisOptions,
     progress: Progress = lambda text, share: None,
@@ -61,21 +61,22 @@ def diagnose_whole(
 
     Args:
         logs: The robot's model.
-        train: Runs to fit, with loads by the robot's file.
-        held: Held-out runs, the same.
+        train_runs: As recorded, to fit.
+        held_runs: Held-out runs as recorded.
         rig: With a `RobotLoad`.
         options: Of the diagnosis.
         progress: Told how far it is.
         executor: Assesses what is left in its workers; None does it here.
 
     Raises:
+        LogError: a sensor is missing, or a log too short.
         IdentificationError: a joint whose runs cannot identify even the declared model.
     """
-    turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
-    momenta = None if logs.links is None else momenta_over(logs, logs.links, (train, held), rig)
-    scaled = rig if logs.links is None else _with_unit(rig)
-    causes = columns_over(logs, [*train, *held], rig)
-    before = _with_hold(RobotRuns(train, held, scaled, causes, options, progress, turns, momenta))
+    progress("the robot's torques", 0.0)
+    train = with_robot_loads(logs, train_runs, rig.joints)
+    held = with_robot_loads(logs, held_runs, rig.joints)
+    progress("what all joints share", 0.0)
+    before = declared_robot(logs, train, held, rig, options, progress)
     set_up = _set_up(logs, before)
     if is_wrong(set_up):
         none = replace(before.runs, options=replace(before.runs.options, effects=(), assess_residual=False))
@@ -83,6 +84,22 @@ def diagnose_whole(
         return robot_result(logs, before, fit, Named.none(), Causes.of(before), set_up, executor)
     answer = _answer(logs, before)
     return robot_result(logs, before, answer.fit, answer.named, answer.causes, set_up, executor, answer.moved)
+
+
+def declared_robot(
+    logs: RobotLogs,
+    train: Sequence[Run],
+    held: Sequence[Run],
+    rig: Rig,
+    options: DiagnosisOptions,
+    progress: Progress = lambda text, share: None,
+) -> RobotFit:
+    """All joints with their declared models, and fitted links where there are some, on runs with loads."""
+    turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
+    momenta = None if logs.links is None else momenta_over(logs, logs.links, (train, held), rig)
+    scaled = rig if logs.links is None else _with_unit(rig)
+    causes = columns_over(logs, [*train, *held], rig)
+    return _with_hold(RobotRuns(train, held, scaled, causes, options, progress, turns, momenta))
 
 
 def _with_unit(rig: Rig) -> Rig:

@@ -1,22 +1,12 @@
 """Shape parameters of an effect: which points of a long grid are worth a fit, and refinement from the best one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import minimize
 
-from drake_tc.effects.base import Effect, Parameter, Signals
+from drake_tc.effects.base import Effect, Signals
 from drake_tc.types import FloatArray
 
-PERIOD = "cycles_per_turn"
-"""The shape parameter whose fit has many maxima next to each other: it is moved in small steps."""
-STEP, STEP_OF_PERIOD = 0.15, 0.004
-"""First steps of the logarithm of a shape parameter."""
-LARGEST_COST = 1e100
-"""Stands for the infinite cost of a model that cannot be fitted."""
-MOST_SEARCHES = 4
-"""Searches of one refinement that end on a bound. LEAST_FALL: of the cost, for which another one is begun."""
-LEAST_FALL = 0.01
 MOST_SCREENED = 6000
 """Samples on which a long grid is screened."""
 
@@ -56,52 +46,3 @@ class ShapeScreen:
             inverse = np.linalg.pinv(gram, rcond=gram.shape[1] * np.finfo(float).eps, hermitian=True)
             self._kept[key] = columns, np.asarray(inverse, dtype=np.float64)
         return self._kept[key]
-
-
-def refine_values(
-    parameters: Sequence[Parameter], start: FloatArray, cost: Callable[[FloatArray], float], evaluations: int
-) -> None:
-    """Nelder-Mead on the logarithms of shape parameters; `cost` remembers the best it has seen.
-
-    Args:
-        parameters: (k,) with their bounds.
-        start: (k,) values.
-        cost: Of values (k,) within the bounds.
-        evaluations: At most so many for each parameter.
-    """
-    lower, upper = (np.array([getattr(p, side) for p in parameters]) for side in ("lower", "upper"))
-    steps = np.array([STEP_OF_PERIOD if p.name == PERIOD else STEP for p in parameters])
-    values, least = start, np.inf
-    for _ in range(MOST_SEARCHES):
-        inwards = np.where(values * np.exp(steps) > upper, -steps, steps)
-        values, reached = _simplex_search(cost, values, inwards, (lower, upper), evaluations * start.size)
-        if reached > least - LEAST_FALL or not np.any((values <= lower) | (values >= upper)):
-            return
-        least = reached
-
-
-def _simplex_search(
-    cost: Callable[[FloatArray], float],
-    start: FloatArray,
-    steps: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    most: int,
-) -> tuple[FloatArray, float]:
-    """The values (k,) where Nelder-Mead ends, and their cost; `steps` (k,) are those of its first simplex."""
-
-    def within(x: FloatArray) -> FloatArray:
-        return np.clip(start * np.exp(steps * x), *bounds)
-
-    zero = np.zeros(start.size)
-    found = minimize(
-        lambda x: min(cost(within(x)), LARGEST_COST),  # the simplex subtracts costs
-        zero,
-        method="Nelder-Mead",
-        options={
-            "maxfev": most,
-            "xatol": 0.02,
-            "fatol": 1e-4,
-            "initial_simplex": np.vstack([zero, np.eye(start.size)]),
-        },
-    )
-    return within(found.x), float(found.fun)

@@ -292,9 +292,3 @@ def _moved_mass(acceleration: FloatArray, force: FloatArray) -> Finding:
         "the load force; the rest is other loads."
     )
     return Finding("gravity", "good", constant, "N", text)
-
-
-def worst(found: Sequence[Finding]) -> Level:
-    """The most serious level among findings."""
-    levels = {each.level for each in found}
-    return "warning" if "warning" in levels else "note" if "note" in levels else "good"

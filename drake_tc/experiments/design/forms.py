@@ -163,9 +163,3 @@ def form_of(joint: DesignJoint, key: str, size: Size, strength: float | None = N
         every = max(1, -(-len(grid) // MOST_SHAPES))
         shapes = tuple(grid[::every])
     return EffectForm(member, size, size.typical if strength is None else strength, shapes)
-
-
-def remainder(basis: FloatArray, values: FloatArray) -> FloatArray:
-    """What columns (T, m) leave of values (T, k); columns that are zero or alike do not count twice."""
-    u = orthonormal(basis)
-    return np.asarray(values - u @ (u.T @ values))

@@ -1,9 +1,9 @@
 """Noise of a robot's joint torques, as the logs so far show it.
 
 Where links are fitted, the noise s_j [N m] of joint j is the RMS residual of the first fit of the diagnosis: declared
-models and links of all joints together. Of its N_j rows in T_j seconds, n_j are independent:
+models and links of all joints together. Of its rows in T_j seconds, n_j are independent:
 
-    rate_j = n_j/T_j = (n_j/N_j) N_j/T_j
+    rate_j = n_j/T_j
 
 A fit with the links of the robot's file would count the error of these links as noise. The information of a second is
 rate_j/s_j^2. White noise of the effort leaves it the same whatever width the filters of the next run have: a wider
@@ -17,12 +17,10 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
-from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
-from drake_tc.diagnosis.robot.case import RobotCase
-from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
+from drake_tc.diagnosis.robot.whole import declared_robot
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.coupled_gears import motor_turns
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads
 from drake_tc.experiments.check.joint import joint_effects
 from drake_tc.experiments.check.run import with_loads
@@ -71,13 +69,14 @@ def _of_known_links(rig: Rig, runs: Sequence[Run]) -> dict[str, tuple[float, flo
 def _of_fitted_links(rig: Rig, runs: Sequence[Run], logs: RobotLogs) -> dict[str, tuple[float, float]]:
     """The same of all joints together, whose links are fitted."""
     train = with_robot_loads(logs, in_order(runs, rig), rig.joints)
-    turns = None if logs.turns is None else motor_turns(rig.coupled, rig.joints)
-    causes = columns_over(logs, train, rig)
-    case = RobotCase(train, [], rig, causes, DiagnosisOptions(), lambda text, share: None, None, turns)
-    links = as_commanded(in_wide_enough_band(case)).links
-    shares = links.fitted.effective.tolist()
-    rates = [n * r.target.size / _seconds(r.samples) for n, r in zip(shares, links.rows, strict=True)]
-    return {r.joint: (s, n) for r, s, n in zip(links.rows, links.fitted.sigma.tolist(), rates, strict=True)}
+    fit = declared_robot(logs, train, [], rig, DiagnosisOptions())
+    out = {}
+    for name, joint in fit.joints.items():
+        split = joint.evidence.model.train
+        noise = rms(joint.evidence.residual(split, joint.best)) / float(joint.best.b[0])
+        independent = joint.evidence.noise.share * split.rows.index.size
+        out[name] = noise, independent / _seconds(split.samples)
+    return out
 
 
 def _seconds(samples: Samples) -> float:

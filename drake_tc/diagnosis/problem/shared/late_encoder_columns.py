@@ -11,13 +11,13 @@ A late command of joint j changes the balance of joint j alone: the other joints
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns, Piece
-from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams, over_samples
+from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
@@ -95,16 +95,3 @@ def _slopes(
         out[:, :, j] = (ahead - behind) / (2.0 * STEP)
         out[:, j, j] += own[j, 0] * vdot[:, j] + own[j, 1] * jerk[:, j]
     return out
-
-
-def with_late_encoders(rows: Sequence[JointRows], causes: CauseColumns) -> tuple[JointRows, ...]:
-    """The rows of all joints with these columns after all others."""
-    out = []
-    for r in rows:
-        more = r.samples.reduce(over_samples(r.samples, r.joint, causes), fresh=True)
-        shared = np.column_stack([r.shared, more])
-        none = np.zeros(more.shape[1], dtype=np.bool_)
-        scaling, opposite = (None if x is None else np.append(x, none) for x in (r.scaling, r.opposite))
-        grams = fold_grams(r.own, shared, r.target, r.block, r.precision)
-        out.append(replace(r, shared=shared, grams=grams, scaling=scaling, opposite=opposite))
-    return tuple(out)
