@@ -16,14 +16,12 @@ from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
-from drake_tc.report.consistency_table import BY
 from drake_tc.report.export_section import cells, headings
 from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.refinement_section import refinement_sentence
 from drake_tc.report.sentences.experiments import experiment_sentence
 from drake_tc.report.sentences.notes import note_sentences
-from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.set_up import set_up_sentences
 from drake_tc.report.sentences.warnings import warnings
 from drake_tc.report.words import REASONS, capital, ranked_effects, unexplained, verdict_words
@@ -102,15 +100,7 @@ def _print_joint(console: Console, joint: JointResult) -> None:
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
         _say(console, f"  + [bold]{effect.key}[/bold]  {values}  ({gain})")
     for withdrawn in joint.did_not_hold:
-        why = escape(why_withdrawn(withdrawn.objection, joint.units))
-        _say(console, f"  - {withdrawn.key} did not hold ({REASONS[withdrawn.reason]}): {why}")
-    for moving in (p for p in joint.consistency if p.moves):
-        what = moving.name if moving.name == moving.effect else f"{moving.effect} {moving.name}"
-        _say(
-            console,
-            f"  * {what} changes by {100 * moving.change:.0f} % between parts of the logs that differ "
-            f"in {BY[moving.by]}",
-        )
+        _say(console, f"  - {withdrawn.key} did not hold: {REASONS[withdrawn.reason][1]}")
     for warning in warnings(joint):
         _say(console, f"  ! {escape(warning)}")
     if joint.next_experiment is not None:

@@ -8,7 +8,6 @@ import numpy as np
 
 from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
-from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
@@ -30,14 +29,14 @@ from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointRes
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.search import Found, Progress, find, pruned
-from drake_tc.diagnosis.selection.joint_problem import candidates
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold, LargerOnHeldOut
-from drake_tc.effects.base import Effect
+from drake_tc.diagnosis.search import Found, Progress, Sets, find, pruned
+from drake_tc.diagnosis.withdrawal import DidNotHold, Withdrawal
+from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for, uncommon
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.types import FloatArray
 
 
 @errors_in_joint_units
@@ -48,7 +47,6 @@ def diagnose_joint(
     joint: str,
     options: DiagnosisOptions,
     progress: Progress = lambda text, share: None,
-    link_prior: LinkPrior | None = None,
     executor: Executor | None = None,
 ) -> JointResult:
     """Diagnose one joint. The held-out runs are looked at only after every choice is made.
@@ -60,14 +58,13 @@ def diagnose_joint(
         joint: Which.
         options: What to do otherwise.
         progress: Told how far it is.
-        link_prior: Of the links' columns that the runs hold; None where they hold none.
         executor: Assesses what is left in its workers; None does it here.
 
     Raises:
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    prepared = prepare_joint(train_runs, held_runs, rig, joint, link_prior=link_prior, common=options.common)
+    prepared = prepare_joint(train_runs, held_runs, rig, joint, common=options.common)
     model = joint_model(prepared)
     asked = asked_of(prepared, options)
     found = find(Evidence(model).heard(model.declared, spread=False), asked.usable, progress)
@@ -82,13 +79,29 @@ class Asked:
     obstacles: Sequence[tuple[str, Obstacle]]
 
 
+def candidates(
+    library: Sequence[Effect], context: Context, declared: Sequence[str]
+) -> tuple[list[Effect], list[tuple[str, Obstacle]]]:
+    """Effects that can be looked for, and of the others the key and what stands in the way."""
+    usable, obstacles = [], []
+    for effect in library:
+        if effect.id in declared:
+            continue
+        obstacle = effect.unavailable(context)
+        if obstacle is None:
+            usable.append(effect)
+        else:
+            obstacles.append((effect.key, obstacle))
+    return usable, obstacles
+
+
 @dataclass(frozen=True, eq=False)
 class Decided:
-    """A search's result after all decisions: the set, terms that did not hold, and the noise floor [effort]."""
+    """A search's result after all decisions: the set, terms that did not hold and why, and the noise floor [effort]."""
 
     found: Found
     best: Scored
-    dropped: tuple[Term, ...]
+    dropped: tuple[tuple[Term, Withdrawal], ...]
     floor: float
 
 
@@ -108,7 +121,12 @@ def decided(found: Found) -> Decided:
     best = pruned(evidence, best) if dropped else best
     floor = noise_floor(evidence.model.train.recorded, _fit(evidence, evidence.model.train, best))
     best, small = _large_enough(evidence, best, floor)
-    return Decided(found, best, (*noisy, *dropped, *small), floor)
+    why: dict[Withdrawal, Sequence[Term]] = {
+        "noise_of_one_channel": noisy,
+        "worse_on_held_out": dropped,
+        "below_floor": small,
+    }
+    return Decided(found, best, tuple((term, word) for word, terms in why.items() for term in terms), floor)
 
 
 def joint_result(
@@ -256,19 +274,29 @@ def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffec
 
 def _rejected(evidence: Evidence, best: Scored, asked: Asked) -> tuple[RejectedEffect, ...]:
     taken = {t.effect.id for t in best.terms}
+    sets, residual = Sets(evidence, asked.usable), evidence.residual(evidence.model.train, best)
     out: dict[str, RejectedEffect] = {}
     for effect in asked.usable:
         if effect.id not in taken and effect.id not in out:
-            out[effect.id] = RejectedEffect(effect.key, effect.id, 0.0, 0.0, "too_little_evidence")
+            out[effect.id] = _tried(sets, best, effect, residual)
     for key, obstacle in asked.obstacles:
         name = key.split(".")[0]
         if name not in out and name not in taken:
-            out[name] = RejectedEffect(key, name, 0.0, 0.0, obstacle.reason, obstacle.statement)
+            out[name] = RejectedEffect(key, name, obstacle.reason, obstacle.statement)
     return tuple(out.values())
 
 
-def _did_not_hold(dropped: Sequence[Term]) -> tuple[DidNotHold, ...]:
-    return tuple(DidNotHold(t.effect.key, t.effect.id, t.effect.title, LargerOnHeldOut(None, 0.0)) for t in dropped)
+def _tried(sets: Sets, best: Scored, effect: Effect, residual: FloatArray) -> RejectedEffect:
+    """What one more effect would be worth, at the best of its starting points."""
+    evidence, (_, term) = sets.evidence, sets.best_start(best, effect, residual)
+    more, rest = (evidence.score(terms) for terms in ([*best.terms, term], best.terms))
+    errors = [rms(evidence.residual(evidence.model.held, s)) for s in (more, rest)]
+    gain = 1.0 - errors[0] / max(errors[1], 1e-300)
+    return RejectedEffect(effect.key, effect.id, "too_little_evidence", "", more.log_odds - rest.log_odds, gain)
+
+
+def _did_not_hold(dropped: Sequence[tuple[Term, Withdrawal]]) -> tuple[DidNotHold, ...]:
+    return tuple(DidNotHold(t.effect.key, t.effect.id, t.effect.title, why) for t, why in dropped)
 
 
 def _indistinguishable(found: Found, best: Scored) -> tuple[tuple[str, str], ...]:

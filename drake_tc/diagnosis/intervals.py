@@ -12,7 +12,6 @@ from drake_tc.diagnosis.priors import RUN_SPREADS
 from drake_tc.diagnosis.problem.estimates import Correlation, Estimate, rests_on_bound
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
 from drake_tc.diagnosis.search import as_fit
-from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 
@@ -52,7 +51,7 @@ def correlated_parameters(
         changed = named(moved)
         for (key, name), slope in slopes.items():
             slope[j] = (changed[key][name] - first[key][name]) / step
-    told = [place for place in slopes if place[0] not in (LinkLoad.id, WithinTolerance.id)]
+    told = [place for place in slopes if place[0] != WithinTolerance.id]
     turn = np.stack([slopes[place] for place in told])
     spread = turn @ covariance @ turn.T
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))

@@ -456,7 +456,7 @@ def with_needed(
     samples = recorded.samples
     s = samples.signals
     torque = s.rotor_inertia * s.acceleration + s.known_torque
-    if not samples.load_unknown and samples.link_prior is None:  # else the load is among the terms
+    if not samples.load_unknown:  # else the load is among the terms
         torque = torque + s.load_torque
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size:

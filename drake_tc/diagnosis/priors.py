@@ -51,7 +51,9 @@ NOISE_LEVEL = 0.3
 NAMED_FLOORS = 0.5
 """RMS contribution in noise floors below which no effect is named, whatever its evidence."""
 ALTERNATIVE = 3.0
-"""Difference of log odds within which two sets of effects are indistinguishable."""
+"""Difference of log odds within which two sets of effects are indistinguishable: 95 % against 5 %."""
+NAMED = ALTERNATIVE - COMMON
+"""Log evidence from which a common effect is named."""
 SEEN = 8.0
 """Log likelihood ratio from which an effect counts as visible in the logs."""
 CANNOT_TELL = 0.1

@@ -13,7 +13,6 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
-from drake_tc.diagnosis.result.common_notes import common_notes
 from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.link_causes import link_notes
@@ -116,7 +115,6 @@ def _close_loop(
             progress("free run", 0.0)
             of_before = without_errors(held if before is None else before, rig, joint, result.baseline)
             joints[joint] = with_free_runs(refined, rig, own[1], free_run, executor, of_before)
-    joints, notes = common_notes(joints)
     verdict = _overall(joints.values())
     return CloseLoopResult(
         joints=joints,
@@ -128,7 +126,7 @@ def _close_loop(
         shared=shared,
         links=links,
         set_up=set_up,
-        notes=(*notes, *link_notes(shared, logs_of_robot)),
+        notes=link_notes(shared, logs_of_robot),
         hints=distinct_notes((run.name, hint) for run in runs for hint in run.hints),
     )
 

@@ -84,7 +84,7 @@ class Sets:
             (odds, term)
             for effect in self.effects
             if effect.id not in ids
-            for odds, term in [self._best_start(parent, effect, residual)]
+            for odds, term in [self.best_start(parent, effect, residual)]
             if np.isfinite(odds)
         ]
         trials.sort(key=lambda t: -t[0])
@@ -97,7 +97,8 @@ class Sets:
                 found.append(child)
         return found
 
-    def _best_start(self, parent: Scored, effect: Effect, residual: FloatArray) -> tuple[float, Term]:
+    def best_start(self, parent: Scored, effect: Effect, residual: FloatArray) -> tuple[float, Term]:
+        """(log odds, term) of a set and the best starting point of one effect more, given the set's residual (N,)."""
         grid = effect.shape_grid(self.evidence.model.context)
         if not drives([Term(effect, grid[0])]):
             grid = self._screen.best(effect, residual, grid, SHAPES)
@@ -181,13 +182,13 @@ def _contenders(pool: Sequence[Scored]) -> list[Scored]:
 
 
 def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:
-    """The set with the fewest effects of those that the logs do not distinguish from the most probable one."""
+    """The set with the fewest effects, then parameters, of those that the logs cannot tell from the most probable one."""
     best = max(settled_sets, key=lambda pair: pair[0].rank(pair[1]))
     undistorted, odds = best[0].rank(best[1])
     near = [
         (evidence, each) for evidence, each in settled_sets if evidence.rank(each) >= (undistorted, odds - ALTERNATIVE)
     ]
-    return min(near, key=lambda pair: (len(pair[1].terms), -pair[1].log_odds))
+    return min(near, key=lambda pair: (len(pair[1].terms), pair[1].coefficients + pair[1].shapes, -pair[1].log_odds))
 
 
 def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence, Scored, list[Scored]]:

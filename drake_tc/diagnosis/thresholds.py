@@ -40,8 +40,6 @@ LEAST_EFFORT = 0.05
 count as shares of what is left (`problem.effort_left`), so that a drive that is limited most of the time is found, and
 an effect that takes the effort away is not.
 """
-LEAST_EFFORT_OF_LINKS = 0.7
-"""The same of an effort that fitted links explain: their many coefficients explain what little is left of it."""
 LEAST_DRIVE = 0.01
 """1/K over that of the declared model, below which a set of effects explains the load without the drive."""
 

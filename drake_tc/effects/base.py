@@ -95,12 +95,6 @@ class Effect(ABC):
     """The experiment that shows this effect alone, as an instruction ("let the free joint spin down")."""
     depends_on_position: ClassVar[bool] = False
     """Whether the effect depends on where the joint is, and not on how it moves alone."""
-    free_form: ClassVar[bool] = False
-    """A curve that names no cause: a search takes it only where no set of other effects explains as much."""
-    special_case: ClassVar[str] = ""
-    """Id of a simpler effect that this one contains: its further parameters must be worth as much as another effect."""
-    excludes: ClassVar[frozenset[str]] = frozenset()
-    """Ids of effects that a search does not put beside this one: both together act as a third, undeclared cause."""
     joint_types: ClassVar[frozenset[JointType]] = frozenset(("revolute", "prismatic"))
     """Types of joints that can have the effect."""
     linear: ClassVar[bool] = False

@@ -43,7 +43,6 @@ class DirectionalEfficiency(EquationEffect):
     title = "gear efficiency that differs when the gear is back-driven"
     equation = "tau_add = (driving_friction if tau * qdot > 0 else backdriven_friction) * abs(tau) * sign(qdot)"
     kind = "friction"
-    special_case = "load_dependent_friction"
     coefficients = (
         Parameter("mean_load_friction", "-", 0.0, 1.0),
         Parameter("scaled_inertia", "-", -0.9, 0.9, description="w"),

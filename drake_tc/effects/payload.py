@@ -86,7 +86,6 @@ class OwnArmPayload(Payload):
 
     form = "own_arm"
     equation = "tau_add = payload_moment * sin(q - hang_angle) + payload_inertia * qddot"
-    excludes = frozenset({"servo_gain"})
     given_shapes = (
         Parameter(
             "hang_angle", "rad", description="joint position at which the pendulum hangs", plausible=HANG_ANGLE_RANGE
@@ -120,7 +119,6 @@ class PendulumPayload(OwnArmPayload):
     form = "pendulum"
     inertia_parameter = ""
     equation = "tau_add = payload_moment * sin(q - hang_angle)"
-    excludes = frozenset()
     coefficients = (
         Parameter(
             "payload_moment",
@@ -153,7 +151,6 @@ class DeclaredGainPayload(Payload):
     inertia_parameter = ""  # the payload scales the whole torque of the pendulum, its inertial part included
     torque_kind = LOAD_SHARE
     equation = "tau_add = payload_share * tau"
-    excludes = frozenset({"servo_gain"})
     coefficients = (
         Parameter(
             "payload_share",

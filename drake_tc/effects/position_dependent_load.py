@@ -38,7 +38,6 @@ class PositionDependentLoad(TorqueEffect):
     equation = "tau_add = spline(q, curve_start, curve_end, levels)"
     kind = "load"
     depends_on_position = True
-    free_form = True
     coefficients = tuple(
         Parameter(f"level_{k + 1}", "N*m", description=f"coefficient {k + 1} of the spline", plausible=LEVEL_RANGE)
         for k in range(SIZE)

@@ -35,7 +35,6 @@ class Signals:
         viscous: The current model's viscous coefficient [N m s/rad], for sensor errors that act through it.
         stiffness: The current model's 1/K of a position servo [N m/rad]; 0 for other drives.
         period: Sampling period [s]; 0 for an instant.
-        links: (T, r) columns of links' parameters that are fitted (`effects.link_load`); None where there are none.
     """
 
     time: FloatArray
@@ -59,7 +58,6 @@ class Signals:
     viscous: float = 0.0
     stiffness: float = 0.0
     period: float = 0.0
-    links: FloatArray | None = None
 
     def __len__(self) -> int:
         return int(self.position.size)

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.result.joint_result import RejectedEffect
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
+from drake_tc.diagnosis.withdrawal import DidNotHold
 from drake_tc.report.numbers import percent
-from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.rejection import why_rejected
 from drake_tc.report.words import REASONS, title_of
 
@@ -19,7 +17,6 @@ class RejectedRow:
     title: str
     id: str
     heldout: str
-    train: str
     why: str
 
 
@@ -28,7 +25,7 @@ def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[Rejected
     tried: list[RejectedRow] = []
     barred: list[RejectedRow] = []
     for r in rejected:
-        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), percent(r.train_gain), why_rejected(r))
+        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), why_rejected(r))
         (barred if r.obstacle else tried).append(row)
     return tried, barred
 
@@ -43,6 +40,6 @@ class DidNotHoldRow:
     why: str
 
 
-def did_not_hold_rows(effects: Sequence[DidNotHold], units: JointUnits) -> Sequence[DidNotHoldRow]:
-    """One row an effect, with the reason in a few words and the evidence in a sentence."""
-    return [DidNotHoldRow(e.title, e.id, REASONS[e.reason], why_withdrawn(e.objection, units)) for e in effects]
+def did_not_hold_rows(effects: Sequence[DidNotHold]) -> Sequence[DidNotHoldRow]:
+    """One row an effect, with the reason in a few words and in a sentence."""
+    return [DidNotHoldRow(e.title, e.id, *REASONS[e.reason]) for e in effects]

@@ -17,7 +17,6 @@ from drake_tc.config.whole_file import write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.closed_loop_section import closed_loop_section
-from drake_tc.report.consistency_table import consistency_rows
 from drake_tc.report.correlation_plots import correlation_plots
 from drake_tc.report.effects_not_added import did_not_hold_rows, rejected_rows
 from drake_tc.report.equation import model_equations
@@ -186,8 +185,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "free_runs": free_run_table(joint),
         "refinement": refinement_section(joint),
         "parameters": parameter_rows(joint),
-        "did_not_hold": did_not_hold_rows(joint.did_not_hold, joint.units),
-        "consistency": consistency_rows(joint),
+        "did_not_hold": did_not_hold_rows(joint.did_not_hold),
         "tried": tried,
         "barred": barred,
         "indistinguishable": [(title_of(a), title_of(b)) for a, b in joint.indistinguishable],

@@ -9,7 +9,7 @@ from drake_tc.config.joint_units import JointUnits
 from drake_tc.config.json_values import json_value
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.export_trial import ExportTrial
-from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
@@ -17,9 +17,9 @@ from drake_tc.report.closed_loop_json import loop_entry, loop_summary, uncertain
 from drake_tc.report.refinement_json import free_runs_json, refinement_json
 from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
-from drake_tc.report.sentences.objections import why_withdrawn
 from drake_tc.report.sentences.rejection import why_rejected
 from drake_tc.report.sentences.set_up import set_up_json
+from drake_tc.report.words import REASONS
 
 
 def _number(x: float | None) -> float | None:
@@ -49,21 +49,6 @@ def _run(errors: RunErrors) -> dict[str, Any]:
         "rows": errors.rows,
         "before": {"rms": _number(errors.before), "mean_absolute": _number(errors.mean_absolute_before)},
         "after": {"rms": _number(errors.after), "mean_absolute": _number(errors.mean_absolute_after)},
-    }
-
-
-def _by_condition(parameter: ParameterByCondition) -> dict[str, Any]:
-    return {
-        "effect": parameter.effect,
-        "parameter": parameter.name,
-        "unit": parameter.unit,
-        "by": parameter.by,
-        "values": [
-            {"part": part, "value": _number(value), "ci95": [_number(low), _number(high)]}
-            for part, (value, low, high) in parameter.values.items()
-        ],
-        "change": _number(parameter.change),
-        "moves": parameter.moves,
     }
 
 
@@ -119,6 +104,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
                 "id": r.id,
                 "key": r.key,
                 "heldout_gain": _number(r.heldout_gain),
+                "log_odds": _number(r.log_odds),
                 "reason": r.reason,
                 "why": why_rejected(r),
             }
@@ -131,8 +117,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
                 "id": d.id,
                 "key": d.key,
                 "reason": d.reason,
-                "why": why_withdrawn(d.objection, joint.units),
-                "heldout_gain": _number(d.heldout_gain),
+                "why": REASONS[d.reason][1],
             }
             for d in joint.did_not_hold
         ],
@@ -151,7 +136,6 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "runs": [_run(errors) for errors in joint.runs],
         "free_runs": free_runs_json(joint),
         "refinement": refinement_json(joint.refinement),
-        "consistency": [_by_condition(p) for p in joint.consistency],
         "plausible": _plausible(joint),
         "gain_identified": joint.gain_identified,
         "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),

@@ -22,7 +22,6 @@ from drake_tc.report.numbers import (
     scale_for,
     significant,
 )
-from drake_tc.report.run_spread import run_spreads
 from drake_tc.report.words import natural, title_of
 
 
@@ -152,13 +151,11 @@ class ParameterRow:
     possible: str
     source: str
     outside: bool
-    runs: str
 
 
 def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
     """Parameters of both models, the drive's first, then the declared effects, then those that were added."""
     before, after = joint.baseline_parameters, joint.final_parameters
-    spreads = run_spreads(joint)
     rows = []
     for key in [*before, *(k for k in after if k not in before)]:
         old, new = before.get(key, {}), after.get(key, {})
@@ -177,7 +174,6 @@ def parameter_rows(joint: JointResult) -> Sequence[ParameterRow]:
                     possible="" if limits is None else _range(limits),
                     source="" if limits is None else limits.source,
                     outside=limits is not None and name in new and not limits.holds(new[name].value),
-                    runs=spreads.get((key, name), ""),
                 )
             )
     return rows

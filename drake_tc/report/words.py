@@ -6,12 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.config.joint_units import JointUnits
+from drake_tc.diagnosis.priors import NAMED_FLOORS
 from drake_tc.diagnosis.problem.shared.causes import TITLES
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained, Verdict
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.diagnosis.withdrawal import Withdrawal
 from drake_tc.effects.library import all_effects
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, scale_for, significant, times
@@ -25,17 +26,22 @@ VERDICTS: dict[Verdict, str] = {
     "cannot_tell": "These logs cannot tell",
 }
 WRONG_SET_UP = "Wrong set-up"
-REASONS: dict[Withdrawal, str] = {
-    "implausible": "physically implausible",
-    "below_resolution": "below what the sensor resolves",
-    "looks_like_known_load": "not distinguishable from an error of the known load",
-    "may_be_wander": "not distinguishable from slow drift of the residual",
-    "training_run_against": "does not hold in every training run",
-    "heldout_run_against": "does not hold in the held-out runs",
-    "no_longer_needed": "explains too little without the withdrawn effects",
-    "superfluous": "explains too little beside the other effects",
-    "worse_than_declared": "the declared model has the smaller error",
+REASONS: dict[Withdrawal, tuple[str, str]] = {
+    "noise_of_one_channel": (
+        "explains the noise of one channel",
+        "It is probable only if the noise belongs to one channel: a lag of the effort that acts in the drive is seen "
+        "whether the noise is that of the effort or that of the load.",
+    ),
+    "worse_on_held_out": (
+        "does not hold in the held-out runs",
+        "With it, the model predicts the held-out runs worse than without it.",
+    ),
+    "below_floor": (
+        "smaller than the noise",
+        f"Its contribution to the effort is less than {NAMED_FLOORS:g} noise floors.",
+    ),
 }
+"""In a few words, and as a sentence."""
 NEAR = 0.25
 """Smallest held-out gain at which the sentence on the remaining error names an effect that was not added."""
 MOSTLY = 0.5

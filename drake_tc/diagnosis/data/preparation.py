@@ -9,7 +9,6 @@ import numpy as np
 from drake_tc.diagnosis.data.age_of_effort import aged, delayed
 from drake_tc.diagnosis.data.between_samples import between_samples
 from drake_tc.diagnosis.data.channels import Channels, channels_of
-from drake_tc.diagnosis.data.link_prior import column_name
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
@@ -172,7 +171,6 @@ def build_samples(
         link_inertia=_link_inertia(load, runs),
         rotor_inertia=scale.rotor_inertia,
         period=period,
-        links=_links(channels, light),
     )
     if gap is not None:
         moving &= ~gap.is_open(signals, segments)
@@ -232,15 +230,6 @@ def _between_samples(
         return None
     both = np.convolve(light.kernels[0], final.kernels[0])
     return between_samples(channels.raw("torque"), channels.segments, ratios, both)[rows]
-
-
-def _links(channels: Channels, light: CommonKernel) -> FloatArray | None:
-    """(T, r) columns of the links' parameters; None where the runs have none."""
-    first = channels.pieces[0][1]
-    found: list[FloatArray] = []
-    while f"{channels.joint}/{column_name(len(found))}" in first.columns:
-        found.append(light.smooth(channels.raw(column_name(len(found)))))
-    return np.column_stack(found) if found else None
 
 
 def _slow_channels(signals: Signals, rows: IntArray) -> dict[str, Any]:

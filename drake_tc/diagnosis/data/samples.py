@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from drake_tc.config.joint_units import TURNING, JointUnits
-from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.diagnosis.notes import RunNote
@@ -47,7 +46,6 @@ class Samples:
         position_late: Delay with which the position is recorded [s].
         torque_late: Delay with which the torque is recorded [s].
         centred: Whether `reduce` takes the mean over the rows of each stretch off all that it reduces.
-        link_prior: Of the columns `signals.links`; None where the links' parameters are not fitted.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
         open_within: Samples nearer than this time to a sign change of the transmitted torque take no part [s]; 0 where
             all samples do.
@@ -74,7 +72,6 @@ class Samples:
     load_unknown: bool = False
     effort_age: float = 0.0
     units: JointUnits = TURNING
-    link_prior: LinkPrior | None = None
     sensor_prior: SensorPrior | None = None
     loop_gains: tuple[float, ...] = ()
     open_within: float = 0.0

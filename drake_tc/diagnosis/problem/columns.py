@@ -16,7 +16,6 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.bounded import Prior
 from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
 from drake_tc.effects.base import DriveEffect, Effect
-from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.unknown_load import SmoothLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import BoolArray, FloatArray
@@ -33,7 +32,7 @@ class Term:
 
     @property
     def cache_key(self) -> tuple[object, ...]:
-        """Same key, same columns; those of a load of links have as many as the joint has open directions."""
+        """Same key, same columns."""
         return (self.effect.key, len(self.effect.coefficients), *(round(float(v), 12) for v in self.shape.values()))
 
     @property
@@ -52,11 +51,11 @@ def coefficients_by_term(terms: Sequence[Term], beta: FloatArray) -> Iterator[tu
 
 
 def prior_coefficients(terms: Sequence[Term], *kinds: type[Effect]) -> BoolArray:
-    """(1 + sum k,) which coefficients of beta have a prior: the links' parameters and sensor errors within tolerance.
+    """(1 + sum k,) which coefficients of beta have a prior: sensor errors within tolerance.
 
     They are estimated along and not reported. `kinds`: one of the two alone.
     """
-    asked = kinds or (LinkLoad, WithinTolerance)
+    asked = kinds or (WithinTolerance,)
     parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, asked)) for t in terms]
     return np.concatenate([np.zeros(1, dtype=np.bool_), *parts])
 
@@ -140,9 +139,8 @@ class Columns:
 
     @property
     def effort_is_target(self) -> bool:
-        """Whether the effort alone tells the torques: an unknown load, or fitted links, with a gain that is held."""
-        fitted = self.samples.load_unknown or self.samples.link_prior is not None
-        return fitted and self.declared_gain is not None
+        """Whether the effort alone tells the torques: an unknown load, with a gain that is held."""
+        return self.samples.load_unknown and self.declared_gain is not None
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, low-passed to the rows."""
@@ -207,18 +205,16 @@ class Columns:
         return Normal(grams, moments, squares[:, 0, 0], self.prior(terms))
 
     def prior(self, terms: Sequence[Term], variance: float | None = None) -> Prior:
-        """What is known beforehand of the coefficients of these terms: of the links' parameters and sensor errors.
+        """What is known beforehand of the coefficients of these terms: sensor errors within tolerance.
 
         `variance`: of the residual [N^2 m^2]; None takes that of the declared model.
         """
-        known, sensors = self.samples.link_prior, self.samples.sensor_prior
+        sensors = self.samples.sensor_prior
         at, size = 1, 1 + sum(len(t.effect.coefficients) for t in terms)
         out = Prior(np.zeros(size), np.zeros(size))
         for term in terms:
             mine = slice(at, at + len(term.effect.coefficients))
             at = mine.stop
-            if known is not None and isinstance(term.effect, LinkLoad):
-                out.precision[mine], out.mean[mine] = known.precision, known.mean
             if sensors is not None and isinstance(term.effect, WithinTolerance):
                 weight = (sensors.variance if variance is None else variance) / sensors.share
                 out.precision[mine] = weight / np.array(term.effect.tolerances) ** 2

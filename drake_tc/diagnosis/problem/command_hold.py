@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.preparation import context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
@@ -24,9 +23,7 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 
-def command_is_held(
-    build: Callable[..., Samples], rig: Rig, joint: str, link_prior: LinkPrior | None, loads: Sequence[Effect]
-) -> bool:
+def command_is_held(build: Callable[..., Samples], rig: Rig, joint: str, loads: Sequence[Effect]) -> bool:
     """As the rig file states; else true of a position servo on a slow clock whose training runs say so.
 
     They say so where the declared model, with a rotor inertia, leaves a smaller error in 90 % of the block resamples
@@ -39,26 +36,23 @@ def command_is_held(
         build: Makes the training samples; takes `effort_age` and `both_sides`.
         rig: Says drive and load.
         joint: Which joint.
-        link_prior: Of the links' columns; None where there are none.
         loads: What an unknown load may be.
     """
     if rig.command_hold is not None or rig.drive[joint] != "position_servo":
         return bool(rig.command_hold)
     load = rig.load[joint]
-    if isinstance(load, RobotLoad) and load.fitted and link_prior is None:
+    if isinstance(load, RobotLoad) and load.fitted:
         return bool(build().signals.period >= HELD_FROM_PERIOD)  # the load is not yet fitted
-    alike = drop_by_hold(partial(build, both_sides=True), rig, joint, link_prior, loads)
+    alike = drop_by_hold(partial(build, both_sides=True), rig, joint, loads)
     if alike.size == 0:
         return False
     share = better_share(alike)
     if 0.5 < share < HELD_CERTAIN:
-        return better_share(drop_by_hold(build, rig, joint, link_prior, loads)) >= CERTAINLY_BETTER
+        return better_share(drop_by_hold(build, rig, joint, loads)) >= CERTAINLY_BETTER
     return share >= HELD_CERTAIN
 
 
-def drop_by_hold(
-    build: Callable[..., Samples], rig: Rig, joint: str, link_prior: LinkPrior | None, loads: Sequence[Effect]
-) -> FloatArray:
+def drop_by_hold(build: Callable[..., Samples], rig: Rig, joint: str, loads: Sequence[Effect]) -> FloatArray:
     """(B,) by how much the squared error of each block drops if the command is held, over the mean of all blocks.
 
     Empty on a fast clock. One number where the kernels leave other rows: nothing can be compared block by block.
@@ -67,13 +61,12 @@ def drop_by_hold(
         build: Makes the training samples; takes `effort_age`.
         rig: Says drive and load.
         joint: A position servo.
-        link_prior: Of the links' columns; None where there are none.
         loads: What an unknown load may be.
     """
     continuous = build()
     if continuous.signals.period < HELD_FROM_PERIOD:
         return np.zeros(0)
-    both = (known_taken_off(each, rig, joint, link_prior) for each in (continuous, build(effort_age=HELD)))
+    both = (known_taken_off(each, rig, joint) for each in (continuous, build(effort_age=HELD)))
     without, with_hold = (_block_errors(each, rig, joint, loads) for each in both)
     if without.size != with_hold.size:
         return np.array([1.0 - with_hold.sum() / without.sum()])

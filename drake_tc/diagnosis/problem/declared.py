@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from drake_tc.config.did_you_mean import did_you_mean
-from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
@@ -91,9 +90,9 @@ def without_known(samples: Samples, known: Mapping[str, Mapping[str, float]]) ->
     return replace(samples, signals=replace(signals, known_torque=signals.known_torque + extra))
 
 
-def known_taken_off(samples: Samples, rig: Rig, joint: str, link_prior: LinkPrior | None) -> Samples:
-    """`without_known` of the rig's declared values, with the prior of the links' columns."""
-    return replace(without_known(samples, known_values(rig, joint)), link_prior=link_prior)
+def known_taken_off(samples: Samples, rig: Rig, joint: str) -> Samples:
+    """`without_known` of the rig's declared values."""
+    return without_known(samples, known_values(rig, joint))
 
 
 def simplest(fits: Sequence[Fit]) -> Fit:

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
-from drake_tc.diagnosis.data.link_prior import LinkPrior
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.noise_colour import left_by_effort_noise
 from drake_tc.diagnosis.data.open_gap import OpenGap
@@ -33,7 +32,6 @@ from drake_tc.diagnosis.problem.unknown_load import (
 )
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
 from drake_tc.effects.base import Context
-from drake_tc.effects.link_load import link_load
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
@@ -98,7 +96,6 @@ def prepare_joint(
     rig: Rig,
     joint: str,
     compliance: float = 0.0,
-    link_prior: LinkPrior | None = None,
     width_s: float | None = None,
     common: Sequence[Term] = (),
     sampled_late: float = 0.0,
@@ -117,7 +114,6 @@ def prepare_joint(
         rig: Says drive, load and what is declared.
         joint: Which.
         compliance: As in `build_samples` [rad/(N m)].
-        link_prior: Of the links' columns that the runs hold; None where they hold none.
         width_s: Width of the light kernel [s]; None lets the data choose.
         common: Terms of all joints, which the declared model has besides the joint's own.
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
@@ -132,7 +128,7 @@ def prepare_joint(
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
-    loads = possible_loads(rig, joint) if link_prior is None else (link_load(link_prior.mean.size),)
+    loads = possible_loads(rig, joint)
     build = partial(
         build_samples,
         rig=rig,
@@ -146,13 +142,13 @@ def prepare_joint(
     )
     servo = rig.drive[joint] == "position_servo"
     if command_held is None or not servo:
-        command_held = command_is_held(partial(build, train_runs), rig, joint, link_prior, loads)
+        command_held = command_is_held(partial(build, train_runs), rig, joint, loads)
     held_for = HELD if command_held else 0.0
     build = partial(build, effort_age=held_for + sampled_late, both_sides=both_sides)
     train, held = _samples(build, train_runs, held_runs)
     context = context_of(train, rig, joint)
     require_positions(rig, joint, context)
-    train, held = (known_taken_off(each, rig, joint, link_prior) for each in (train, held))
+    train, held = (known_taken_off(each, rig, joint) for each in (train, held))
     scale = load_scale(rig, joint)
     first, other = (Columns(each, declared_gain=scale.gain) for each in (train, held))
     plain = fit_declared(first, declared_terms(rig, joint), context, loads)
@@ -161,7 +157,7 @@ def prepare_joint(
         require_identified_load(first, plain, joint, context)
     elif context.load != "links":
         _require_identified(first, plain.terms)
-    if context.load != "links" or link_prior is not None:  # else the load is not yet fitted
+    if context.load != "links":  # else the load is not yet fitted
         require_torque_unit(first, rig, joint, context.load)
         require_consistent_signs(first, plain, rig, joint, context.load)
         plain = at_reverse_regression(first, plain, context.drive)

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, prior_coefficients
 from drake_tc.diagnosis.problem.effort_left import effort_left
 from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
-from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT, LEAST_EFFORT_OF_LINKS
+from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
@@ -114,7 +114,7 @@ def score(columns: Columns, terms: Sequence[Term]) -> Score:
     told = ~(prior_coefficients(terms) & (low == high))
     told[0] = not columns.effort_is_target
     left = effort_left(columns, terms)
-    least = LEAST_EFFORT if columns.samples.link_prior is None else LEAST_EFFORT_OF_LINKS
+    least = LEAST_EFFORT
     sound = drives and left > least and not collinear(gram[np.ix_(told, told)])
     if not sound:
         return Score(tuple(terms), beta, by_fold, np.inf, gain, np.inf)

@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
-from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
+from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.problem.regression import Fit

@@ -3,11 +3,10 @@
 `drake_tc.report.sentences.experiments` makes the sentences.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained
-from drake_tc.diagnosis.selection.withdrawal import Withdrawal
 
 
 @dataclass(frozen=True)
@@ -16,32 +15,6 @@ class TellApart:
 
     first: str
     second: str
-
-
-@dataclass(frozen=True)
-class CheckScale:
-    """Measure known loads with the torque sensor: no motion tells its gain from a wrong declared rotor inertia."""
-
-
-@dataclass(frozen=True)
-class CheckLoad:
-    """Check the known load and the drive gain: their error would look like the effect that did not hold.
-
-    Attributes:
-        measured: Whether a torque sensor measures the load, which the rig file declares otherwise.
-    """
-
-    measured: bool
-
-
-@dataclass(frozen=True)
-class SeparateLoads:
-    """Fit runs with different loads separately: the fitted parameters of the unknown load differ from run to run."""
-
-
-@dataclass(frozen=True)
-class RecordTemperature:
-    """Record the temperature: friction differs from run to run, and without a temperature no effect explains why."""
 
 
 @dataclass(frozen=True)
@@ -84,21 +57,7 @@ class RepeatUnchanged:
     """Repeat one run unchanged: what is left has structure that depends on no recorded signal."""
 
 
-NextExperiment = (
-    TellApart
-    | CheckScale
-    | CheckLoad
-    | SeparateLoads
-    | RecordTemperature
-    | CoverRange
-    | RepeatRun
-    | FindPeriodicSource
-    | VarySignals
-    | RepeatUnchanged
-)
-
-SAME_SCALE = ("torque_sensor_gain", "rotor_inertia")
-"""They leave the same balance where no drive gain is declared (`drive_notes.scale_alternatives`)."""
+NextExperiment = TellApart | CoverRange | RepeatRun | FindPeriodicSource | VarySignals | RepeatUnchanged
 
 EXPLAINED = 0.5
 """Share of the residual from which on a line of its spectrum is attributed to the signals that explain it."""
@@ -107,11 +66,7 @@ EXPLAINED = 0.5
 def next_experiment(
     alternatives: Sequence[tuple[str, str]],
     unexplained: Unexplained,
-    reasons: Collection[Withdrawal] = (),
     *,
-    loads_differ: bool = False,
-    load_measured: bool = False,
-    friction_differs: bool = False,
     among_joints: bool = False,
 ) -> NextExperiment | None:
     """What to do first; None when nothing is open.
@@ -119,23 +74,12 @@ def next_experiment(
     Args:
         alternatives: Pairs of effects, by id, that the logs cannot tell apart.
         unexplained: What the final model leaves.
-        reasons: Why effects did not hold.
-        load_measured: Whether a torque sensor measures the load.
-        loads_differ: Whether the parameters of an unknown load differ from run to run.
-        friction_differs: Whether viscous or Coulomb friction does, and no temperature was recorded.
         among_joints: Whether the robot has other joints.
     """
     if alternatives:
-        first = alternatives[0]
-        return CheckScale() if first == SAME_SCALE else TellApart(*first)
-    if "looks_like_known_load" in reasons:
-        return CheckLoad(load_measured)
+        return TellApart(*alternatives[0])
     if unexplained.beyond is not None:
         return CoverRange(unexplained.beyond)
-    if loads_differ:
-        return SeparateLoads()
-    if friction_differs and (unexplained.structured or unexplained.excess):
-        return RecordTemperature()
     if unexplained.confined_to:
         stretch = unexplained.confined_to[0]
         return RepeatRun(stretch.run, stretch.start, stretch.end)

@@ -12,29 +12,13 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexp
 from drake_tc.diagnosis.result.experiments import NextExperiment
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.refinement import Refinement
-from drake_tc.diagnosis.selection.withdrawal import DidNotHold
-from drake_tc.diagnosis.thresholds import JOINT
+from drake_tc.diagnosis.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.types import FloatArray
 
-Rejection = Literal[
-    "too_little_gain",
-    "below_floor",
-    "unstable",
-    "too_little_evidence",
-    "imperfect_form",
-    "withdrawn",
-    "not_chosen",
-    "cannot_be_looked_for",
-    "not_recorded",
-    "not_excited",
-    "untested",
-]
-"""Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`).
-
-An effect is untested that was tried on training runs whose efforts are too small to show it.
-"""
+Rejection = Literal["too_little_evidence", "cannot_be_looked_for", "not_recorded", "not_excited"]
+"""Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`)."""
 
 
 @dataclass(frozen=True)
@@ -65,35 +49,12 @@ class RunErrors:
 
 
 @dataclass(frozen=True)
-class ParameterByCondition:
-    """One coefficient of the final model, refitted in each part of the rows.
-
-    Attributes:
-        effect, name, unit: Which; the effect is "drive" for the drive gain. The unit is that of the coefficient.
-        by: What parts the rows: "run", "gain" of the position loop, "load" or "direction".
-        values: Part to (value, lower, upper end of the 95 % interval).
-        change: Spread of the values as a share of their mean size.
-        probability: Of such differences under one common value.
-        moves: Whether the value changes by more than its intervals, beside those that are named before it.
-    """
-
-    effect: str
-    name: str
-    unit: str
-    by: str
-    values: Mapping[str, tuple[float, float, float]]
-    change: float
-    probability: float
-    moves: bool
-
-
-@dataclass(frozen=True)
 class FoundEffect:
     """An effect that the model lacked.
 
     Attributes:
         heldout_gain: 1 - held-out error with it / without it (the other effects refitted).
-        stability: Share of block resamples of the training runs in which it belongs to the best set of this size.
+        stability: Posterior probability of the set with it, against the same set without it.
         contribution: RMS of what it adds, on held-out rows [effort].
         robot_gain: Of a robot: 1 - held-out error of all joints with it / without it, each joint weighted by its noise,
             which compares with `SharedEffect.heldout_gain`. None for joints whose loads are measured.
@@ -115,22 +76,19 @@ class RejectedEffect:
 
     Attributes:
         key, id: Of the effect.
-        heldout_gain, train_gain: 1 - error with it / without it, held out and cross-validated; 0 where not tried.
         reason: As a word.
         obstacle: Why it could not be tried, in the words of the effect library (`Obstacle.statement`): knowledge of the
             effect, not of this result. "" where it was tried.
-        share: Of the block resamples in which it helped.
-        least_gain: Smallest `train_gain` that the search asks for.
+        log_odds: Of the set with it over the set without it; 0 where it was not tried.
+        heldout_gain: 1 - held-out error with it / without it; 0 where it was not tried.
     """
 
     key: str
     id: str
-    heldout_gain: float
-    train_gain: float
     reason: Rejection
     obstacle: str = ""
-    share: float = 0.0
-    least_gain: float = JOINT.least_gain
+    log_odds: float = 0.0
+    heldout_gain: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -165,7 +123,6 @@ class JointResult:
     heldout: DataSplit
     did_not_hold: tuple[DidNotHold, ...] = ()
     runs: tuple[RunErrors, ...] = ()
-    consistency: tuple[ParameterByCondition, ...] = ()
     plausible: Mapping[str, Mapping[str, PlausibleRange]] = field(default_factory=dict)
     shared_band: SharedBand | None = None
     free_run: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from drake_tc.diagnosis.link_notes import LoadInAllRuns
+from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.robot.plant import make_plant

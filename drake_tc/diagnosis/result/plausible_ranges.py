@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import Context
-from drake_tc.effects.link_load import LinkLoad
 from drake_tc.effects.plausibility import ROUNDING, plausible_range
 
 
@@ -40,7 +39,7 @@ def plausible_ranges(fitted: Fit, context: Context) -> Mapping[str, Mapping[str,
     known = replace(context, fitted=own)
     out: dict[str, dict[str, PlausibleRange]] = {}
     for term in fitted.terms:
-        for p in () if isinstance(term.effect, LinkLoad) else term.effect.parameters:
+        for p in term.effect.parameters:
             if p.plausible is not None:
                 low, high = plausible_range(p, known)
                 source = context.units.text(p.plausible.on(context.joint_type).source)

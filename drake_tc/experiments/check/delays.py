@@ -24,14 +24,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
+from drake_tc.diagnosis.priors import NAMED
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.thresholds import JOINT, LEAD_FLOORS
+from drake_tc.diagnosis.thresholds import LEAD_FLOORS
 from drake_tc.experiments.check.contributions import MOST_ROWS, Contribution
 from drake_tc.experiments.check.visibility import Noise
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray
 
-ASKED = 2.0 * JOINT.least_log_evidence
+ASKED = 2.0 * NAMED
 """Squared residual over that of noise by which an explanation must be better, as a diagnosis asks of effects."""
 APART = 3.0
 """The same of another delay, in units of `ASKED`: far from the minimum the equation is not linear in the delay."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.diagnose import candidates
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.selection.joint_problem import candidates
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder, imitators

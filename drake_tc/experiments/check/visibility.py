@@ -1,12 +1,11 @@
 """How small an effect may be and still be found at recorded motions, and which effects it would be confused with.
 
-A search takes an effect for real (`diagnosis.thresholds`) when what it explains has an RMS r [N m] with
+A diagnosis names an effect (`diagnosis.priors`) when what it explains has an RMS r [N m] with
 
-    r >= least_removed * floor,   1 - e/sqrt(e^2 + r^2) >= least_gain,
-    n ln(sqrt(e^2 + r^2)/e) - p/2 ln(n) >= least_log_evidence                                       (found)
+    r >= NAMED_FLOORS floor,   n ln(sqrt(e^2 + r^2)/e) - p/2 ln(n) >= NAMED                         (found)
 
 e: RMS of what remains with the effect, at least the noise floor; n: independent samples in it; p: its parameters. The
-smallest r that meets all three gives the size that is found in half of all logs, because the remainder of
+smallest r that meets both gives the size that is found in half of all logs, because the remainder of
 `contributions` tells r for each size. In one log the noise adds N(0, e^2/n) to r. An r that is larger by
 z e/sqrt(n), z the 95 % quantile of the standard normal distribution, is therefore found in 95 % of the logs, and one
 that is smaller by as much in 5 %.
@@ -19,10 +18,10 @@ from typing import Literal
 
 import numpy as np
 
-from drake_tc.diagnosis.selection.lag_or_noise import LATE
-from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
+from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
+from drake_tc.diagnosis.thresholds import SAME_ERROR
 from drake_tc.effects.base import Effect
-from drake_tc.experiments.check.contributions import NUMERICAL, Contribution
+from drake_tc.experiments.check.contributions import NUMERICAL, Contribution, is_late
 from drake_tc.experiments.sizes import Size
 from drake_tc.types import FloatArray
 
@@ -58,10 +57,9 @@ class Noise:
 
     def least(self, parameters: int) -> float:
         """RMS [N m] that an effect with so many parameters must explain to be found in half of all logs."""
-        evidence = JOINT.least_log_evidence + 0.5 * parameters * math.log(max(self.independent, 2.0))
+        evidence = NAMED + 0.5 * parameters * math.log(max(self.independent, 2.0))
         by_evidence = self.left * math.sqrt(math.expm1(min(2.0 * evidence / self.independent, 50.0)))
-        by_gain = self.left * math.sqrt(1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
-        return max(by_evidence, by_gain, JOINT.least_removed * self.floor)
+        return max(by_evidence, NAMED_FLOORS * self.floor)
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,7 @@ def confused_with(
             continue
         left = float(np.max(np.min([middle.left_by(shape, size) for shape in each], axis=0)))
         same = math.hypot(noise.left, left) <= (1.0 + SAME_ERROR) * noise.left
-        late = LATE.issuperset((effect.id, other.id)) and left < JOINT.least_removed * noise.floor
+        late = is_late(effect) and is_late(other) and left < NAMED_FLOORS * noise.floor
         if same or late:
             found[other.id] = None
     return tuple(found)

@@ -21,19 +21,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from drake_tc.diagnosis.thresholds import JOINT, SAME_ERROR
+from drake_tc.diagnosis.priors import NAMED_FLOORS
+from drake_tc.diagnosis.thresholds import SAME_ERROR
 from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.design.criteria import Criterion, information_scale
 from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.types import FloatArray
 
-FOUND = max(JOINT.least_removed**2, 1.0 / (1.0 - JOINT.least_gain) ** 2 - 1.0)
-"""V/n that a diagnosis asks of an effect: half a noise floor, and an error that is 5 % lower."""
+FOUND = NAMED_FLOORS**2
+"""V/n that a diagnosis asks of an effect: half a noise floor."""
 ENOUGH = 4.0
 """V over what a diagnosis asks for, from which on an effect is found for certain: twice the size that is found."""
-CERTAIN = float(norm.ppf(JOINT.least_share))
-"""Standard deviations of the share of block resamples that a diagnosis asks for."""
+CERTAIN = float(norm.ppf(0.98))
+"""Standard deviations by which the better of two models must be better."""
 SOFT = 8.0
 """Sharpness of the smooth minimum over shapes, on a logarithmic scale."""
 Distances = Mapping[tuple[str, str], FloatArray]
@@ -136,13 +137,13 @@ def _soft_minimum(squares: FloatArray) -> float:
 
 def told_apart(*, late: bool) -> float:
     """T/n that a diagnosis asks: an error that rises by 2 %, of a delay and a lag half a noise floor."""
-    return float(JOINT.least_removed**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
+    return float(NAMED_FLOORS**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
 
 
 def detection_probability(distance: float, independent: float) -> float:
     """Probability that a diagnosis finds an effect whose distance from the declared model is T.
 
-    The effect must explain half a noise floor and lower the error by 5 % (`JOINT` in `diagnosis.thresholds`).
+    The effect must explain half a noise floor (`diagnosis.priors.NAMED_FLOORS`).
 
     Args:
         distance: T.
@@ -156,9 +157,9 @@ def detection_probability(distance: float, independent: float) -> float:
 def distinction_probability(distance: float, independent: float, *, late: bool = False) -> float:
     """Probability that a diagnosis tells two models apart whose distance is T.
 
-    The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. A diagnosis lists
-    two effects as indistinguishable unless it is positive in 98 % of the resamples and the error rises by 2 %; a delay
-    and a lag unless the better one explains half a noise floor more of a run.
+    The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. Two models are
+    told apart where it is positive with a probability of 98 % and the error rises by 2 %; a delay and a lag where the
+    better one explains half a noise floor more of a run.
 
     Args:
         distance: T.

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import beta as beta_distribution
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect

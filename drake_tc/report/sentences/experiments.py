@@ -5,15 +5,11 @@ from typing import assert_never
 
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.result.experiments import (
-    CheckLoad,
-    CheckScale,
     CoverRange,
     FindPeriodicSource,
     NextExperiment,
-    RecordTemperature,
     RepeatRun,
     RepeatUnchanged,
-    SeparateLoads,
     TellApart,
     VarySignals,
 )
@@ -83,22 +79,6 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
         case TellApart(first, second):
             one, other = (isolating(each, units) for each in (first, second))
             return f"To tell {first} from {second}: {one} (shows {first} alone); {other} (shows {second} alone)."
-        case CheckScale():
-            weighed = isolating("torque_sensor_gain", units)
-            return (
-                f"{weighed[:1].upper()}{weighed[1:]}. Without a declared drive gain, no motion can tell "
-                "torque_sensor_gain from a wrong declared rotor_inertia."
-            )
-        case CheckLoad(measured) if measured:
-            return (
-                "Check the torque sensor (scale, sign, zero) and the drive gain first: an error of one of them "
-                "explains the residual equally well."
-            )
-        case CheckLoad():
-            return (
-                "Check the declared load (mass, length, zero) and the drive gain first: an error of one of them "
-                "explains the residual equally well."
-            )
         case CoverRange(beyond):
             reached = signal_range(beyond.signal, *beyond.reached, units, beyond.unit)
             trained = signal_range(beyond.signal, *beyond.trained, units, beyond.unit)
@@ -106,18 +86,6 @@ def experiment_sentence(experiment: NextExperiment, units: JointUnits = TURNING)
                 f"Record a training run in which the {signal_name(beyond.signal)} covers {reached}, as in "
                 f"{joined(beyond.runs)}. The present training runs cover {trained}; outside this range, the model "
                 "is extrapolated."
-            )
-        case SeparateLoads():
-            declare = "" if units.slides else ", or declare the mass for each log in load: {pendulum: ...}"
-            return (
-                "The fitted load differs from run to run. If the joint carried different loads, run close-loop "
-                f"separately for the runs of each load{declare}."
-            )
-        case RecordTemperature():
-            return (
-                "Friction differs from run to run. Record the temperature of the joint: without it, "
-                "temperature-dependent friction cannot be looked for. If the loads of the runs were different, declare "
-                "them."
             )
         case RepeatRun(run, start, end):
             return (

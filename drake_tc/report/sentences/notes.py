@@ -5,29 +5,26 @@ from itertools import groupby
 from typing import assert_never
 
 from drake_tc.config.joint_units import TURNING, JointUnits
-from drake_tc.diagnosis.link_notes import LoadInAllRuns
-from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
-    ChargedIntegrator,
+    CorrelatedTorqueNoise,
     FreeRunDiverges,
     FreeRunObstacle,
-    GapCrossings,
-    GearBetweenEncoders,
+    LoadInAllRuns,
     LogRemark,
     NoFreeRun,
+    NoiseOfRecordedEffort,
     Note,
     RunNote,
     RunsWithoutMotion,
     ScaleNote,
     ScaleOfRotorInertia,
+    ScatteringTimes,
     SilentEffort,
-    Sticking,
     TorqueAsCommanded,
     TorqueAsEffort,
 )
 from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.logs.distinct_notes import distinct_notes
-from drake_tc.report.sentences.drive import drive_sentence
 
 NO_FREE_RUN: Mapping[FreeRunObstacle, str] = {
     "load_beyond_gear": "an effect of the model depends on the load torque at the gear, and the fitted smooth load "
@@ -56,14 +53,6 @@ def note_sentence(note: Note) -> str:
             return f"{note.run}: {_run_sentence(note)}"
         case TorqueAsCommanded() | ScaleOfRotorInertia() | TorqueAsEffort():
             return _scale_sentence(note)
-        case GearBetweenEncoders():
-            return _gear_sentence(note)
-        case Sticking(level, low, high, sliding, events):
-            return (
-                f"The joint breaks away from rest at {level:.3g} N*m (95 % interval {low:.3g} to {high:.3g}, {events} "
-                f"events), and slides at {sliding:.3g} N*m. Rows at rest take no part in the fit; a model file can "
-                f"list static_friction with static_excess {level - sliding:.3g} N*m."
-            )
         case NoiseOfRecordedEffort("position_servo", ratio):
             return (
                 "The recorded goal scatters from sample to sample, as it does if the instants at which it is written "
@@ -98,23 +87,10 @@ def note_sentence(note: Note) -> str:
                 f"Runs without a stretch of motion as long as the filter window ({1e3 * window:.3g} ms) take no part: "
                 f"{', '.join(runs)}."
             )
-        case ChargedIntegrator():
-            return (
-                "The servo's integral already held a torque when the runs began, and the logs do not show how much. "
-                "The mean of every channel over each stretch without gaps therefore takes no part in the fit. Effects "
-                "that act as a constant, such as a bias of the torque sensor, cannot be found, and the free run begins "
-                "with an integral of zero."
-            )
-        case GapCrossings(within):
-            return (
-                f"Because the gear has backlash, rows within {1e3 * within:.0f} ms of a sign change of the load torque "
-                "take no part in the fit: while the motor crosses the gap, the position of the link does not show the "
-                "position of the motor."
-            )
         case NoFreeRun() | FreeRunDiverges():
             return _free_run_sentence(note)
         case _:
-            return drive_sentence(note)
+            assert_never(note)
 
 
 def _run_sentence(note: RunNote) -> str:
@@ -150,20 +126,6 @@ def _scale_sentence(note: ScaleNote) -> str:
             )
         case _:
             assert_never(note)
-
-
-def _gear_sentence(note: GearBetweenEncoders) -> str:
-    quantities = (("play", "mrad", note.play), ("compliance", "mrad/(N*m)", note.compliance))
-    parts = [_with_interval(name, unit, found) for name, unit, found in quantities if found is not None]
-    return (
-        f"The motor's and the link's encoder show {' and '.join(parts)} of the gear. The balance takes motor and link "
-        "for one body, so this is not among the effects; a model file can list backlash and elasticity."
-    )
-
-
-def _with_interval(name: str, unit: str, found: tuple[float, float, float]) -> str:
-    value, low, high = (1e3 * x for x in found)
-    return f"a {name} of {value:.3g} {unit} (95 % interval {low:.3g} to {high:.3g})"
 
 
 def _free_run_sentence(note: NoFreeRun | FreeRunDiverges) -> str:
