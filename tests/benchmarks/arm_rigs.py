@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.search import Progress
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.interval_coverage import holds
 from tests.benchmarks.robot_rigs import (

@@ -9,7 +9,7 @@ from typing import Any
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.selection.engine import Progress
+from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import DrakeTcError
 from drake_tc.joint_simulator.spec import BlindError, RigSpec
 from drake_tc.report.report_json import result_json

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.diagnosis import searches as module
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of, models_of

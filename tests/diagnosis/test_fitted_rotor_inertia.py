@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.column_noise import attenuation
 from drake_tc.diagnosis.problem.columns import Columns, Term

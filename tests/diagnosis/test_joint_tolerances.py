@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis import searches as module
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.notes import ZeroOfEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint

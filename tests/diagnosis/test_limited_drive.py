@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig

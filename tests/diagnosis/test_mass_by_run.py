@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.noise_notes import ScatteringTimes
+from drake_tc.diagnosis.notes import ScatteringTimes
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.result.joint_result import JointResult

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_model_file
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from drake_tc.diagnosis.noise_notes import NoiseOfRecordedEffort
+from drake_tc.diagnosis.notes import NoiseOfRecordedEffort
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.timing_notes import OlderEffort, ViscousByAge

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult

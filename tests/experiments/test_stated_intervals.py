@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.known import joint_from_logs

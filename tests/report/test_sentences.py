@@ -9,9 +9,9 @@ import pytest
 
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.link_notes import LoadInAllRuns
+from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
-from drake_tc.diagnosis.noise_notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
+from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
     DriveNote,

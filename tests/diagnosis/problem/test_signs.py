@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.drive_gain import require_drive_gain, tells_drive_gain

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.cli.close_loop_command import write_results
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.refinement.balance import equation_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint

@@ -6,7 +6,7 @@ import pytest
 from fitted_arm import JOINTS, URDF, rig_file
 from robot_files import joint_tag, link_tag, write_robot
 
-from drake_tc.diagnosis.link_notes import LoadInAllRuns
+from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.link_causes import link_notes
 from drake_tc.diagnosis.result.rig_result import SharedEffect

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.analysis.frequency_response import FrequencyResponse
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
 from drake_tc.diagrams.papers.faraji2015.sea_laws import (
