@@ -32,7 +32,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import welch
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagrams.papers.faraji2015.motions import (
     ABOVE_HZ,

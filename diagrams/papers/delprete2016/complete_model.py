@@ -14,19 +14,14 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.joint import diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.estimates import block_lengths
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.diagrams.papers.delprete2016.identification import Experiment
-from drake_tc.identification.autocorrelation import critical_value_95
-from drake_tc.identification.regression import least_squares
+from drake_tc.errors import IdentificationError
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.types import FloatArray
 
 COMPLETE = ("viscous", "coulomb", "rotor_inertia", "velocity_sign_switch", "deadzone")
 CALIBRATION = 0.005
@@ -101,7 +96,7 @@ def diagnose(logs: Logs, joint: str, hidden: str | None = None, seed: int = 0) -
 def control(logs: Logs, joint: str) -> JointResult:
     """The complete model without any search, on the logs whose F/T sensors have no scale error."""
     with threadpool_limits(1):
-        options = replace(DiagnosisOptions(), search=replace(JOINT, most=0))
+        options = DiagnosisOptions(effects=())
         return diagnose_joint(logs.unscaled, logs.held, _rig(logs, joint), joint, options)
 
 
@@ -112,42 +107,19 @@ def _rig(logs: Logs, joint: str, hidden: str | None = None) -> Rig:
 
 
 def drive_estimates(result: JointResult, logs: Logs) -> tuple[DriveEstimate, DriveEstimate]:
-    """K_tau and K_v of the declared model of a joint, with their 95 % intervals.
+    """K_tau and K_v = K_tau F_v of a joint, with their 95 % intervals, which include every nuisance of the diagnosis.
 
-    The model is  z = beta_0 y* - beta_1 qdot - ...,  K_tau = 1/beta_0,  K_v = beta_1/beta_0; intervals by the delta
-    method from the sandwich covariance of coefficients and dead zone, autocorrelation included.
+    Raises:
+        IdentificationError: the result has no correlation of its parameters.
     """
-    fit, columns = result.baseline, Columns(result.train.samples)
-    design = columns.design(fit.terms)
-    slope = _dead_zone_slope(columns, fit.terms, fit.beta, design)
-    linear = least_squares(
-        np.column_stack([design, slope]),
-        columns.target - design @ fit.beta,
-        lengths=block_lengths(columns),
-        max_condition=1e15,
-    )
-    critical = critical_value_95(linear.bandwidth, columns.target.size)
-    first, second = fit.beta[:2]
+    if result.correlation is None:
+        raise IdentificationError(f"joint {result.joint}: expected a result with the correlation of its parameters")
+    gain, viscous = (result.final_parameters[key][name] for key, name in (("drive", "gain"), ("viscous", "viscous")))
     truth = logs.experiment.truth[result.joint]
-    viscous = next(e.parameters["viscous"] for e in truth.effects if e.key == "viscous")
-    gain = truth.drive.gain
-    out = []
-    for name, value, true, gradient in (
-        ("K_tau", 1.0 / first, gain, (-1.0 / first**2, 0.0)),
-        ("K_v", second / first, gain * viscous, (-second / first**2, 1.0 / first)),
-    ):
-        g = np.array(gradient)
-        half = critical * float(np.sqrt(g @ linear.hac_covariance[:2, :2] @ g))
-        slack = CALIBRATION * float(value) if name == "K_tau" else 0.0
-        out.append(DriveEstimate(result.joint, name, float(value), float(true), half, slack))
-    return out[0], out[1]
-
-
-def _dead_zone_slope(columns: Columns, terms: Sequence[Term], beta: FloatArray, design: FloatArray) -> FloatArray:
-    """(N,) derivative of the prediction by the dead zone's half width, forward difference."""
-    at = next(i for i, term in enumerate(terms) if term.effect.key == "deadzone")
-    width = terms[at].shape["deadzone"]
-    step = 1e-3 * width + 1e-9
-    moved = [*terms]
-    moved[at] = Term(terms[at].effect, {"deadzone": width + step})
-    return np.asarray((columns.design(moved) - design) @ beta / step)
+    true_viscous = next(e.parameters["viscous"] for e in truth.effects if e.key == "viscous")
+    one, other = (0.5 * (e.ci95[1] - e.ci95[0]) / e.value for e in (gain, viscous))
+    together = result.correlation.of("drive.gain", "viscous.viscous")
+    half = gain.value * viscous.value * float(np.sqrt(one**2 + other**2 + 2.0 * together * one * other))
+    own = (gain.value, truth.drive.gain, one * gain.value, CALIBRATION * gain.value)
+    damping = (gain.value * viscous.value, truth.drive.gain * true_viscous, half, 0.0)
+    return DriveEstimate(result.joint, "K_tau", *own), DriveEstimate(result.joint, "K_v", *damping)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.types import FloatArray
 
 
@@ -33,15 +32,9 @@ class Correlation:
     names: tuple[str, ...]
     matrix: FloatArray
 
-
-def block_lengths(columns: Columns) -> list[int]:
-    """Rows in each contiguous stretch: autocorrelation is not counted across gaps."""
-    rows = columns.samples.rows
-    typical = int(np.median(np.diff(rows)))
-    ends = np.array([s.stop for s in columns.samples.segments])
-    segment = np.searchsorted(ends, rows, side="right")
-    cuts = np.flatnonzero((np.diff(rows) > 50 * typical) | (np.diff(segment) != 0)) + 1
-    return [int(n) for n in np.diff(np.concatenate([[0], cuts, [rows.size]]))]
+    def of(self, one: str, other: str) -> float:
+        """Correlation of two parameters."""
+        return float(self.matrix[self.names.index(one), self.names.index(other)])
 
 
 def rests_on_bound(value: float, low: float, high: float) -> bool:
