@@ -182,7 +182,7 @@ def _contenders(pool: Sequence[Scored]) -> list[Scored]:
 
 
 def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:
-    """The set with the fewest effects, then parameters, of those that the logs cannot tell from the most probable one."""
+    """The set with the fewest effects, then parameters, of all that the logs cannot tell from the most probable one."""
     best = max(settled_sets, key=lambda pair: pair[0].rank(pair[1]))
     undistorted, odds = best[0].rank(best[1])
     near = [

@@ -43,65 +43,6 @@ an effect that takes the effort away is not.
 LEAST_DRIVE = 0.01
 """1/K over that of the declared model, below which a set of effects explains the load without the drive."""
 
-
-@dataclass(frozen=True)
-class SearchThresholds:
-    """When a larger model is taken, and how far the search looks.
-
-    An improvement is real when the evidence of all joints together is large enough, when at least one joint's error
-    falls by a share, in noise floors, and beside what earlier effects explain, as below; when enough joints support
-    it, and when it holds in the resamples.
-
-    Attributes:
-        beam: Models kept at each size. refined: candidates whose shapes are refined. most: largest number added.
-        near: Error of a candidate over that of the best, up to which it is refined.
-        least_refined: Candidates that are refined however far from the best one: a coarse grid of shapes can leave the
-            true effect with a larger error than another effect whose form fits it roughly.
-        worth_refining: Relative drop of the error that the best candidate must bring after the first round.
-        same: Relative difference of error below which models are as good as each other: the smaller one is taken.
-        least_gain: Smallest relative drop of a joint's cross-validated RMS that one more effect must bring.
-        least_log_evidence: Evidence of all joints that it must leave after its parameters are paid.
-        least_share: Share of block resamples in which it must help.
-        least_removed: Smallest RMS it must explain, in noise floors: less is nil in practice.
-        least_of_first: ... and as a share of what the effects before it explain: a smaller remainder is more likely an
-            imperfect form of those than a cause of its own. That does not hold for an effect that lowers the error by
-            `own_gain` and leaves no more than `own_floors` noise floors: what corrects the form of another effect
-            leaves some of the wrong form.
-        least_of_special: The same of an effect over a special case of it, as a share of what the special case explains.
-        promising_gain: Smallest relative drop from which on a second effect is tried beside one that is not real by
-            itself: each of two effects can hide the evidence of the other.
-        least_joints: Joints that must support it. second_gain, second_log_evidence: drop and evidence of a joint that
-            does.
-    """
-
-    beam: int = 6
-    refined: int = 6
-    most: int = 4
-    near: float = 1.5
-    least_refined: int = 3
-    worth_refining: float = 0.01
-    same: float = 0.02
-    least_gain: float = 0.05
-    least_log_evidence: float = 8.0
-    least_share: float = 0.98
-    least_removed: float = 0.5
-    least_of_first: float = 0.10
-    least_of_special: float = 0.10
-    own_gain: float = 0.5
-    own_floors: float = 2.0
-    promising_gain: float = 0.02
-    least_joints: int = 0
-    second_gain: float = 0.0
-    second_log_evidence: float = 0.0
-
-
-JOINT = SearchThresholds()
-"""Of one joint whose load is measured."""
-
-
-# Confirmation: which runs may speak against an effect
-
-
 # Alternatives, and effects that were not tested
 
 SAME_ERROR = 0.02

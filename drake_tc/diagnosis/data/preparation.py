@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.diagnosis.data.age_of_effort import aged, delayed
+from drake_tc.diagnosis.data.age_of_effort import aged
 from drake_tc.diagnosis.data.between_samples import between_samples
 from drake_tc.diagnosis.data.channels import Channels, channels_of
 from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
 from drake_tc.diagnosis.data.rest import speed_at_rest
 from drake_tc.diagnosis.data.samples import Samples
@@ -32,7 +31,7 @@ SLOWER = 3.0
 
 
 def _load(
-    channels: Channels, rig: Rig, light: CommonKernel, q: FloatArray, a: FloatArray, torque_late: float
+    channels: Channels, rig: Rig, light: CommonKernel, q: FloatArray, a: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(tau, the same from a slower filter, d tau/dq), (T,) each: measured, a pendulum's, or 0 where unknown."""
     load = rig.load[channels.joint]
@@ -40,7 +39,7 @@ def _load(
         return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
     slow = CommonKernel(SLOWER * light.actual_width_s, channels.period)
     if not isinstance(load, Pendulum):
-        raw = delayed(channels.raw("torque"), channels.segments, -torque_late / channels.period)
+        raw = channels.raw("torque")
         return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)
     pendulums = [load.in_run(run) for _, run, _ in channels.pieces]
     moment, inertia = (channels.by_piece(v) for v in zip(*((p.weight, p.inertia) for p in pendulums), strict=True))
@@ -96,15 +95,10 @@ def build_samples(
     rig: Rig,
     joint: str,
     width_s: float | None = None,
-    compliance: float = 0.0,
     final_s: float | None = None,
     at_rest: float = 0.0,
     *,
     effort_age: float = 0.0,
-    gap: OpenGap | None = None,
-    position_late: float = 0.0,
-    torque_late: float = 0.0,
-    centred: bool = False,
     both_sides: bool = False,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
@@ -114,15 +108,10 @@ def build_samples(
         rig: Says drive and load.
         joint: Which joint.
         width_s: Width of the light kernel [s]; None lets the data choose.
-        compliance: Of a soft gear [rad/(N m)]: the motor slides, and its friction turns over, by q + compliance tau.
         final_s: Width of the final kernel [s]; None lets the data choose.
         at_rest: Filtered velocity that other runs of the joint show at rest [rad/s].
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
             negative if it is recorded after it acted.
-        gap: Samples at which the teeth of the gear are apart, which take no part; None for a gear without backlash.
-        position_late: Delay [s] with which the position is recorded; only for joints with a torque sensor.
-        torque_late: Delay [s] with which a measured load torque is recorded.
-        centred: Whether all channels of the balance are taken less their means over each stretch.
         both_sides: As in `direction_of_motion`.
 
     Raises:
@@ -134,18 +123,16 @@ def build_samples(
     step, noise = encoder_of(channels, rig, raw_q)
     timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
     whole_noise = noise if timing is None else timing.position_noise(timing.speed)
-    raw_q = delayed(raw_q, segments, -position_late / period)
     light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
     q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     command = light.smooth(aged(raw_command, segments, effort_age))
-    torque, slow_torque, slope = _load(channels, rig, light, q, a, torque_late)
+    torque, slow_torque, slope = _load(channels, rig, light, q, a)
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest, timing=timing)
-    motor, motor_rate = q + compliance * slow_torque, v + compliance * np.gradient(slow_torque, period)
     direction, travel, moving = direction_of_motion(
-        motor, motor_rate, inner, resolution, rig.joint_type(joint), both_sides=both_sides
+        q, v, inner, resolution, rig.joint_type(joint), both_sides=both_sides
     )
     temperature, motor_position, supply = (
         light.smooth(raw) if np.isfinite(raw).any() else raw
@@ -172,8 +159,6 @@ def build_samples(
         rotor_inertia=scale.rotor_inertia,
         period=period,
     )
-    if gap is not None:
-        moving &= ~gap.is_open(signals, segments)
     order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, whole_noise)
     if load == "torque" and "rotor_inertia" not in rig.declared[joint]:
         raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
@@ -211,13 +196,8 @@ def build_samples(
         load_unknown=unknown_form(load) is not None,
         effort_age=effort_age,
         units=replace(rig.units_of(joint), torque_as_effort=scale.as_effort),
-        position_late=position_late,
-        torque_late=torque_late,
         effort_period=channels.slowest([rig.command_column(joint)]),
         torque_period=channels.slowest([f"{joint}/torque"]),
-        centred=centred,
-        open_within=0.0 if gap is None else gap.within,
-        loop_gains=tuple(float(np.median(run.columns.get(f"{joint}/position_gain", np.nan))) for run in runs),
     )
 
 

@@ -1,7 +1,7 @@
 """The rows of a regression: one joint's filtered signals, and which of them take part."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +15,8 @@ from drake_tc.filtering.block_convolution import BlockConvolution
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
-CHUNK_SECONDS = 5.0
 HELD = 0.5
 """Age of an effort that is held until the next sample [sampling periods]: the mean over one period."""
-CONSTANT = 1e-9
-"""Of the largest mean: values that vary less are constant but for rounding."""
 LONGEST_MEMORY = 0.5
 """Of a filter of the effort [s]."""
 
@@ -43,16 +40,10 @@ class Samples:
         load_unknown: Whether nothing is known of the load torque: the signals' load is 0 until a fit tells it.
         units: Of the joint's quantities; torques are told as effort where nothing fixes their scale (`load_scale`).
         effort_age: By how many sampling periods the command or effort that acts is older than the recorded one.
-        position_late: Delay with which the position is recorded [s].
-        torque_late: Delay with which the torque is recorded [s].
-        centred: Whether `reduce` takes the mean over the rows of each stretch off all that it reduces.
         sensor_prior: Of the joint's own sensor errors; None where no tolerance is declared.
-        open_within: Samples nearer than this time to a sign change of the transmitted torque take no part [s]; 0 where
-            all samples do.
         timing: (N, 3, 3) `timing_moments` of the rows; None where the sampling instants do not scatter.
         between: (N,) `between_samples` of the rows [N m]^2; None where the torque has the clock of the log.
         effort_period, torque_period: At which the effort and a measured torque were sampled [s].
-        loop_gains: By run, the gain of the position loop around the drive [effort/rad], NaN where none is recorded.
     """
 
     signals: Signals
@@ -73,11 +64,6 @@ class Samples:
     effort_age: float = 0.0
     units: JointUnits = TURNING
     sensor_prior: SensorPrior | None = None
-    loop_gains: tuple[float, ...] = ()
-    open_within: float = 0.0
-    position_late: float = 0.0
-    torque_late: float = 0.0
-    centred: bool = False
     timing: FloatArray | None = None
     between: FloatArray | None = None
     effort_period: float = 0.0
@@ -97,15 +83,7 @@ class Samples:
             kept = [self.reduce(values[:, k], fresh=fresh) for k in range(values.shape[1])]
             return np.stack(kept, axis=-1) if kept else np.zeros((self.rows.size, 0))
         low_pass, places = self._both if fresh else self._final
-        reduced = low_pass.at(values, places)
-        return self._less_means(reduced) if self.centred else reduced
-
-    def _less_means(self, values: FloatArray) -> FloatArray:
-        """Values (N,) of the rows less their means over each stretch; exactly 0 where they are constant."""
-        stretch = np.searchsorted([s.stop for s in self.segments], self.rows, side="right")
-        means = np.bincount(stretch, values) / np.maximum(np.bincount(stretch), 1)
-        left = values - means[stretch]
-        return np.where(np.abs(left) > CONSTANT * np.abs(means).max(initial=0.0), left, 0.0)
+        return low_pass.at(values, places)
 
     def rate(self, values: FloatArray) -> FloatArray:
         """Time derivative of values (N,) of the rows from neighbouring rows; 0 of a row that has none [1/s]."""
@@ -163,39 +141,6 @@ class Samples:
         out = np.zeros(size)
         out[1 : 1 + kernel.size] = kernel
         return out, self.signals.take(np.minimum(np.arange(size), len(self.signals) - 1))
-
-    def subsample(self, most: int) -> "Samples":
-        """Every k-th five-second chunk: at most about `most` of the T samples; itself when they are few."""
-        every = int(np.ceil(len(self.signals) / most))
-        if every <= 1:
-            return self
-        length = max(round(CHUNK_SECONDS / self.signals.period), 4 * self.kernel.margin)
-        chunks = [
-            slice(start, min(start + length, s.stop))
-            for s in self.segments
-            for start in range(s.start, s.stop, length * every)
-        ]
-        kept = np.concatenate([np.arange(c.start, c.stop) for c in chunks])
-        place = np.full(len(self.signals), -1)
-        place[kept] = np.arange(kept.size)
-        edge = self.kernel.margin + self.light.margin
-        inner = np.zeros(len(self.signals), dtype=bool)
-        for c in chunks:
-            inner[c.start + edge : max(c.stop - edge, c.start + edge)] = True
-        use = inner[self.rows]
-        ends = np.cumsum([c.stop - c.start for c in chunks])
-        return replace(
-            self,
-            signals=self.signals.take(kept),
-            segments=tuple(slice(int(e - (c.stop - c.start)), int(e)) for e, c in zip(ends, chunks, strict=True)),
-            rows=place[self.rows[use]],
-            run=self.run[use],
-            block=np.unique(self.block[use], return_inverse=True)[1].astype(np.int64),
-            timing=None if self.timing is None else self.timing[use],
-            between=None if self.between is None else self.between[use],
-            moving=self.moving[kept],
-            run_of_sample=self.run_of_sample[kept],
-        )
 
     def by_segment(
         self, effect: Effect, shape: Shape, values: FloatArray | None = None, *, undo: bool = False

@@ -16,7 +16,6 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.bounded import Prior
 from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
 from drake_tc.effects.base import DriveEffect, Effect
-from drake_tc.effects.unknown_load import SmoothLoad
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import BoolArray, FloatArray
 
@@ -169,10 +168,7 @@ class Columns:
         key = term.cache_key
         if key not in self._cache:
             values = self.samples.by_segment(term.effect, term.shape)
-            reduced = self.samples.reduce(values, fresh=not term.effect.linear)
-            if self.samples.centred and isinstance(term.effect, SmoothLoad):
-                reduced[:, term.effect.middle_level] = 0.0  # the splines add up to a constant, which is taken off
-            self._remember(key, reduced)
+            self._remember(key, self.samples.reduce(values, fresh=not term.effect.linear))
         return self._cache[key]
 
     def _remember(self, key: tuple[object, ...], value: FloatArray) -> None:

@@ -7,7 +7,7 @@ from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.thresholds import JOINT
+from drake_tc.diagnosis.thresholds import SAME_ERROR
 from drake_tc.effects.base import Context, Effect, SensorEffect, TorqueEffect
 from drake_tc.effects.library import all_effects, effect
 from drake_tc.errors import IdentificationError, RigError
@@ -98,7 +98,7 @@ def known_taken_off(samples: Samples, rig: Rig, joint: str) -> Samples:
 def simplest(fits: Sequence[Fit]) -> Fit:
     """The first of the fits whose cross-validated error is as small as the smallest one, up to 2 %."""
     least = min(f.cv_rms for f in fits)
-    return next(f for f in fits if f.cv_rms <= (1.0 + JOINT.same) * least)
+    return next(f for f in fits if f.cv_rms <= (1.0 + SAME_ERROR) * least)
 
 
 def require_positions(rig: Rig, joint: str, context: Context) -> None:

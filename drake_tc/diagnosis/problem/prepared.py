@@ -7,7 +7,6 @@ from functools import partial
 
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.data.noise_colour import left_by_effort_noise
-from drake_tc.diagnosis.data.open_gap import OpenGap
 from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
@@ -95,16 +94,10 @@ def prepare_joint(
     held_runs: Sequence[Run],
     rig: Rig,
     joint: str,
-    compliance: float = 0.0,
     width_s: float | None = None,
     common: Sequence[Term] = (),
     sampled_late: float = 0.0,
-    gap: OpenGap | None = None,
-    position_late: float = 0.0,
-    torque_late: float = 0.0,
-    centred: bool = False,
     command_held: bool | None = None,
-    both_sides: bool = False,
 ) -> Prepared:
     """Filter one joint's runs, take off what is known of it and fit its declared model.
 
@@ -113,38 +106,22 @@ def prepare_joint(
         held_runs: Held-out runs; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
-        compliance: As in `build_samples` [rad/(N m)].
         width_s: Width of the light kernel [s]; None lets the data choose.
         common: Terms of all joints, which the declared model has besides the joint's own.
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
-        gap: As in `build_samples`.
-        position_late: As in `build_samples` [s].
-        torque_late: As in `build_samples` [s].
-        centred: As in `build_samples`.
         command_held: Whether position servos hold their commands, where that is decided; None lets this joint decide.
-        both_sides: As in `direction_of_motion`: of rows that decide on the age of an effort.
 
     Raises:
         IdentificationError: the joint hardly moves in the training or in the held-out runs, or the training runs cannot
             identify the declared model.
     """
     loads = possible_loads(rig, joint)
-    build = partial(
-        build_samples,
-        rig=rig,
-        joint=joint,
-        width_s=width_s,
-        compliance=compliance,
-        gap=gap,
-        position_late=position_late,
-        torque_late=torque_late,
-        centred=centred,
-    )
+    build = partial(build_samples, rig=rig, joint=joint, width_s=width_s)
     servo = rig.drive[joint] == "position_servo"
     if command_held is None or not servo:
         command_held = command_is_held(partial(build, train_runs), rig, joint, loads)
     held_for = HELD if command_held else 0.0
-    build = partial(build, effort_age=held_for + sampled_late, both_sides=both_sides)
+    build = partial(build, effort_age=held_for + sampled_late)
     train, held = _samples(build, train_runs, held_runs)
     context = context_of(train, rig, joint)
     require_positions(rig, joint, context)

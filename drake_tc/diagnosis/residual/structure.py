@@ -185,7 +185,7 @@ def assess_residual(
         held: The same of the held-out runs.
         x: Of each split, its `features`.
         floor: Noise floor [effort].
-        options: SearchThresholds.
+        options: Thresholds.
         seed: Of the folds.
         executor: Fits the regressors beside each other; None fits them here.
         sensor: Whether the load is that of a torque sensor, which may wander.

@@ -15,7 +15,6 @@ from drake_tc.diagnosis.residual.structure import assess_residual, features, is_
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained, Verdict
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
-from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, TransmissionEffect
 
 
@@ -34,8 +33,7 @@ def what_is_left(
     known = BalanceCoefficients.of(chosen.terms, chosen.beta)
     first, second = (features(s.samples, known, servo=servo, load_measured=sensor) for s in splits)
     x = (first, second)
-    gap_left_out = splits[0].samples.open_within > 0.0
-    thresholds = _residual_options(options.residual, chosen, gap_left_out=gap_left_out)
+    thresholds = _residual_options(options.residual, chosen)
     equal = with_equal_noise(splits, chosen, floor)
     notes: tuple[NoiseNote, ...] = _scattering(splits)
     if equal.by_effort > CORRELATED_NOISE_NOTED:
@@ -69,14 +67,9 @@ def _scattering(splits: Sequence[DataSplit]) -> tuple[ScatteringTimes, ...]:
     return tuple(ScatteringTimes(t.time, t.fastest, t.noise) for t in found if t is not None)[:1]
 
 
-def _residual_options(options: ResidualThresholds, chosen: Fit, *, gap_left_out: bool) -> ResidualThresholds:
-    """Thresholds of this fit: three times as much may be left with a soft gear, or with backlash.
-
-    Both are modelled at rest only. For backlash this matters only in the rows in which the gap is open, so that the
-    thresholds stay the same if these are left out.
-    """
-    at_rest = [t for t in chosen.terms if isinstance(t.effect, TransmissionEffect)]
-    if all(gap_left_out and isinstance(t.effect, Backlash) for t in at_rest):
+def _residual_options(options: ResidualThresholds, chosen: Fit) -> ResidualThresholds:
+    """Thresholds of this fit: three times as much may be left with a soft gear or backlash, modelled at rest only."""
+    if not any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms):
         return options
     return replace(options, least_of_before=3.0 * options.least_of_before)
 
