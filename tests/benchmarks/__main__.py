@@ -585,9 +585,6 @@ _public(
 
 @app.command("gate", short_help="All goals of the diagnosis.")
 def gate(
-    engine: Annotated[
-        list[str] | None, typer.Option(help="rules, evidence or both; may be repeated. Default: rules.")
-    ] = None,
     part: Annotated[
         list[str] | None,
         typer.Option(help="blind, hard, coverage, real, arms, leg or time; may be repeated. Default: all."),
@@ -600,9 +597,9 @@ def gate(
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
-    """Score the diagnosis on everything that it has to reach, side by side for two engines.
+    """Score the diagnosis on everything that it has to reach.
 
-    One engine alone is shown beside the stored results of the former one, where these are of the same size and seed.
+    The results are shown beside the stored ones, where these are of the same size and seed.
     """
     from drake_tc.analysis.executors import processes
     from drake_tc.cli.wide_table import print_wide
@@ -611,47 +608,27 @@ def gate(
 
     if size not in SIZES:
         raise typer.BadParameter(f"expected small or full, got {size!r}", param_hint="--size")
-    engines = list(
-        dict.fromkeys(e for given in engine or ["rules"] for e in (gates.ENGINES if given == "both" else [given]))
-    )
-    if unknown := [each for each in engines if each not in gates.ENGINES]:
-        raise typer.BadParameter(f"expected rules, evidence or both, got {unknown[0]!r}", param_hint="--engine")
-    names, results = gates.chosen_parts(part or ()), {each: {} for each in engines}
+    names, results, stored = gates.chosen_parts(part or ()), {}, gates.load_results(gates.STORED)
     with (
         tempfile.TemporaryDirectory() as scratch,
         progress_bar("gate", quiet=as_json) as progress,
         processes(jobs) as pool,
     ):
-        for each in engines:
-            runs = GateRuns(each, size, seed, out or Path(scratch), data or gates.DATA, pool, progress)
-            for name in names:
-                progress(f"{each}: {name}", 0.0)
-                results[each][name] = gates.run_part(name, runs)
-                if store:
-                    gates.store_results(store, {each: {name: results[each][name]}})
+        runs = GateRuns(size, seed, out or Path(scratch), data or gates.DATA, pool, progress)
+        for name in names:
+            progress(name, 0.0)
+            results[name] = gates.run_part(name, runs)
+            if store:
+                gates.store_results(store, {name: results[name]})
     if as_json:
-        rows = [
-            row | {"name": f"{each}/{name}/{row['name']}"}
-            for each, parts in results.items()
-            for name, one in parts.items()
-            for row in one["rows"]
-        ]
-        print(json.dumps({"name": "gate", "rows": rows, "engines": results}))
+        rows = [row | {"name": f"{name}/{row['name']}"} for name, one in results.items() for row in one["rows"]]
+        print(json.dumps({"name": "gate", "rows": rows, "parts": results}))
         return
-    former = gates.load_results(gates.STORED).get("rules", {}) if engines == ["evidence"] else {}
-    stored = {
-        name: former[name]
-        for name in names
-        if name in former and former[name]["size"] == size and former[name]["seed"] == seed
-    }
-    shown = ({"rules": stored} if stored else {}) | results
-    headings = ("figure", "reach", *(text for each in shown for text in (each, "met")))
-    print_wide(headings, gates.side_by_side(shown), left=("figure",))
-    for each, parts in results.items():
-        for name, one in parts.items():
-            for row in one["rows"]:
-                if row.get("note") and row.get("met") is not True:
-                    print(f"{each}, {name}: {row['name']}: {row['note']}")
+    print_wide(("figure", "reach", "now", "met", "stored", "met"), gates.table(results, stored), left=("figure",))
+    for name, one in results.items():
+        for row in one["rows"]:
+            if row.get("note") and row.get("met") is not True:
+                print(f"{name}: {row['name']}: {row['note']}")
 
 
 if __name__ == "__main__":

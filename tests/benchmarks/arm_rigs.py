@@ -64,20 +64,20 @@ def base_intervals(truth: Mapping[str, Any], report: Mapping[str, Any]) -> tuple
     )
 
 
-def run_case(folder: Path, number: int, seed: int, engine: Mapping[str, Any] | None = None) -> str:
+def run_case(folder: Path, number: int, seed: int) -> str:
     """Record case `number` in `folder` unless it is there, diagnose it unless its report is there; its name."""
     from tests.benchmarks.blind_arm.cases import arm_case, record_case
 
     case = arm_case(number, seed)
-    return recorded_and_diagnosed(folder, case.name, partial(record_case, case), engine)
+    return recorded_and_diagnosed(folder, case.name, partial(record_case, case))
 
 
-def run_known_case(folder: Path, number: int, seed: int, engine: Mapping[str, Any] | None = None) -> str:
+def run_known_case(folder: Path, number: int, seed: int) -> str:
     """The same of an arm with known links."""
     from tests.benchmarks.blind_arm.known_links import known_case, record_known_case
 
     case = known_case(number, seed)
-    return recorded_and_diagnosed(folder, case.name, partial(record_known_case, case), engine)
+    return recorded_and_diagnosed(folder, case.name, partial(record_known_case, case))
 
 
 def known_arm_benchmark(
@@ -86,12 +86,11 @@ def known_arm_benchmark(
     seed: int,
     executor: Executor,
     progress: Progress,
-    engine: Mapping[str, Any] | None = None,
 ) -> list[ArmScore]:
     """`arm_benchmark` with the cases of `blind_arm.known_links`."""
     from tests.benchmarks.blind_arm.known_links import named_set_up
 
-    run = partial(run_known_case, seed=seed, engine=engine)
+    run = partial(run_known_case, seed=seed)
     made = run_cases(folder, {"seed": seed, "links": "known"}, run, cases, executor, progress)
     return [score_arm(name, truth, named_set_up(report)) for name, truth, report in made]
 
@@ -102,7 +101,6 @@ def arm_benchmark(
     seed: int,
     executor: Executor,
     progress: Progress,
-    engine: Mapping[str, Any] | None = None,
 ) -> list[ArmScore]:
     """Run cases side by side and score them.
 
@@ -112,12 +110,11 @@ def arm_benchmark(
         seed: Of all draws.
         executor: Runs them.
         progress: Told how far it is.
-        engine: Options of the diagnosis that are not the default.
 
     Raises:
         DrakeTcError: A folder that holds cases of another seed.
     """
-    made = run_cases(folder, seed, partial(run_case, seed=seed, engine=engine), cases, executor, progress)
+    made = run_cases(folder, seed, partial(run_case, seed=seed), cases, executor, progress)
     return [score_arm(*case) for case in made]
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.errors import DrakeTcError
@@ -26,7 +25,7 @@ TOGETHER = 30
 """Rigs that one process simulates at a time."""
 
 
-def diagnose_folder(rig: Path, reports: Path, options: DiagnosisOptions | None = None) -> str:
+def diagnose_folder(rig: Path, reports: Path) -> str:
     """Diagnose one rig's files and write `reports/NAME/report.json`; returns the rig's name.
 
     Beside the report's own keys, `final_parameters` has the values and intervals of the final model.
@@ -37,7 +36,7 @@ def diagnose_folder(rig: Path, reports: Path, options: DiagnosisOptions | None =
     logs = sorted(p for p in rig.iterdir() if p.name.startswith("run_"))
     held = [p for p in logs if p.name.startswith(HELD_OUT)]
     try:
-        result = close_loop(rig / "rig.yaml", [p for p in logs if p not in held], held, options)
+        result = close_loop(rig / "rig.yaml", [p for p in logs if p not in held], held)
         report = result_json(result) | {"final_parameters": final_parameters(result)}
     except DrakeTcError as error:
         report = _no_answer(f"refused: {error}")
@@ -91,7 +90,6 @@ def blind_benchmark(
     seed: int,
     executor: Executor,
     progress: Progress,
-    diagnosis: DiagnosisOptions | None = None,
 ) -> BenchmarkScore:
     """Make the chosen rigs in `folder` unless they are there, diagnose each, score them.
 
@@ -101,7 +99,6 @@ def blind_benchmark(
         seed: Of the catalogue.
         executor: Diagnoses rigs side by side.
         progress: report(text, share).
-        diagnosis: Options of the diagnosis.
 
     Raises:
         BlindError: A folder that holds rigs of another scale or seed, or a choice that is not possible.
@@ -112,7 +109,7 @@ def blind_benchmark(
     for done in _simulated(missing, folder, executor):
         progress(f"simulated rig {done} of {len(missing)}", 0.4 * done / len(missing))
     rigs = [folder / "rigs" / spec.name for spec in sorted(specs, key=lambda spec: spec.name)]
-    for number, name in enumerate(_diagnosed(rigs, folder / "reports", executor, diagnosis), start=1):
+    for number, name in enumerate(_diagnosed(rigs, folder / "reports", executor), start=1):
         progress(f"diagnosed {name}, {number} of {len(rigs)}", 0.4 + 0.6 * number / len(rigs))
     return score_outcomes(
         [
@@ -144,9 +141,7 @@ def _claim(folder: Path, scale: Scale, seed: int) -> None:
     stamp.write_text(json.dumps(expected), encoding="utf-8")
 
 
-def _diagnosed(
-    rigs: list[Path], reports: Path, executor: Executor, diagnosis: DiagnosisOptions | None
-) -> Iterable[str]:
-    futures = [executor.submit(diagnose_folder, rig, reports, diagnosis) for rig in rigs]
+def _diagnosed(rigs: list[Path], reports: Path, executor: Executor) -> Iterable[str]:
+    futures = [executor.submit(diagnose_folder, rig, reports) for rig in rigs]
     for future in as_completed(futures):
         yield future.result()

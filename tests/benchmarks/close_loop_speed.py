@@ -79,18 +79,14 @@ def write_runs(folder: Path, seconds: float, rate: float = 1000.0, joints: int =
     return SpeedCase(what.replace("_", " "), rig, (one, two), (held,))
 
 
-def command_cost(case: SpeedCase, options: Sequence[str] = ()) -> Cost:
+def command_cost(case: SpeedCase) -> Cost:
     """Run `drake-tc close-loop` on a case, in a process of its own, report and free runs included.
-
-    Args:
-        case: The logs.
-        options: Further words of the command line.
 
     Raises:
         DrakeTcError: the command failed.
     """
     with tempfile.TemporaryDirectory() as out:
-        arguments = ["close-loop", "--rig", str(case.rig), "--out", out, *options]
+        arguments = ["close-loop", "--rig", str(case.rig), "--out", out]
         for option, files in (("--log", case.logs), ("--holdout", case.holdout)):
             arguments += [word for file in files for word in (option, str(file))]
         command = [sys.executable, "-c", COMMAND, *arguments]

@@ -1,9 +1,9 @@
-"""The gate: one command that scores the diagnosis on everything that it has to reach, for one engine or two.
+"""The gate: one command that scores the diagnosis on everything that it has to reach.
 
-    python -m tests.benchmarks gate --engine rules --engine evidence --size full --out FOLDER --store FILE
+    python -m tests.benchmarks gate --size full --out FOLDER --store tests/benchmarks/gate.json
 
-Each part gives rows: a name, a value, what is to be reached, and whether it is. Results are kept as JSON, by engine and
-part, with commit, date, seed and size; parts that are run later join the file.
+Each part gives rows: a name, a value, what is to be reached, and whether it is. Results are kept as JSON, by part, with
+commit, date, seed and size; parts that are run later join the file. The stored ones are shown beside new ones.
 """
 
 import json
@@ -28,7 +28,6 @@ from tests.benchmarks.gate_parts import (
 )
 from tests.benchmarks.gate_real import real_rows
 
-ENGINES = ("rules", "evidence")
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 """Folder of the public data sets."""
@@ -36,13 +35,13 @@ PARTS: Mapping[str, Callable[[GateRuns], list[FigureRow]]] = {
     "blind": blind_rows,
     "hard": hard_rows_of,
     "coverage": coverage_rows,
-    "real": lambda runs: real_rows(runs.data, runs.size, runs.options, runs.progress),
+    "real": lambda runs: real_rows(runs.data, runs.size, runs.progress),
     "arms": arm_rows,
     "leg": leg_rows,
     "time": time_rows,
 }
-STORED = Path(__file__).parent / "gate_rules.json"
-"""The former engine's result."""
+STORED = Path(__file__).parent / "gate.json"
+"""Results of the last version that was scored."""
 
 
 def chosen_parts(names: Sequence[str]) -> list[str]:
@@ -81,8 +80,8 @@ def _commit() -> str:
     return git("rev-parse", "HEAD") + ("+changes" if changed else "")
 
 
-Results = dict[str, dict[str, dict[str, Any]]]
-"""By engine, then by part."""
+Results = dict[str, dict[str, Any]]
+"""By part."""
 
 
 def load_results(path: Path) -> Results:
@@ -94,37 +93,30 @@ def load_results(path: Path) -> Results:
     if not path.exists():
         return {}
     try:
-        found: Results = json.loads(path.read_text(encoding="utf-8"))["engines"]
+        found: Results = json.loads(path.read_text(encoding="utf-8"))["parts"]
     except (ValueError, KeyError, TypeError) as error:
-        raise ParamsError(f"{path}: expected results of the gate, {{'engines': ...}}; {error}") from error
+        raise ParamsError(f"{path}: expected results of the gate, {{'parts': ...}}; {error}") from error
     return found
 
 
 def store_results(path: Path, results: Results) -> None:
-    """Write results into a file; those of other engines and parts in it stay."""
-    kept = load_results(path)
-    for engine, parts in results.items():
-        kept[engine] = kept.get(engine, {}) | parts
-    path.write_text(json.dumps({"name": "gate", "engines": kept}, indent=1) + "\n", encoding="utf-8")
+    """Write results into a file; other parts in it stay."""
+    kept = load_results(path) | results
+    path.write_text(json.dumps({"name": "gate", "parts": kept}, indent=1) + "\n", encoding="utf-8")
 
 
-def side_by_side(results: Results) -> list[tuple[str, ...]]:
-    """Cells of the table: part and figure, what is to be reached, and value and mark of each engine.
+def table(results: Results, stored: Results) -> list[tuple[str, ...]]:
+    """Cells of the table: part and figure, what is to be reached, and value and mark, new and stored.
 
-    An engine has no value of a figure whose part it was not run on.
+    A stored part is shown where it is of the same size and seed.
     """
-    engines = list(results)
-    parts = [name for name in PARTS if any(name in results[engine] for engine in engines)]
     cells: list[tuple[str, ...]] = []
-    for part in parts:
-        by_engine = [
-            {row["name"]: FigureRow.of_json(row) for row in results[engine].get(part, {}).get("rows", [])}
-            for engine in engines
-        ]
-        for name in dict.fromkeys(name for rows in by_engine for name in rows):
-            own = [rows.get(name) for rows in by_engine]
-            reach = next(_reach(row) for row in own if row is not None)
-            cells.append((f"{part}: {name}", reach, *(text for row in own for text in _shown(row))))
+    for part in (name for name in PARTS if name in results):
+        new, old = results[part], stored.get(part, {})
+        alike = all(old.get(key) == new[key] for key in ("size", "seed"))
+        before = {row["name"]: FigureRow.of_json(row) for row in old["rows"]} if alike else {}
+        for row in map(FigureRow.of_json, new["rows"]):
+            cells.append((f"{part}: {row.name}", _reach(row), *_shown(row), *_shown(before.get(row.name))))
     return cells
 
 

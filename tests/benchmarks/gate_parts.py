@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -16,7 +16,6 @@ from drake_tc.cli.demo import JOINT, demo_model, record_demo
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
-from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.causes import CAUSES, size_in
 from drake_tc.experiments.sizes import size_name
 from drake_tc.report.figure_row import FigureRow
@@ -25,7 +24,7 @@ from tests.benchmarks.blind.outcome import Outcome
 from tests.benchmarks.blind_rigs import BlindOptions, blind_benchmark
 from tests.benchmarks.close_loop_speed import command_cost, write_runs
 from tests.benchmarks.evidence.predicted import spec_of
-from tests.benchmarks.hard.run import CloseLoop, hard_benchmark
+from tests.benchmarks.hard.run import close_loop_on, hard_benchmark
 from tests.benchmarks.hard.score import Outcome as HardOutcome
 from tests.benchmarks.hard.score import rows as hard_rows
 from tests.benchmarks.interval_coverage import holds
@@ -73,31 +72,17 @@ SIZES: Mapping[Size, GateSize] = {
 }  # fmt: skip
 
 
-def engine_options(engine: str) -> dict[str, str]:
-    """The option of `DiagnosisOptions` that chooses an engine; none for rules in a version without that choice.
-
-    Raises:
-        DrakeTcError: A version with one engine, and not that one.
-    """
-    if "engine" in {field.name for field in fields(DiagnosisOptions)}:
-        return {"engine": engine}
-    if engine != "rules":
-        raise DrakeTcError(f"engine {engine}: this version has the engine rules alone")
-    return {}
-
-
 @dataclass(frozen=True)
 class GateRuns:
-    """Rigs of one engine, each diagnosed once however many parts read it.
+    """Rigs, each diagnosed once however many parts read it.
 
     Attributes:
-        engine: Of the diagnosis. size: How much is run. seed: Of all draws.
-        folder: Keeps rigs and truths, which all engines share; reports are made anew.
+        size: How much is run. seed: Of all draws.
+        folder: Keeps rigs and truths; reports are made anew.
         data: Folder of the public data sets.
         executor, progress: Run rigs side by side, and are told how far it is.
     """
 
-    engine: str
     size: Size
     seed: int
     folder: Path
@@ -109,10 +94,6 @@ class GateRuns:
     def much(self) -> GateSize:
         """How much is run."""
         return SIZES[self.size]
-
-    def options(self, **others: Any) -> DiagnosisOptions:
-        """Options of the diagnosis."""
-        return DiagnosisOptions(**(engine_options(self.engine) | others))
 
     def fresh(self, name: str) -> Path:
         """A folder of rigs and truths without reports."""
@@ -126,7 +107,7 @@ class GateRuns:
         found = []
         for seed in range(self.seed, self.seed + self.much.blind_seeds):
             folder = self.fresh(f"blind_{seed}")
-            done = blind_benchmark(folder, self.much.blind, seed, self.executor, self.progress, self.options())
+            done = blind_benchmark(folder, self.much.blind, seed, self.executor, self.progress)
             for outcome in done.outcomes:
                 paths = [folder / kind / outcome.name / f"{one}.json" for kind, one in BLIND_FILES]
                 found.append((outcome, *(json.loads(path.read_text(encoding="utf-8")) for path in paths)))
@@ -135,8 +116,7 @@ class GateRuns:
     @cached_property
     def hard(self) -> list[HardOutcome]:
         """Outcomes of the hard rigs."""
-        engine = engine_options(self.engine).get("engine")
-        return hard_benchmark(self.fresh("hard"), self.seed, self.much.hard, self.executor, CloseLoop(engine))
+        return hard_benchmark(self.fresh("hard"), self.seed, self.much.hard, self.executor, close_loop_on)
 
 
 TIMED = ((30.0, 1, 5.0), (20.0, 6, 15.0))
@@ -183,7 +163,7 @@ def coverage_rows(runs: GateRuns) -> list[FigureRow]:
             hits.setdefault(f"hard rigs, {kind}", []).append(hit)
     for seed in range(runs.much.demos):
         runs.progress(f"demo, seed {seed}", seed / runs.much.demos)
-        for kind, hit in demo_intervals(seed, runs.options(assess_residual=False)):
+        for kind, hit in demo_intervals(seed):
             hits.setdefault(f"demo, {kind}", []).append(hit)
     return [interval_row(name, hits[name]) for name in sorted(hits)] + [
         interval_row("all", list(chain(*hits.values())))
@@ -224,11 +204,11 @@ def blind_intervals(truth: Mapping[str, Any], report: Mapping[str, Any]) -> list
     return out
 
 
-def demo_intervals(seed: int, options: DiagnosisOptions) -> list[tuple[str, bool]]:
+def demo_intervals(seed: int) -> list[tuple[str, bool]]:
     """The same of the demo's bench, where the missing effects are named and no other."""
     with tempfile.TemporaryDirectory() as folder:
         rig, logs, holdout = record_demo(Path(folder), seed, jobs=1)
-        joint = close_loop(rig, logs, holdout, options).joints[JOINT]
+        joint = close_loop(rig, logs, holdout, DiagnosisOptions(assess_residual=False)).joints[JOINT]
     model = demo_model(seed)
     truth = {("drive", "gain"): model.drive.gain} | {
         (value.key, name): number for value in model.effects for name, number in value.parameters.items()
@@ -246,13 +226,13 @@ def demo_intervals(seed: int, options: DiagnosisOptions) -> list[tuple[str, bool
 
 def arm_rows(runs: GateRuns) -> list[FigureRow]:
     """Arms whose links are known, and arms whose links are fitted."""
-    engine, out = engine_options(runs.engine), []
+    out = []
     for name, benchmark, cases in (
         ("known links", known_arm_benchmark, runs.much.known_arms),
         ("fitted links", arm_benchmark, runs.much.fitted_arms),
     ):
         folder = runs.fresh(name.replace(" ", "_"))
-        scores: list[ArmScore] = benchmark(folder, cases, runs.seed, runs.executor, runs.progress, engine)
+        scores: list[ArmScore] = benchmark(folder, cases, runs.seed, runs.executor, runs.progress)
         out += _robot_rows(f"{name}: ", [score.robot for score in scores])
         base = [hit for score in scores for hit in score.base]
         if base:
@@ -262,14 +242,7 @@ def arm_rows(runs: GateRuns) -> list[FigureRow]:
 
 def leg_rows(runs: GateRuns) -> list[FigureRow]:
     """The simulated leg with F/T sensor and IMU."""
-    scores = robot_benchmark(
-        runs.fresh("leg"),
-        runs.much.legs,
-        runs.seed,
-        runs.executor,
-        runs.progress,
-        engine=engine_options(runs.engine),
-    )
+    scores = robot_benchmark(runs.fresh("leg"), runs.much.legs, runs.seed, runs.executor, runs.progress)
     return _robot_rows("", scores)
 
 
@@ -288,14 +261,12 @@ def _robot_rows(name: str, scores: Sequence[RobotScore]) -> list[FigureRow]:
 
 def time_rows(runs: GateRuns) -> list[FigureRow]:
     """Wall and CPU time of `drake-tc close-loop`, report and free runs included, on two quiet cores."""
-    chosen = engine_options(runs.engine)
-    words = [word for name, value in chosen.items() for word in (f"--{name}", value)]
     out = []
     for seconds, joints, most in TIMED[: 1 if runs.size == "small" else None]:
         with tempfile.TemporaryDirectory() as folder:
             case = write_runs(Path(folder), seconds, joints=joints)
             runs.progress(case.name, 0.0 if joints == 1 else 0.3)
-            cost = command_cost(case, words)
+            cost = command_cost(case)
         busy = f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs"
         out.append(FigureRow(f"{case.name}: wall time", cost.wall, "s", most, "max", note=busy))
         out.append(FigureRow(f"{case.name}: CPU time", cost.cpu, "s"))

@@ -118,12 +118,7 @@ class SetErrors:
         return float(np.sqrt(self.squares[joint][model] / self.rows[joint]))
 
 
-def real_rows(
-    data: Path,
-    size: str,
-    options: Callable[..., DiagnosisOptions],
-    progress: Callable[[str, float], None],
-) -> list[FigureRow]:
+def real_rows(data: Path, size: str, progress: Callable[[str, float], None]) -> list[FigureRow]:
     """Ratios of each set, the share of sets with a small one, and the share of cases whose claims hold."""
     out: list[FigureRow] = []
     ratios: list[float] = []
@@ -134,7 +129,7 @@ def real_rows(
         if not (data / each.name).is_dir():
             out.append(FigureRow(f"{each.name}: after over the best", np.nan, "-", note=f"skipped: not in {data}", n=0))
             continue
-        errors, checked = set_errors(data, each, options, small=size == "small")
+        errors, checked = set_errors(data, each, small=size == "small")
         claims += checked
         out += _rows_of(each.name, errors)
         ratios.append(out[-1].value)
@@ -163,9 +158,7 @@ def _rows_of(name: str, errors: SetErrors) -> list[FigureRow]:
     return [*out, FigureRow(f"{name}: after over the best", ratio, "-", 1.0, "max", note=note)]
 
 
-def set_errors(
-    data: Path, gate_set: GateSet, options: Callable[..., DiagnosisOptions], *, small: bool
-) -> tuple[SetErrors, list[CaseClaims]]:
+def set_errors(data: Path, gate_set: GateSet, *, small: bool) -> tuple[SetErrors, list[CaseClaims]]:
     """Held-out errors of all cases of a set, and what `close_loop` claims of them.
 
     The small gate checks the claims on all held-out runs together, the full one on each alone too.
@@ -179,7 +172,7 @@ def set_errors(
         logs = import_set(chosen, data, scratch)
         for case in cases[: gate_set.small] if small else cases:
             try:
-                claims.append(_one_case(chosen, case, logs, scratch, options, errors, small=small))
+                claims.append(_one_case(chosen, case, logs, scratch, errors, small=small))
             except Exception as error:  # one case must not end the gate
                 errors.failures.append(f"{case.name}: {type(error).__name__}: {error}")
     return errors, claims
@@ -190,13 +183,12 @@ def _one_case(
     case: RealLogCase,
     logs: Path,
     scratch: Path,
-    options: Callable[..., DiagnosisOptions],
     errors: SetErrors,
     *,
     small: bool,
 ) -> CaseClaims:
     files = case_files(chosen, case, logs, scratch)
-    result = close_loop(files.rig, files.log, files.holdout, options(assess_residual=False))
+    result = close_loop(files.rig, files.log, files.holdout, DiagnosisOptions(assess_residual=False))
     for joint, residuals in held_out_residuals(files, result, PUBLISHED.get(chosen.name)).items():
         if chosen.name == TMOTOR:
             residuals["published"] = _published_fit(result.joints[joint])
@@ -205,7 +197,7 @@ def _one_case(
     if small:
         report = result_json(result)
         return claims_of(f"{chosen.name}/{case.name}", report, {"all held-out runs": report})
-    return run_case(chosen, case, logs, scratch, options())
+    return run_case(chosen, case, logs, scratch)
 
 
 def held_out_residuals(

@@ -63,7 +63,7 @@ def _listed(entry: RealLogSet) -> str:
     return f"cases: {', '.join(case.name for case in entry.cases)}" if entry.cases else "it has no cases"
 
 
-def _reports(files: CaseFiles, options: DiagnosisOptions) -> tuple[dict[str, Any], dict[str, dict[str, Any]], str]:
+def _reports(files: CaseFiles) -> tuple[dict[str, Any], dict[str, dict[str, Any]], str]:
     """report.json with all held-out runs, with each of them alone, by file name, and a note on runs that cannot be.
 
     The search sees the training runs only, but confirmation withdraws an effect that some held-out run speaks against.
@@ -71,11 +71,11 @@ def _reports(files: CaseFiles, options: DiagnosisOptions) -> tuple[dict[str, Any
     error of a run is that of its own call. What is left is only evaluated in the first call. A run that is too short to
     be held out alone is evaluated together with the others.
     """
-    whole = result_json(close_loop(files.rig, files.log, files.holdout, options))
+    whole = result_json(close_loop(files.rig, files.log, files.holdout))
     names = _distinct_names(files.holdout)
     if len(names) == 1:
         return whole, {names[0]: whole}, ""
-    quick, alone, short = replace(options, assess_residual=False), {}, []
+    quick, alone, short = DiagnosisOptions(assess_residual=False), {}, []
     for path, name in zip(files.holdout, names, strict=True):
         try:
             alone[name] = result_json(close_loop(files.rig, files.log, [path], quick))
@@ -93,13 +93,11 @@ def _distinct_names(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def run_case(
-    chosen: RealLogSet, case: RealLogCase, logs: Path, scratch: Path, options: DiagnosisOptions | None = None
-) -> CaseClaims:
+def run_case(chosen: RealLogSet, case: RealLogCase, logs: Path, scratch: Path) -> CaseClaims:
     """Call `close-loop` on one case; input that it refuses is a result too."""
     name = f"{chosen.name}/{case.name}"
     try:
-        whole, alone, note = _reports(case_files(chosen, case, logs, scratch), options or DiagnosisOptions())
+        whole, alone, note = _reports(case_files(chosen, case, logs, scratch))
     except DrakeTcError as error:
         return CaseClaims(name, "refused", refusal=str(error), note=case.note)
     return claims_of(name, whole, alone, " ".join(text for text in (case.note, note) if text))

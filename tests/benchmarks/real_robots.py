@@ -110,13 +110,13 @@ class HeldOut:
     floor: float
 
 
-def held_out(files: CaseFiles, options: DiagnosisOptions | None = None) -> tuple[CloseLoopResult, list[HeldOut]]:
+def held_out(files: CaseFiles) -> tuple[CloseLoopResult, list[HeldOut]]:
     """Run `close-loop` and least squares on one case.
 
     Raises:
         DrakeTcError: Input that `close-loop` refuses.
     """
-    result = close_loop(files.rig, files.log, files.holdout, options or DiagnosisOptions(assess_residual=False))
+    result = close_loop(files.rig, files.log, files.holdout, DiagnosisOptions(assess_residual=False))
     rig = load_rig(files.rig)
     runs = load_runs([*files.log, *files.holdout], rig)
     count = len(files.log)

@@ -91,9 +91,7 @@ def _pairs(effect: str, joint: str, entry: Mapping[str, Any]) -> Iterable[tuple[
     return ((other, joint) for chosen, other in entry["indistinguishable"] if chosen == effect)
 
 
-def run_case(
-    folder: Path, number: int, seed: int, tolerance_scale: float = 1.0, engine: Mapping[str, Any] | None = None
-) -> str:
+def run_case(folder: Path, number: int, seed: int, tolerance_scale: float = 1.0) -> str:
     """Record case `number` in `folder` unless it is there, diagnose it unless its report is there; its name."""
     from tests.benchmarks.blind_leg.cases import leg_case, record_case
 
@@ -103,19 +101,16 @@ def run_case(
         record_case(case, rig)
         return case.truth
 
-    return recorded_and_diagnosed(folder, case.name, record, engine)
+    return recorded_and_diagnosed(folder, case.name, record)
 
 
-def recorded_and_diagnosed(
-    folder: Path, name: str, record: Callable[[Path], Mapping[str, Any]], engine: Mapping[str, Any] | None = None
-) -> str:
+def recorded_and_diagnosed(folder: Path, name: str, record: Callable[[Path], Mapping[str, Any]]) -> str:
     """Record a case and diagnose it, as far as that is not done; its name.
 
     Args:
         folder: Gets rigs/, truth/ and reports/.
         name: Of the case.
         record: Writes the rig into a folder and returns the truth.
-        engine: Options of the diagnosis that are not the default.
     """
     rig, report = folder / "rigs" / name, folder / "reports" / f"{name}.json"
     truth = folder / "truth" / f"{name}.json"
@@ -125,18 +120,17 @@ def recorded_and_diagnosed(
         truth.write_text(json.dumps(known) + "\n", encoding="utf-8")
     if not report.exists():
         report.parent.mkdir(parents=True, exist_ok=True)
-        report.write_text(json.dumps(diagnose_rig(rig, engine)) + "\n", encoding="utf-8")
+        report.write_text(json.dumps(diagnose_rig(rig)) + "\n", encoding="utf-8")
     return name
 
 
-def diagnose_rig(rig: Path, engine: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def diagnose_rig(rig: Path) -> dict[str, Any]:
     """The report on a rig's logs; where the tool refuses or fails, one with the reason and without joints."""
     logs = sorted(rig.glob("run_*.npz"))
     held = [log for log in logs if log.name.startswith(HELD_OUT)]
     fit = [log for log in logs if log not in held]
     try:
-        options = DiagnosisOptions(assess_residual=False, **(engine or {}))
-        result = close_loop(rig / "rig.yaml", fit, held, options)
+        result = close_loop(rig / "rig.yaml", fit, held, DiagnosisOptions(assess_residual=False))
         return result_json(result) | {"final_parameters": final_parameters(result)}
     except DrakeTcError as error:
         why = f"refused: {error}"
@@ -152,7 +146,6 @@ def robot_benchmark(
     executor: Executor,
     progress: Progress,
     tolerance_scale: float = 1.0,
-    engine: Mapping[str, Any] | None = None,
 ) -> list[RobotScore]:
     """Run cases side by side and score them.
 
@@ -163,13 +156,12 @@ def robot_benchmark(
         executor: Runs them.
         progress: Told how far it is.
         tolerance_scale: Factor of the sensors' tolerances and of their drawn biases.
-        engine: Options of the diagnosis that are not the default.
 
     Raises:
         DrakeTcError: A folder that holds cases of another seed or other tolerances.
     """
     expected: Any = seed if tolerance_scale == 1.0 else {"seed": seed, "tolerance_scale": tolerance_scale}
-    run = partial(run_case, seed=seed, tolerance_scale=tolerance_scale, engine=engine)
+    run = partial(run_case, seed=seed, tolerance_scale=tolerance_scale)
     return [score_report(*case) for case in run_cases(folder, expected, run, cases, executor, progress)]
 
 

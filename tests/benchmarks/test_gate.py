@@ -137,37 +137,39 @@ def one_part(monkeypatch):
     monkeypatch.setattr(gate, "PARTS", {"blind": lambda runs: [FigureRow.share("exact", [True, False], "min", 0.98)]})
 
 
-def test_results_join_the_file_and_stand_side_by_side(one_part, tmp_path):
+def test_results_join_the_file_and_stand_beside_those_of_the_same_size_and_seed(one_part, tmp_path):
     path = tmp_path / "gate.json"
     part = gate.run_part("blind", Drawn())
     assert (part["seed"], part["size"], len(part["commit"].removesuffix("+changes"))) == (3, "small", 40)
-    gate.store_results(path, {"rules": {"blind": part, "time": part}})
-    gate.store_results(path, {"evidence": {"blind": part}, "rules": {"blind": part | {"rows": []}}})
+    gate.store_results(path, {"blind": part | {"rows": []}, "time": part})
+    gate.store_results(path, {"blind": part})
     found = gate.load_results(path)
-    assert set(found["rules"]) == {"blind", "time"} and found["rules"]["blind"]["rows"] == []
-    assert gate.side_by_side(found) == [("blind: exact", ">= 98", "-", "", "50.0 % of 2", "NO")]
+    assert found == {"blind": part, "time": part}
+    new = ("blind: exact", ">= 98", "50.0 % of 2", "NO")
+    assert gate.table(found, found) == [(*new, "50.0 % of 2", "NO")]
+    assert gate.table(found, {"blind": part | {"seed": 4}}) == gate.table(found, {}) == [(*new, "-", "")]
 
 
 def test_the_stored_results_are_of_parts_of_the_gate():
-    stored = gate.load_results(gate.STORED)["rules"]
+    stored = gate.load_results(gate.STORED)
     assert stored and set(stored) <= set(gate.PARTS)
     assert all(part["rows"] and part["size"] in gate_parts.SIZES for part in stored.values())
-    assert len(gate.side_by_side({"rules": stored})) == sum(len(part["rows"]) for part in stored.values())
+    assert len(gate.table(stored, {})) == sum(len(part["rows"]) for part in stored.values())
 
 
 def test_the_command_prints_rows_and_stores_them(one_part, tmp_path, capsys):
     path = tmp_path / "gate.json"
     assert run(["gate", "--part", "blind", "--json", "--jobs", "1", "--store", str(path)]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["name"] == "gate" and [row["name"] for row in told["rows"]] == ["rules/blind/exact"]
-    assert gate.load_results(path)["rules"]["blind"]["rows"][0]["median"] == 0.5
+    assert told["name"] == "gate" and [row["name"] for row in told["rows"]] == ["blind/exact"]
+    assert gate.load_results(path)["blind"]["rows"][0]["median"] == 0.5
 
 
 def test_a_slip_is_one_line(capsys, tmp_path):
     with pytest.raises(ParamsError, match="no part 'blnd' of the gate"):
         gate.chosen_parts(["blnd"])
-    assert run(["gate", "--engine", "rule"]) == 2
-    assert "expected rules, evidence or both, got 'rule'" in capsys.readouterr().err
+    assert run(["gate", "--size", "middle"]) == 2
+    assert "expected small or full, got 'middle'" in capsys.readouterr().err
     bad = Path(tmp_path / "bad.json")
     bad.write_text("[]", encoding="utf-8")
     with pytest.raises(ParamsError, match="expected results of the gate"):

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drake_tc.errors import DrakeTcError
 from drake_tc.logs.rig import load_rig
 from tests.benchmarks.hard import draw as drawing
 from tests.benchmarks.hard import oracle, score
 from tests.benchmarks.hard.causes import CAUSES, World
 from tests.benchmarks.hard.physics import CURRENT, GRAVITY, STEP, VOLTAGE, Joint, Traces, simulate
 from tests.benchmarks.hard.rig import EFFORT_COLUMN, Rig, problem, record_run
-from tests.benchmarks.hard.run import CloseLoop, hard_benchmark
+from tests.benchmarks.hard.run import hard_benchmark
 from tests.benchmarks.hard.sensors import Channel, record, stamps
 
 LIMP = Joint(gain=1e9, rotor=0.1, link=0.2, moment=0.2 * GRAVITY / 0.4, viscous=0.0, coulomb=0.0)
@@ -278,8 +277,3 @@ def test_the_benchmark_writes_rigs_that_the_library_reads_and_scores_every_repor
         assert len(list(rig.glob("run_*.csv"))) >= 3
     with pytest.raises(ValueError, match="no rig rig_9"):
         hard_benchmark(tmp_path, 2, 2, None, echo, only=["rig_9"])
-
-
-def test_an_engine_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(DrakeTcError, match="engine"):
-        CloseLoop("nonesuch")

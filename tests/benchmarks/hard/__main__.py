@@ -11,7 +11,7 @@ from rich.console import Console
 
 from drake_tc.errors import DrakeTcError
 from tests.benchmarks.hard import score
-from tests.benchmarks.hard.run import CloseLoop, hard_benchmark
+from tests.benchmarks.hard.run import close_loop_on, hard_benchmark
 
 
 def main() -> None:
@@ -20,7 +20,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, required=True, help="seed of the draw")
     parser.add_argument("--count", type=int, default=100, help="number of rigs")
     parser.add_argument("--folder", type=Path, required=True, help="where rigs, truth and reports are written")
-    parser.add_argument("--engine", choices=("rules", "evidence"), help="engine of the diagnosis")
     parser.add_argument("--only", action="append", default=[], help="draw and diagnose this rig alone; repeatable")
     parser.add_argument("--processes", type=int, default=2, help="worker processes")
     parser.add_argument("--score", action="store_true", help="only score the reports that are there")
@@ -30,10 +29,9 @@ def main() -> None:
         results = score.outcomes(given.folder)
     else:
         try:
-            diagnose = CloseLoop(given.engine)
             context = multiprocessing.get_context("spawn")
             with ProcessPoolExecutor(given.processes, mp_context=context) as pool:
-                results = hard_benchmark(given.folder, given.seed, given.count, pool, diagnose, given.only)
+                results = hard_benchmark(given.folder, given.seed, given.count, pool, close_loop_on, given.only)
         except (ValueError, DrakeTcError) as error:
             parser.error(str(error))
     if given.json:

@@ -3,17 +3,12 @@
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from tests.benchmarks.hard import score
 from tests.benchmarks.hard.draw import draw
 from tests.benchmarks.hard.files import write
-
-if TYPE_CHECKING:
-    from drake_tc.diagnosis.options import DiagnosisOptions
 
 Diagnose = Callable[[Path, Path], None]
 
@@ -53,34 +48,18 @@ def _one(folder: Path, seed: int, diagnose: Diagnose, number: int) -> None:
         report.write_text(json.dumps({"error": f"{type(error).__name__}: {error}"}) + "\n", encoding="utf-8")
 
 
-@dataclass(frozen=True)
-class CloseLoop:
-    """The diagnosis of the library. `engine` is handed to it only if it is given."""
+def close_loop_on(rig: Path, reports: Path) -> None:
+    """Write the library's report, and in it the intervals of the final model's parameters under `final_parameters`."""
+    from drake_tc.diagnosis.run import close_loop
+    from drake_tc.report.report_json import result_json
 
-    engine: str | None = None
-
-    def __post_init__(self) -> None:
-        """Raises ParamsError for an engine that does not exist."""
-        self._options()
-
-    def _options(self) -> "DiagnosisOptions":
-        from drake_tc.diagnosis.options import DiagnosisOptions
-
-        given: dict[str, Any] = {} if self.engine is None else {"engine": self.engine}
-        return DiagnosisOptions(**given)
-
-    def __call__(self, rig: Path, reports: Path) -> None:
-        """Write the report, and in it the intervals of the final model's parameters under `final_parameters`."""
-        from drake_tc.diagnosis.run import close_loop
-        from drake_tc.report.report_json import result_json
-
-        logs = sorted(rig.glob("run_*.csv"))
-        holdout = [path for path in logs if path.name.startswith("run_held_")]
-        result = close_loop(rig / "rig.yaml", [path for path in logs if path not in holdout], holdout, self._options())
-        document = result_json(result)
-        for name, joint in result.joints.items():
-            document["joints"][name]["final_parameters"] = {
-                effect: {key: {"value": one.value, "ci95": list(one.ci95)} for key, one in parameters.items()}
-                for effect, parameters in joint.final_parameters.items()
-            }
-        (reports / rig.name / "report.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    logs = sorted(rig.glob("run_*.csv"))
+    holdout = [path for path in logs if path.name.startswith("run_held_")]
+    result = close_loop(rig / "rig.yaml", [path for path in logs if path not in holdout], holdout)
+    document = result_json(result)
+    for name, joint in result.joints.items():
+        document["joints"][name]["final_parameters"] = {
+            effect: {key: {"value": one.value, "ci95": list(one.ci95)} for key, one in parameters.items()}
+            for effect, parameters in joint.final_parameters.items()
+        }
+    (reports / rig.name / "report.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

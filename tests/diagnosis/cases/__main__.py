@@ -1,4 +1,4 @@
-"""`python -m tests.diagnosis.cases [--engine NAME] [--only PATTERN] [--json]` prints found, verdict, right or wrong.
+"""`python -m tests.diagnosis.cases [--only PATTERN] [--json]` prints found, verdict, right or wrong.
 
 Seconds are those of the processor. A failing case does not end the table; the last line counts.
 """
@@ -20,12 +20,12 @@ from .case import Answer, Case, Outcome, run_case
 from .table import CASES
 
 
-def outcome_of(case: Case, seed: int, engine: str | None) -> Outcome:
+def outcome_of(case: Case, seed: int) -> Outcome:
     """The outcome; a crash is a wrong answer."""
     begin = time.process_time()
     with TemporaryDirectory() as folder:
         try:
-            return run_case(case, seed, Path(folder), engine)
+            return run_case(case, seed, Path(folder))
         except Exception as crash:
             where = traceback.extract_tb(crash.__traceback__)[-1]
             told = f"crash: {type(crash).__name__}: {crash} ({Path(where.filename).name}:{where.lineno})"
@@ -34,7 +34,6 @@ def outcome_of(case: Case, seed: int, engine: str | None) -> Outcome:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.diagnosis.cases", description=__doc__)
-    parser.add_argument("--engine", help="rules or evidence; default: that of DiagnosisOptions")
     parser.add_argument("--only", default="", help="regular expression that the name of a case must contain")
     parser.add_argument("--json", action="store_true", help="one JSON document a line")
     parser.add_argument("--list", action="store_true", help="print the names of the cases alone")
@@ -45,7 +44,7 @@ def main() -> None:
         if given.list:
             print(f"{case.name}[{seed}]")
             continue
-        outcome = outcome_of(case, seed, given.engine)
+        outcome = outcome_of(case, seed)
         right += outcome.is_right
         if given.json:
             row = {"case": outcome.case, "right": outcome.is_right, "problems": list(outcome.problems)}

@@ -3,11 +3,10 @@
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError
 
@@ -140,23 +139,23 @@ class Outcome:
         return not self.problems
 
 
-def run_case(case: Case, seed: int, folder: Path, engine: str | None) -> Outcome:
+def run_case(case: Case, seed: int, folder: Path) -> Outcome:
     """Record, diagnose and judge; the seconds are those of the processor in the diagnosis alone."""
     recorded = case.record(_made(folder / "case"), seed)
     begin = time.process_time()
-    answer = answer_of(recorded, engine)
+    answer = answer_of(recorded)
     seconds = time.process_time() - begin
     problems = list(objections(case, answer))
     if case.twin is not None and not answer.refusal:
-        other = answer_of(case.twin(_made(folder / "twin"), seed), engine)
+        other = answer_of(case.twin(_made(folder / "twin"), seed))
         problems += differences(answer, other, case.twin_within)
     return Outcome(f"{case.name}[{seed}]", answer, problems, seconds)
 
 
-def answer_of(recorded: Recorded, engine: str | None) -> Answer:
+def answer_of(recorded: Recorded) -> Answer:
     """What `close_loop` says of these files."""
     try:
-        result = close_loop(recorded.rig, recorded.train, recorded.held, options_of(engine))
+        result = close_loop(recorded.rig, recorded.train, recorded.held)
     except DrakeTcError as refused:
         return Answer(refusal=str(refused))
     several = len(result.joints) > 1
@@ -176,14 +175,6 @@ def answer_of(recorded: Recorded, engine: str | None) -> Answer:
     floors = {name if several else "": each.unexplained.floors for name, each in result.joints.items()}
     ties = [pair for each in result.joints.values() for pair in each.indistinguishable]
     return Answer(found, values, result.verdict, floors, ties)
-
-
-def options_of(engine: str | None) -> DiagnosisOptions:
-    """The defaults, with the engine where it can be chosen."""
-    if engine is None or "engine" not in {each.name for each in fields(DiagnosisOptions)}:
-        return DiagnosisOptions()
-    given: dict[str, Any] = {"engine": engine}
-    return DiagnosisOptions(**given)
 
 
 def objections(case: Case, answer: Answer) -> Iterator[str]:

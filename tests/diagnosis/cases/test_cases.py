@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from .case import Case, run_case
-from .table import CASES, ENGINES, EVIDENCE, QUICK, WRONG
+from .table import CASES, QUICK, WRONG
 
 ROWS = [
     pytest.param(
@@ -19,22 +19,15 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("case", "seed"), ROWS)
-def test_the_answer_is_right(case: Case, seed: int, engine: str, tmp_path: Path) -> None:
-    outcome = run_case(case, seed, tmp_path, engine)
-    if not outcome.is_right and case.name in WRONG.get(engine, ()):
+def test_the_answer_is_right(case: Case, seed: int, tmp_path: Path) -> None:
+    outcome = run_case(case, seed, tmp_path)
+    if not outcome.is_right and case.name in WRONG:
         pytest.xfail("; ".join(outcome.problems))
-    assert outcome.is_right, "\n".join([outcome.case, str(outcome.answer), *outcome.problems])
-
-
-@pytest.mark.parametrize("case", [pytest.param(c, id=c.name) for c in CASES if c.name in EVIDENCE])
-def test_the_answer_of_the_evidence_is_right(case: Case, tmp_path: Path) -> None:
-    outcome = run_case(case, case.seeds[0], tmp_path, "evidence")
     assert outcome.is_right, "\n".join([outcome.case, str(outcome.answer), *outcome.problems])
 
 
 def test_names_are_unique_and_those_of_quick_rows_and_expected_failures_exist() -> None:
     names = {case.name for case in CASES}
     assert len(names) == len(CASES)
-    assert names >= QUICK.union(EVIDENCE, *WRONG.values())
+    assert names >= QUICK | WRONG
