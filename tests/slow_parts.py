@@ -108,7 +108,6 @@ PARTS = {
             "benchmarks/test_arm_rigs.py::*",
             "benchmarks/test_known_arms.py::*",
             "diagnosis/set_up/*",
-            "diagnosis/selection/*",
             "diagnosis/test_gear_with_backlash.py::*",
             "diagnosis/test_unknown_load.py::*",
             "diagnosis/robot/test_current_offsets_of_makers_arms.py::*",

@@ -9,11 +9,10 @@ import pytest
 
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
-from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.notes import (
     ChargedIntegrator,
+    CorrelatedTorqueNoise,
     DriveNote,
     FarFromRotor,
     FreeRunDiverges,
@@ -23,13 +22,16 @@ from drake_tc.diagnosis.notes import (
     GainOfTorqueDrive,
     GapCrossings,
     GearBetweenEncoders,
+    LoadInAllRuns,
     LoadWithRotor,
     LogRemark,
     NoFreeRun,
+    NoiseOfRecordedEffort,
     Note,
     PayloadFromRatio,
     RunsWithoutMotion,
     ScaleOfRotorInertia,
+    ScatteringTimes,
     ServoDamping,
     SilentEffort,
     SizeByRotorInertia,

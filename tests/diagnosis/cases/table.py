@@ -6,7 +6,14 @@ from .case import Case
 CASES: tuple[Case, ...] = tuple(
     case for theme in (timing, friction, drive, load, sensors, gear, speed_only, faults, robots) for case in theme.CASES
 )
-WRONG: frozenset[str] = frozenset()
+WRONG: frozenset[str] = frozenset(
+    {
+        "drive: a declared gain 12 % too small",
+        "gear: play of 1.2 mrad",
+        "sensors: a bias of five tolerances",
+        "sensors: the zero of a current of six tolerances",
+    }
+)
 """Rows that are known to be answered wrongly: expected failures, and to be shortened."""
 QUICK: frozenset[str] = frozenset(
     {

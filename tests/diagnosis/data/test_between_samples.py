@@ -5,10 +5,9 @@ import pytest
 
 from drake_tc.diagnosis.data.between_samples import between_samples
 from drake_tc.diagnosis.data.sample_noise import interpolated_noise
-from drake_tc.diagnosis.selection.jumps_of_torque import within_jumps
 from drake_tc.filtering.common_kernel import CommonKernel
 
-from .test_slower_channel import PERIOD, TOPIC, samples
+from .test_slower_channel import PERIOD, TOPIC
 
 RATIO = TOPIC / PERIOD
 
@@ -59,18 +58,3 @@ def test_noise_of_samples_is_read_through_the_interpolation(ratio: float) -> Non
     weights = CommonKernel(20.0 * ratio * PERIOD, PERIOD).kernels[0]
     passed = np.convolve(np.interp(at, own, noise), weights, mode="valid")
     assert np.std(passed) == pytest.approx(np.sqrt(ratio) * 0.2 * np.sqrt(weights @ weights), rel=0.08)
-
-
-def test_an_effect_that_acts_at_jumps_alone_is_not_believed() -> None:
-    """Half of the error beside the jumps is within what their instants leave; half of it everywhere is not."""
-    joint = samples(46, {"joint/torque": TOPIC})
-    assert joint.between is not None
-    rng = np.random.default_rng(6)
-    own = np.sqrt(0.02**2 + joint.between) * rng.standard_normal(joint.between.size)
-    beside = joint.between > 4e-4
-    assert 0.02 < beside.mean() < 0.8
-    found = within_jumps(joint, own, np.where(beside, 0.8, 1.0) * own, 0.25, 0.25 * 0.02)
-    assert found is not None and found.explains < 0.5
-    everywhere = 0.1 * np.sign(np.sin(joint.signals.time[joint.rows]))
-    assert within_jumps(joint, own + everywhere, own, 0.25, 0.25 * 0.02) is None
-    assert within_jumps(samples(46, {}), own, 0.0 * own, 0.25, 0.25 * 0.02) is None

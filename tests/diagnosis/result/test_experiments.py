@@ -4,14 +4,10 @@ from dataclasses import replace
 
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.experiments import (
-    CheckLoad,
-    CheckScale,
     CoverRange,
     FindPeriodicSource,
-    RecordTemperature,
     RepeatRun,
     RepeatUnchanged,
-    SeparateLoads,
     TellApart,
     VarySignals,
     next_experiment,
@@ -25,18 +21,10 @@ STRETCH = TimeStretch("run_1", 2.0, 3.5)
 def test_what_is_open_asks_for_an_experiment_effects_first():
     everything = replace(STRUCTURED, confined_to=(STRETCH,), period_hz=4.0)
     pairs = (("encoder_ripple", "delay"), ("delay", "encoder_ripple"))
-    assert next_experiment(pairs, everything, ["looks_like_known_load"]) == TellApart("encoder_ripple", "delay")
-    scale = ("torque_sensor_gain", "rotor_inertia")
-    assert next_experiment((scale, *pairs), everything) == CheckScale()
-    refused = ["implausible", "looks_like_known_load"]
-    for measured in (False, True):
-        assert next_experiment((), everything, refused, load_measured=measured) == CheckLoad(measured)
-    assert next_experiment((), everything, loads_differ=True) == SeparateLoads()
-    assert next_experiment((), everything, friction_differs=True) == RecordTemperature()
-    assert next_experiment((), QUIET, friction_differs=True) is None
+    assert next_experiment(pairs, everything) == TellApart("encoder_ripple", "delay")
     assert next_experiment((), everything) == RepeatRun("run_1", 2.0, 3.5)
-    assert next_experiment((), replace(everything, confined_to=())) == FindPeriodicSource(4.0)
     line = replace(everything, confined_to=())
+    assert next_experiment((), line) == FindPeriodicSource(4.0)
     assert next_experiment((), line, among_joints=True) == FindPeriodicSource(4.0, among_joints=True)
     assert next_experiment((), STRUCTURED) == VarySignals(("velocity",))
     assert next_experiment((), replace(STRUCTURED, depends_on=("time",))) == RepeatUnchanged()

@@ -30,7 +30,7 @@ def arm(tmp_path_factory):
     runs = load_runs(paths, rig)
     logs = robot_logs(rig, runs)
     train, held = (with_robot_loads(logs, [run], rig.joints) for run in runs)
-    return RobotRuns(train, held, rig, columns_over(logs, [*train, *held], rig), DiagnosisOptions(engine="evidence"))
+    return RobotRuns(train, held, rig, columns_over(logs, [*train, *held], rig), DiagnosisOptions())
 
 
 def test_links_by_messages_are_those_of_one_stacked_fit(arm):
