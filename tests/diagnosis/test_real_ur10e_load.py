@@ -3,7 +3,7 @@
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.robot import fitted_links
+from drake_tc.diagnosis.robot import whole
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
 from tests.benchmarks.importers.ur10e import convert
@@ -35,7 +35,7 @@ def test_the_loaded_log_is_named_with_its_mass(train, held, found, data, monkeyp
         seen.append(check_set_up(*arguments))
         raise Looked
 
-    monkeypatch.setattr(fitted_links, "check_set_up", spy)
+    monkeypatch.setattr(whole, "check_set_up", spy)
     convert(data / "ur10e-calibration", tmp_path)
     logs, held_out = ([tmp_path / f"{name}.parquet" for name in names] for names in (train, held))
     with pytest.raises(Looked):

@@ -11,15 +11,11 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_model_file
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.diagnose import diagnose_joint
-from drake_tc.diagnosis.load_notes import ConstantBesidePendulum
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.effort_left import effort_left
-from drake_tc.diagnosis.problem.estimates import Estimate, estimates
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit, score
-from drake_tc.diagnosis.result.experiments import SeparateLoads
 from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
@@ -32,7 +28,7 @@ from drake_tc.report.report_json import joint_json
 from tests.benchmarks.importers import dfki, tmotor, uart_backlash
 
 from . import pendulum_rig
-from .pendulum_rig import JOINT, Swing, record, rig_of, runs_of
+from .pendulum_rig import JOINT, Swing, rig_of, runs_of
 
 SWING = Swing()
 SERVO = replace(SWING, drive="position_servo", gain=0.01, encoder_noise=2e-5)
@@ -45,37 +41,6 @@ def curve(q: np.ndarray) -> np.ndarray:
 
 def prepared(swing: Swing, rig: Rig) -> Prepared:
     return prepare_joint(*runs_of(swing), rig, JOINT)
-
-
-def fitted(swing: Swing, rig: Rig) -> dict[str, dict[str, Estimate]]:
-    p = prepared(swing, rig)
-    return dict(estimates(p.train, fit(p.train, p.terms), swing.drive))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("swing", [SWING, SERVO, replace(SWING, drive="voltage", zero=-2.0, size=1.4)])
-def test_moment_zero_and_inertia_come_out_within_two_per_cent(swing: Swing) -> None:
-    found = fitted(swing, rig_of(swing))
-    load = found["unknown_load.pendulum"]
-    for name in ("moment", "inertia", "constant"):
-        assert_allclose(load[name].value, getattr(swing, name), rtol=0.02)
-        assert load[name].ci95[0] < load[name].ci95[1]
-    assert_allclose(load["zero"].value, swing.zero, atol=0.02)
-    assert_allclose(found["viscous"]["viscous"].value, swing.viscous, rtol=0.02)
-    assert_allclose(found["coulomb"]["coulomb"].value, swing.coulomb, rtol=0.02)
-    assert found["drive"]["gain"].ci95 == (swing.gain, swing.gain)
-
-
-def test_a_declared_rotor_inertia_is_taken_off_the_fitted_one() -> None:
-    found = fitted(SWING, rig_of(SWING, declared={"rotor_inertia": 0.05}))
-    assert_allclose(found["unknown_load.pendulum"]["inertia"].value, SWING.inertia - 0.05, rtol=0.02)
-
-
-def test_without_a_scale_torques_are_told_as_effort() -> None:
-    rig = rig_of(SWING, drive_gain=None, declared={"rotor_inertia": 0.05})
-    load = fitted(SWING, rig)["unknown_load.pendulum"]
-    assert_allclose(load["moment"].value, SWING.gain * SWING.moment, rtol=0.02)
-    assert_allclose(load["inertia"].value, SWING.gain * SWING.inertia, rtol=0.02)
-    assert [load[name].unit for name in ("moment", "zero", "inertia")] == ["A", "rad", "A*s^2/rad"]
 
 
 @pytest.mark.parametrize("scaled_by_inertia", [False, True])
@@ -119,34 +84,12 @@ def test_taking_the_effort_away_explains_nothing() -> None:
     assert not known.effort_is_target and effort_left(known, [wide]) == 1.0
 
 
-def load_friction(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    load = SWING.moment * np.sin(q - SWING.zero) + SWING.constant + SWING.inertia * a
-    return np.asarray(0.1 * np.abs(load) * np.sign(v))
-
-
-def test_a_missing_effect_is_found_beside_the_load() -> None:
-    swing = replace(SWING, period=4e-3, extra=load_friction)
-    result = diagnose_joint(*runs_of(swing), rig_of(swing), JOINT, DiagnosisOptions())
-    assert result.verdict == "effects_found" and [e.id for e in result.effects] == ["load_dependent_friction"]
-    load = result.final_parameters["unknown_load.pendulum"]
-    assert_allclose([load[n].value for n in ("moment", "inertia")], [SWING.moment, SWING.inertia], rtol=0.02)
-
-
 def written(folder: Path, swing: Swing, rig: Rig) -> tuple[Path, list[Path]]:
     logs = []
     for run in (run for side in runs_of(swing) for run in side):
         logs.append(folder / f"{run.name}.csv")
         pd.DataFrame({"time": run.time, **run.columns}).to_csv(logs[-1], index=False)
     return save_rig(rig, folder / "rig.yaml"), logs
-
-
-@pytest.mark.slow
-def test_runs_with_other_masses_are_told_apart() -> None:
-    other = replace(SWING, moment=1.6 * SWING.moment, inertia=1.6 * SWING.inertia)
-    train = [record(SWING, "light", 1), record(other, "heavy", 2, 0.37)]
-    result = diagnose_joint(train, [record(SWING, "held", 3, 0.74)], rig_of(SWING), JOINT, DiagnosisOptions())
-    assert result.effects == ()
-    assert result.next_experiment == SeparateLoads()
 
 
 def test_from_files_to_a_free_run_without_any_scale(tmp_path: Path) -> None:
@@ -202,21 +145,3 @@ def test_imported_runs_that_cannot_tell_the_load_say_why(
 def test_the_module_under_test_writes_no_torque_column() -> None:
     run = pendulum_rig.record(SWING, "run", 0)
     assert set(run.columns) == {f"{JOINT}/position", f"{JOINT}/current"}
-
-
-@pytest.mark.parametrize(
-    ("constant", "half_difference"), [(0.0, 0.0), (0.12, 0.06)], ids=["none", "preload and by direction"]
-)
-def test_a_constant_that_no_pendulum_has_is_pointed_out(constant: float, half_difference: float) -> None:
-    """Friction of F + d forwards and F - d backwards is a constant torque d while the joint slides."""
-    swing = replace(SWING, constant=constant, extra=lambda q, v, a: np.full_like(q, half_difference))
-    train, held = runs_of(swing)
-    found = diagnose_joint(train, held, rig_of(swing), JOINT, DiagnosisOptions(assess_residual=False))
-    said = [note for note in found.notes if isinstance(note, ConstantBesidePendulum)]
-    assert found.effects == ()
-    if constant + half_difference == 0.0:
-        assert said == []
-    else:
-        (note,) = said
-        assert note.effort == pytest.approx(swing.gain * (constant + half_difference), rel=0.05)
-        assert note.share == pytest.approx((constant + half_difference) / swing.coulomb, rel=0.05)

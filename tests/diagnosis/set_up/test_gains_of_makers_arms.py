@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.robot import fitted_links
+from drake_tc.diagnosis.robot import whole
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up.find import check_set_up
 from tests.benchmarks.blind_arm.cases import arm_case, record_case
@@ -29,7 +29,7 @@ def look(monkeypatch):
         seen.append((left, check_set_up(logs, links, train, held, rig, left)))
         raise Looked
 
-    monkeypatch.setattr(fitted_links, "check_set_up", spy)
+    monkeypatch.setattr(whole, "check_set_up", spy)
 
     def of(folder, rig):
         (folder / "rig.yaml").write_text(yaml.safe_dump(rig))
