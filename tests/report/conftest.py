@@ -99,10 +99,8 @@ def joint() -> JointResult:
         after=Errors(final.rms, rms(sides[1].after), 0.01),
         effects=effects,
         rejected=(
-            RejectedEffect("delay", "delay", 0.011, 0.009, "too_little_gain"),
-            RejectedEffect(
-                "thermal_friction", "thermal_friction", 0.0, 0.0, "not_recorded", "temperature not recorded"
-            ),
+            RejectedEffect("delay", "delay", "too_little_evidence", "", 0.7, 0.011),
+            RejectedEffect("thermal_friction", "thermal_friction", "not_recorded", "temperature not recorded"),
         ),
         indistinguishable=(("stribeck", "presliding_hysteresis"),),
         next_experiment=RepeatRun("a & <b>", 1.0, 2.5),

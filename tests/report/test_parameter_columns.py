@@ -1,20 +1,17 @@
-"""Beside each parameter: where it is possible, and what each run alone says of it."""
+"""Beside each parameter: where it is possible."""
 
-import re
-import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.cli.close_loop_summary import print_summary
-from drake_tc.diagnosis.result.joint_result import JointResult, ParameterByCondition
+from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange, plausible_ranges
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.base import Context
 from drake_tc.report.numbers import interval
 from drake_tc.report.report_json import result_json
-from drake_tc.report.run_spread import run_spreads, spread_svg
 from drake_tc.report.tables import parameter_rows
 
 RIG = Context("current", "torque", frozenset(), max_speed=2.0, effort_span=(-3.0, 4.0), torque_span=(-10.0, 8.0))
@@ -66,38 +63,3 @@ def test_a_parameter_that_acts_as_the_others_do_is_called_not_identified(joint: 
     print_summary(result, tmp_path)
     told = " ".join(capsys.readouterr().out.split())
     assert f"stribeck_velocity {velocity.value:.4g} rad/s (not identified)" in told
-
-
-def by_run(effect: str, name: str, values: dict[str, tuple[float, float, float]]) -> ParameterByCondition:
-    return ParameterByCondition(effect, name, "N*m", "run", values, 0.1, 0.5, False)
-
-
-def test_runs_are_drawn_in_the_parameters_unit(joint: JointResult) -> None:
-    scale = {key: dict(group) for key, group in joint.final_parameters.items()}
-    coulomb = scale["coulomb"]["coulomb"]
-    scale["coulomb"]["coulomb"] = replace(coulomb, value=2.0 * coulomb.value)  # an effect that scales the balance
-    entries = (
-        by_run("coulomb", "coulomb", {"slow": (1.0, 0.9, 1.1), "wide": (1.2, 1.1, 1.3)}),
-        by_run("drive", "gain", {"slow": (0.1, 0.09, 0.11), "wide": (0.1, 0.09, 0.11)}),
-        replace(by_run("viscous", "viscous", {"a": (1.0, 0.9, 1.1)}), by="load"),
-        by_run("no_such", "thing", {"a": (1.0, 0.9, 1.1)}),
-    )
-    found = run_spreads(replace(joint, final_parameters=scale, consistency=entries))
-    assert set(found) == {("coulomb", "coulomb"), ("drive", "gain")}
-    said = ElementTree.fromstring(found["coulomb", "coulomb"]).get("aria-label")
-    assert said == "slow: 2.00 [1.80, 2.20]; wide: 2.40 [2.20, 2.60]"
-
-
-def test_a_larger_value_is_drawn_higher_and_all_inside_the_frame() -> None:
-    runs = {"a": (1.0, 0.5, 1.5), "b": (2.0, -50.0, 60.0), "c": (1.5, 1.4, 1.6)}
-    svg = spread_svg(runs, (1.5, 1.4, 1.6), moves=True)
-    heights = [float(y) for y in re.findall(r'cy="([\d.]+)"', svg)]
-    assert heights[1] < heights[2] < heights[0]
-    ends = [float(y) for pair in re.findall(r'd="M[\d.]+ ([\d.]+)V([\d.]+)"', svg) for y in pair]
-    assert all(0.0 <= y <= 26.0 for y in (*heights, *ends))
-    assert "var(--alarm)" in svg
-
-
-def test_equal_values_and_names_with_brackets_are_drawn() -> None:
-    svg = spread_svg({"<a> & b": (0.0, 0.0, 0.0)}, (0.0, 0.0, 0.0), moves=False)
-    assert ElementTree.fromstring(svg).find("title").text.startswith("<a> & b: 0")
