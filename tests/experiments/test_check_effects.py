@@ -1,6 +1,7 @@
-"""From which size on an effect would be found: closed forms, and a search that finds it there and not below."""
+"""From which size on an effect would be found: closed forms, and a diagnosis that finds it there and not below."""
 
 import math
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
 
@@ -11,12 +12,11 @@ from scipy.optimize import nnls
 
 from drake_tc.analysis.executors import processes
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.diagnose import candidates, diagnose_joint
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.joint import search
-from drake_tc.diagnosis.selection.joint_problem import candidates
-from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.experiments.check.consistency import findings
 from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder
@@ -25,8 +25,10 @@ from drake_tc.experiments.check.reasons import Evidence, sentence
 from drake_tc.experiments.check.visibility import SEPARABLE_WITHIN, Noise, Visibility, confused_with, smallest_sizes
 from drake_tc.experiments.sizes import Size, size_of
 from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import load_rig
 from tests.benchmarks.evidence.predicted import compared, predictions, weakened_rigs
+from tests.diagnosis.rigs import Joint, Motion, record, rig_of
 
 
 def linear(values, span=None):
@@ -36,15 +38,14 @@ def linear(values, span=None):
     return Contribution(effect("stribeck"), {}, np.ones(1), values[None, None], np.array([rms]), values, own)
 
 
-def test_the_least_explained_torque_meets_each_condition_of_the_search():
-    noise = Noise(floor=0.1, left=0.1, independent=500.0)
-    price = JOINT.least_log_evidence + 0.5 * 2 * math.log(500.0)
-    r = noise.least(2)
-    evidence = 500.0 * math.log(math.hypot(0.1, r) / 0.1) - 0.5 * 2 * math.log(500.0)
-    gain = 1.0 - 0.1 / math.hypot(0.1, r)
-    assert r >= JOINT.least_removed * 0.1 and gain >= JOINT.least_gain and evidence >= JOINT.least_log_evidence
-    few = Noise(floor=1e-6, left=0.1, independent=50.0).least(2)
-    assert_allclose(50.0 * math.log(math.hypot(0.1, few) / 0.1), price - math.log(500.0) + math.log(50.0), rtol=1e-9)
+def test_the_least_explained_torque_is_worth_the_evidence_and_half_a_floor():
+    n, parameters = 500.0, 2
+    r = Noise(floor=0.1, left=0.1, independent=n).least(parameters)
+    evidence = n * math.log(math.hypot(0.1, r) / 0.1) - 0.5 * parameters * math.log(n)
+    assert_allclose(evidence, NAMED, rtol=1e-9)
+    assert r > NAMED_FLOORS * 0.1
+    many = Noise(floor=0.1, left=0.1, independent=1e6).least(parameters)
+    assert_allclose(many, NAMED_FLOORS * 0.1, rtol=1e-12)
 
 
 def test_noise_moves_the_explained_torque_by_the_margin_in_five_of_a_hundred_logs():
@@ -137,37 +138,35 @@ def test_a_drive_effect_is_left_between_half_and_twice_a_size_of_its_grid():
         assert_allclose(drive.left_by(free, size), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("key", ["load_dependent_friction", "torque_ripple", "cable_spring"])
-def test_a_search_finds_an_effect_above_its_smallest_size_and_not_far_below(prepared, key):
-    """The balance of the demo's rows with white noise as large as its floor, and an effect at one shape."""
-    builder = ContributionBuilder(prepared, joint_numbers(prepared))
-    columns, context = prepared.train, prepared.context
-    member = effect(key)
-    size = size_of(member, joint_numbers(prepared), context)
-    own = builder.of(member, size)
-    middle = own[len(own) // 2]
-    rows = columns.target.size
-    floor = prepared.floor / columns.gain
-    clean = columns.design(prepared.terms) @ fit(columns, prepared.terms).beta
-    noise = np.random.default_rng(3).normal(scale=floor, size=rows)
-    phi = columns.of(Term(member, middle.shape))
-    least = Noise(floor, floor, float(rows)).least(member.degrees_of_freedom)
-    smallest = smallest_sizes([middle], least, falling=False)[0]
-    theta = np.zeros(phi.shape[1])
-    theta[0] = smallest
-    usable, _ = candidates(looked_for(context), context, prepared.declared)
-    numbers = joint_numbers(prepared)
-    others = {e.key: builder.of(e, size_of(e, numbers, context)) for e in usable}
-    as_good = confused_with([middle], others, 2.0 * smallest, Noise(floor, floor, float(rows)))
+SENSED = Joint(duration=12.0, period=4e-3, torque_noise=0.25, encoder_step=1e-5)
+EFFECTS: Mapping[str, Callable[[Motion], np.ndarray]] = {
+    "load_dependent_friction": lambda m: np.abs(m.tau) * np.sign(m.v),
+    "torque_ripple": lambda m: np.cos(18.0 * m.q),
+    "cable_spring": lambda m: m.q,
+}
+"""Torque of size 1."""
+LOOKED_FOR = tuple(
+    map(effect, (*EFFECTS, "payload", "stribeck", "quadratic_viscous", "torque_sensor_gain", "delay.loop"))
+)
 
-    def named(factor: float) -> set[str]:
-        target = clean - factor * phi @ theta + noise
-        made = Columns(columns.samples, columns.gain, columns.floor, target, columns.declared_gain)
-        found = search(made, prepared.terms, usable, context, prepared.floor, JOINT)
-        return {t.effect.id for t in found.chosen.terms} - {t.effect.id for t in prepared.terms}
 
-    assert named(2.0) & {key, *as_good}
-    assert not named(0.3) & {key, *as_good}
+def recorded(joint: Joint) -> list[Run]:
+    return [record(joint, name, 0.9 * k, k) for k, name in enumerate(("one", "two", "held"))]
+
+
+@pytest.mark.parametrize("key", EFFECTS)
+def test_a_diagnosis_finds_an_effect_above_its_smallest_size_and_not_far_below_its_easiest(key):
+    runs = recorded(SENSED)
+    found = joint_effects(prepare_joint(runs[:2], runs[2:], rig_of(SENSED), "joint"))
+    told = next(each for each in found.effects if each.key == key)
+
+    def named(size: float) -> set[str]:
+        acting = recorded(replace(SENSED, extra=lambda m: size * EFFECTS[key](m)))
+        options = DiagnosisOptions(effects=LOOKED_FOR, assess_residual=False)
+        return {each.id for each in diagnose_joint(acting[:2], acting[2:], rig_of(SENSED), "joint", options).effects}
+
+    assert named(2.0 * told.smallest) & {key, *told.not_separable_from}
+    assert not named(0.3 * told.easiest)
 
 
 def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):

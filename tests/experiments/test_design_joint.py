@@ -15,7 +15,7 @@ from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.criteria import Parameters
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination, detection_probability, distinction_probability
-from drake_tc.experiments.design.forms import Projection, form_of, remainder
+from drake_tc.experiments.design.forms import Projection, form_of
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
@@ -29,6 +29,11 @@ from drake_tc.filtering.common_kernel import CommonKernel
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=120.0, bandwidth_hz=2.0)
 QUICK = DesignOptions(duration=10.0, starts=1, iterations=6)
+
+
+def left_by(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What least squares with these columns leaves."""
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
 @pytest.fixture(scope="module")
@@ -117,14 +122,6 @@ def test_the_distance_of_two_models_is_the_least_over_all_parameters(joint):
     beta = np.linalg.lstsq(root * spans, target, rcond=None)[0]
     rest = target - (root * spans) @ beta
     assert_allclose(found, [rest @ rest * 60.0 * 10.0 / (rest.size * 0.1**2)], rtol=1e-6)
-
-
-def test_a_remainder_ignores_columns_that_are_alike():
-    rng = np.random.default_rng(5)
-    basis = rng.normal(size=(50, 2))
-    doubled = np.column_stack([basis, basis[:, 0], np.zeros(50)])
-    values = rng.normal(size=(50, 1))
-    assert_allclose(remainder(doubled, values), remainder(basis, values), atol=1e-12)
 
 
 def test_the_probability_of_being_told_apart_is_that_of_simulated_fits():
@@ -259,7 +256,8 @@ def test_the_distance_of_a_delay_from_a_lag_is_the_least_over_a_fine_grid_of_lag
     declared = root[:, None] * columns.design(joint.declared)
     target = root * truth.change(columns, {})[:, 0]
     lags = [Term(other.effect, {"lag": lag}) for lag in np.linspace(2e-3, 4e-3, 101)]
-    left = remainder(declared, target[:, None] - root[:, None] * columns.changes(lags) / joint.numbers.gain)
+    apart = target[:, None] - root[:, None] * columns.changes(lags) / joint.numbers.gain
+    left = left_by(declared, apart)
     least = float(np.min(np.sum(left**2, axis=0))) * 60.0 * 10.0 / (target.size * 0.1**2)
     assert_allclose(found, [least], rtol=0.15)  # the lags between two sizes of the grid lie on a chord
 
@@ -272,7 +270,7 @@ def test_a_rival_keeps_the_bounds_of_its_parameters(joint):
     declared = Projection(columns.design(joint.declared), columns.weight)
     pulls = declared.of(spring.change(columns, {}))
     down, up = payload.left(declared, columns, np.hstack([pulls, -pulls]))
-    free = remainder(declared.of(columns.of(Term(payload.effect))), pulls)
+    free = left_by(declared.of(columns.of(Term(payload.effect))), pulls)
     assert down >= float(np.sum(free**2)) * (1.0 - 1e-9) and up > down
 
 
@@ -312,7 +310,7 @@ def test_a_declared_drive_gain_is_no_free_parameter_of_a_design(joint):
     root = np.sqrt(columns.weight)[:, None]
     free = columns.design(held.declared)[:, 1:]
     target = gain.strength * columns.effort(())[:, None] / held.numbers.gain
-    left = remainder(root * np.hstack([free, columns.of(Term(ripple.effect))]), root * target)
+    left = left_by(root * np.hstack([free, columns.of(Term(ripple.effect))]), root * target)
     expected = float(np.sum(left**2)) * 60.0 * 10.0 / (len(left) * 0.1**2)
     assert_allclose(distances["servo_gain", "cable_spring"], [expected] * 2, rtol=1e-6)
     assert identity(held, gain, ripple) is None
