@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointRes
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.search import Found, Progress, Sets, find, pruned
+from drake_tc.diagnosis.search import Found, Progress, Sets, find, pruned, settled
 from drake_tc.diagnosis.withdrawal import DidNotHold, Withdrawal
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for, uncommon
@@ -115,18 +115,30 @@ def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
 
 def decided(found: Found) -> Decided:
     """The most probable set without effects that do not hold, and without those that are too small."""
-    evidence = found.evidence
-    best, noisy = timing_holds(evidence, pruned(evidence, found.best))
-    best, dropped = confirmed(evidence, pruned(evidence, best) if noisy else best)
-    best = pruned(evidence, best) if dropped else best
+    evidence, best = _resettled(found.evidence, found.best, pruned(found.evidence, found.best))
+    without, noisy = timing_holds(evidence, best)
+    evidence, best = _resettled(evidence, best, pruned(evidence, without))
+    without, dropped = confirmed(evidence, best)
+    evidence, best = _resettled(evidence, best, pruned(evidence, without))
     floor = noise_floor(evidence.model.train.recorded, _fit(evidence, evidence.model.train, best))
-    best, small = _large_enough(evidence, best, floor)
+    without, small = _large_enough(evidence, best, floor)
+    evidence, best = _resettled(evidence, best, without)
     why: dict[Withdrawal, Sequence[Term]] = {
         "noise_of_one_channel": noisy,
         "worse_on_held_out": dropped,
         "below_floor": small,
     }
-    return Decided(found, best, tuple((term, word) for word, terms in why.items() for term in terms), floor)
+    return Decided(
+        replace(found, evidence=evidence),
+        best,
+        tuple((term, word) for word, terms in why.items() for term in terms),
+        floor,
+    )
+
+
+def _resettled(evidence: Evidence, before: Scored, after: Scored) -> tuple[Evidence, Scored]:
+    """The evidence under the noise of a set and at its linearisation, where effects went."""
+    return (evidence, after) if after.ids == before.ids else settled(evidence, after)
 
 
 def joint_result(

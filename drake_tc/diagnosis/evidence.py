@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
-from drake_tc.diagnosis.priors import COMMON, DISTORTED, HELD_GAIN, ORDER, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.diagnosis.root_mean_square import rms
@@ -329,12 +329,13 @@ def _placed(products: Products, places: IntArray, size: int) -> Products:
 
 
 def with_run_spread(evidence: Evidence, terms: Sequence[Term]) -> Evidence:
-    """The evidence with what differs from run to run as these terms show it, most probable first."""
+    """The evidence with the least that differs from run to run of what the logs cannot tell from the most probable."""
     if len(evidence.model.train.samples.runs) < 2:
         return evidence
     model = replace(evidence.model, common_zero=True)  # what all runs share is no spread
     best = RunSpread()
     for name in ("zero", "friction"):
         tried = [replace(best, **{name: size}) for size in RUN_SPREADS]
-        best = max(tried, key=lambda spread: Evidence(model, evidence.noise, spread).score(terms).log_odds)
+        odds = [Evidence(model, evidence.noise, spread).score(terms).log_odds for spread in tried]
+        best = next(spread for spread, own in zip(tried, odds, strict=True) if own >= max(odds) - ALTERNATIVE)
     return Evidence(evidence.model, evidence.noise, best)

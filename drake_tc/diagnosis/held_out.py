@@ -1,11 +1,12 @@
 """Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.model import is_filter
+from drake_tc.diagnosis.model import RunSpread, is_filter
 from drake_tc.diagnosis.priors import FALLS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.delay import Delay
@@ -33,15 +34,17 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
     """The part of a set that predicts the held-out runs best where the whole set predicts them worse, and the rest.
 
     All held-out runs count together: no run has a veto. Effects that take each other's place hide each other's fault,
-    so that every part of the set is tried, not only what is left when one effect goes. Both noise models are asked,
-    that of the set and the one in which rows count alike: a whitened error can fall while the error itself grows.
+    so that every part of the set is tried, not only what is left when one effect goes. Three noise models are
+    asked: that of the set, one in which rows count alike, because a whitened error can fall while the error itself
+    grows, and one in which runs are alike too, as the errors of the report have it.
     """
     dropped: list[Term] = []
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
         parts = [gone for count in range(len(asked) + 1) for gone in combinations(asked, count)]
         gains = np.zeros(len(parts))
-        for noise in (evidence, evidence.tempered(scored.terms)):
+        alike = evidence.tempered(scored.terms)
+        for noise in (evidence, alike, replace(alike, spread=RunSpread())):
             variance = noise.score(scored.terms).posterior.variance
             left = [[t for t in scored.terms if t not in gone] for gone in parts]
             density = np.array([noise.predictive(rest, variance) for rest in left])

@@ -155,16 +155,20 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
 
     The noise of a model that lacks effects is too large, which hides weak ones, and the effort that it needs is wrong.
     So the search is repeated under the noise and the latent effort of its own result until the result stays the same.
+    It begins with as many rows as the residual of the declared model has independent ones, and with all rows: where an
+    effect that is missing makes this residual slow, the first alone would show nothing.
     """
     declared, first = evidence.model.declared, evidence
     best = evidence.score(declared)
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
-        used = evidence.tempered(declared) if number == 0 else evidence
-        sets, before = Sets(used, effects), best.ids
-        pool = sorted(_beam(sets, [sets.score(best.terms), used.score(declared)]), key=lambda s: -s.log_odds)
+        starts = [evidence.tempered(declared), Evidence(evidence.model)] if number == 0 else [evidence]
+        before, pools = best.ids, [_pool(Sets(used, effects), best) for used in starts]
+        pool = pools[-1]
         found = pool[0]
-        evidence, best = simplest([settled(used, s) for s in _contenders(pool)])
+        evidence, best = simplest(
+            [settled(used, s) for used, each in zip(starts, pools, strict=True) for s in _contenders(each)]
+        )
         if number and best.ids == before:
             break
     if evidence.distortion(best) > DISTORTED:
@@ -173,6 +177,12 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near))
+
+
+def _pool(sets: Sets, best: Scored) -> list[Scored]:
+    """Every set that a beam from a set and from the declared one scores, the most probable first."""
+    declared = sets.evidence.score(sets.evidence.model.declared)
+    return sorted(_beam(sets, [sets.score(best.terms), declared]), key=lambda s: -s.log_odds)
 
 
 def _contenders(pool: Sequence[Scored]) -> list[Scored]:
