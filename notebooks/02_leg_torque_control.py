@@ -330,4 +330,4 @@ for value in load_models(loop.robot.actuators)["r_knee"].effects:
 # | `{masses: {r_foot: 1.3}}` | a foot that is 30 % heavier than the model thinks |
 # | `{pushes: [{link: r_foot, begin: 1.2, duration: 0.3, force: [40.0, 0.0, 0.0]}]}` | a hand that pushes the foot |
 #
-# Every field, and how to bring your own robot: [diagrams/README.md](../diagrams/README.md).
+# Every field: `drake-tc schema scenario --page`. Your own robot: [diagrams/README.md](../diagrams/README.md).

@@ -396,7 +396,7 @@ print(f"joints better than the servo: without {np.sum(plainly > 1.0)}, with {np.
 # With them every joint is ahead. `drake-tc reproduce A.beyond` runs this with wrong drive constants, wrong delays, late
 # sensors and a base that swings. Two limits are worth knowing before a robot is tried. The observer has to know
 # the rotors' inertia, at least roughly; here it is in the scenario. And encoders that are late without the controller
-# knowing take nearly all of the gain. [diagrams/README.md](../diagrams/README.md) has the figures.
+# knowing take nearly all of the gain. The command prints the figures.
 #
 # ## 6. Back to the model
 #
