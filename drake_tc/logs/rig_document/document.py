@@ -43,23 +43,20 @@ class RigDocument(Keys):
         absent="no robot",
     )
     drive: PlainOrByJoint[Drive] = key(
-        "What the drive is commanded with. This decides which column is the command, and the unit of the effort: "
-        "`position_servo` (`position_command`, rad), `current` (`current`, A), `voltage` (`voltage`, V) or `torque` "
-        "(`torque_command`, N·m).",
+        "What the drive is commanded with: `position_servo` (column `position_command`, effort in rad), `current` "
+        "(`current`, A), `voltage` (`voltage`, V) or `torque` (`torque_command`, N·m).",
         example="position_servo",
         default=...,
         expected=f"one of {', '.join(get_args(DriveKind))}",
     )
     joint_type: PlainOrByJoint[Type] | None = key(
-        "Whether the joint turns (`revolute`) or slides (`prismatic`). The units of a prismatic joint are m, N, N·s/m "
-        "and kg in place of rad, N·m, N·m·s/rad and kg m², and its `torque` is the force along the axis.",
+        "Whether the joint turns (`revolute`) or slides (`prismatic`).",
         example="prismatic",
         absent="that of the URDF, with the key `robot`; `prismatic` where `units` has a unit such as mm or N for the "
         "joint; else `revolute`",
     )
     columns: dict[str, ColumnName] | None = key(
-        "Canonical column: name of the column in the log. A canonical name without a joint stands for all joints if "
-        "the name in the log contains `<joint>`: `current: <joint>/effort`.",
+        "Canonical column: name of the column in the log.",
         example={"time": "t", "position": "q_meas"},
         absent="the canonical names",
     )
@@ -76,8 +73,7 @@ class RigDocument(Keys):
     )
     declared: EntryOrByJoint[DeclaredEntry] | None = key(
         "Effects that you already model: a list of ids, id: value, or a file (URDF, MJCF, or a parameter file of BAM) "
-        "that has them, relative to the rig file. A declared effect is part of the model before "
-        "and is not searched for. Viscous and Coulomb friction are always declared.",
+        "relative to the rig file. They are part of the model before and are not searched for.",
         example={"rotor_inertia": 0.31, "stribeck": None},
         absent="viscous and Coulomb friction alone",
     )
@@ -87,10 +83,9 @@ class RigDocument(Keys):
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
     )
     valid: LogColumn | list[LogColumn] | None = key(
-        "Which samples may be used: the name of a column in the log that is 0 (or false) where they may not, or a "
-        "comparison of a column with a number in the column's own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, "
-        "all conditions must hold. A missing value does not hold. Use it for samples in which something acts that no "
-        "model knows, such as a hand or a table.",
+        "Which samples may be used: a column of the log that is 0 (or false) where they may not, or a comparison of a "
+        "column with a number in its own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, all must hold. A missing "
+        "value does not hold. Use it to leave out a hand or a table that touches the joint.",
         example="tip_height > 0.02",
         absent="all samples",
     )
@@ -98,15 +93,14 @@ class RigDocument(Keys):
         "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
     )
     drive_gain: NumberOrByJoint | None = key(
-        "Gain of the drive as the maker states it: the effort for 1 N·m. A gain that the logs contradict is reported "
-        "as the effect `servo_gain`.",
+        "Gain of the drive as the maker states it: the effort for 1 N·m.",
         unit="rad, A, V or N·m for 1 N·m",
         example=0.08,
         absent="identified from the logs; 1 is expected of a torque drive",
     )
     torque_constant: NumberOrByJoint | None = key(
-        "Torque constant of the motor of a current drive, before the gear; with `gear_ratio` an alternative to "
-        "`drive_gain`, which is then 1/(torque_constant · gear_ratio). Losses of the gear are not part of it.",
+        "Torque constant of the motor of a current drive, before the gear and without its losses; with `gear_ratio` an "
+        "alternative to `drive_gain`.",
         unit="N·m/A",
         example=0.07,
         absent="identified from the logs",
@@ -119,8 +113,7 @@ class RigDocument(Keys):
         absent="required with `torque_constant`",
     )
     proportional_gain: NumberOrByJoint | None = key(
-        "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`, which "
-        "is then 1/proportional_gain.",
+        "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`.",
         unit="N·m/rad",
         example=20.0,
         absent="identified from the logs",
@@ -134,9 +127,8 @@ class RigDocument(Keys):
         absent="not known; the viscous friction holds it",
     )
     command_hold: bool | None = key(
-        "Whether the recorded command, current or voltage acts unchanged until the next sample (true), as one that is "
-        "written once a cycle, or whether the samples are points of a continuous curve (false), as those of a measured "
-        "current are. A held one is half a period late on average.",
+        "Whether the recorded command, current or voltage acts unchanged until the next sample (true), or the samples "
+        "are points of a continuous curve (false), as those of a measured current are.",
         example=True,
         absent="true where the training runs confirm it; for a position servo only if it is logged at 250 Hz or slower",
     )

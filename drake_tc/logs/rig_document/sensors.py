@@ -70,9 +70,8 @@ class ForceTorqueKeys(Keys):
     gain: Ratio | None = key("Relative error of the scale.", unit="–", example="1 %", absent=_TYPICAL)
     alignment: Position | None = key("Rotation error about each axis.", unit="rad", example="0.5 deg", absent=_TYPICAL)
     tare: Stretch | None = key(
-        "Begin and end of the stretch of every run, counted from its first row, in which nothing touches the robot "
-        "beyond the sensor. What the sensor shows there beyond the weight and the motion of the part beyond it is "
-        "taken off the whole run. `bias` is then the tolerance of the remaining error.",
+        "Begin and end of the stretch of every run, from its first row, in which nothing touches the robot beyond the "
+        "sensor: the sensor is zeroed there. `bias` is then the tolerance of the remaining error.",
         unit="s",
         example=[0.0, "2 s"],
         absent="the readings are taken as they are",
