@@ -333,8 +333,9 @@ def with_run_spread(evidence: Evidence, terms: Sequence[Term]) -> Evidence:
     if len(evidence.model.train.samples.runs) < 2:
         return evidence
     model = replace(evidence.model, common_zero=True)  # what all runs share is no spread
+    first = Evidence(model, evidence.noise)
     best = RunSpread()
     for name in ("zero", "friction"):
         tried = [replace(best, **{name: size}) for size in RUN_SPREADS]
-        best = max(tried, key=lambda spread: Evidence(model, evidence.noise, spread).score(terms).log_odds)
+        best = max(tried, key=lambda spread: replace(first, spread=spread).score(terms).log_odds)
     return Evidence(evidence.model, evidence.noise, best)
