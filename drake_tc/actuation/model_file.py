@@ -10,9 +10,9 @@ import yaml
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_document import ModelDocument
+from drake_tc.config.files import write_whole
 from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import validated
-from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 

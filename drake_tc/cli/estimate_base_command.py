@@ -13,7 +13,7 @@ from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import typer
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.seed_option import UnusedSeed
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import LogError, RigError
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ def estimate_torque_command(
     """
     from drake_tc.estimation.fitted_link_loads import fitted_links, with_fitted_links
     from drake_tc.estimation.robot_loads import filters_of, robot_logs, with_robot_loads
-    from drake_tc.logs.distinct_notes import distinct_notes
     from drake_tc.logs.prepare import load_runs
+    from drake_tc.logs.record import distinct_notes
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
@@ -91,7 +91,7 @@ def _written(run: "Run", rig: "Rig", filters: "OffLineFilter", out: Path) -> dic
     """Write one run's torques into the folder `out`; what the JSON says of it."""
     import pandas as pd
 
-    from drake_tc.logs.file_names import file_name
+    from drake_tc.config.files import file_name
 
     names = [f"{joint}/torque" for joint in rig.joints]
     table = pd.DataFrame({"time": run.time, **{name: run.columns[name] for name in names}})

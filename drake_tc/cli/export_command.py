@@ -12,7 +12,7 @@ import typer
 from drake_tc.cli.export_ranges import RangesRequest, export_ranges
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:

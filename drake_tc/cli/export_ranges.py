@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from drake_tc.cli.out_files import result_file
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
-from drake_tc.config.utf8_names import utf8_name
+from drake_tc.config.files import utf8_name
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import IdentificationError, LogError, RigError
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def _fitting(
 
 def _notes(runs: Sequence["Run"], rig: "Rig", joint: str) -> list[str]:
     """What was repaired in the runs, but for what concerns other joints alone."""
-    from drake_tc.logs.distinct_notes import distinct_notes, of_joint
+    from drake_tc.logs.record import distinct_notes, of_joint
 
     return list(distinct_notes(of_joint(((run.name, note) for run in runs for note in run.notes), joint, rig.joints)))
 

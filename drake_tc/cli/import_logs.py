@@ -8,7 +8,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.seed_option import UnusedSeed
-from drake_tc.config.is_file import is_folder
+from drake_tc.config.files import is_folder
 from drake_tc.errors import LogError
 
 FORMATS = ("bam",)

@@ -13,8 +13,8 @@ from drake_tc.cli.next_command import command_line, say_next
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.seed_option import UnusedSeed
 from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
-from drake_tc.config.utf8_names import utf8_name
+from drake_tc.config.files import utf8_name
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:

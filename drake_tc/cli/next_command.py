@@ -3,7 +3,7 @@
 import shlex
 import sys
 
-from drake_tc.config.utf8_names import utf8_text
+from drake_tc.config.files import utf8_text
 
 
 def command_line(*words: object) -> str:

@@ -47,7 +47,7 @@ def _as_text(schema: dict[str, Any]) -> str:
 def document_schema(document: Document) -> dict[str, Any]:
     """The JSON schema of a file."""
     from drake_tc.config.schema import json_schema
-    from drake_tc.logs.rig_document.schema import rig_schema
+    from drake_tc.logs.rig_document.document import rig_schema
 
     if document == Document.rig:
         return rig_schema()

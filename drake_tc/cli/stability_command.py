@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.progress import progress_bar
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from rich.table import Table
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.workers import tasks_of, worker_executor
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.torque_loop.tuned import Confirmed

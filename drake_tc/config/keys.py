@@ -21,8 +21,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from drake_tc.config.did_you_mean import did_you_mean
-from drake_tc.config.quoted import quoted
+from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.config.units import RATIO, quantity
 from drake_tc.errors import DrakeTcError
 

@@ -13,9 +13,8 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, create_model
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import Flag, Keys, Number, UnboundedNumber, key, one_of, saying
-from drake_tc.config.quoted import quoted
+from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.config.validation import message, validated
 from drake_tc.errors import DrakeTcError, ParamsError
 

@@ -8,10 +8,10 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
+from drake_tc.config.files import write_whole
 from drake_tc.config.keys import AnyNumber, Keys, Names, Number, key
 from drake_tc.config.quoted import quoted
 from drake_tc.config.validation import validated
-from drake_tc.config.whole_file import write_whole
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError

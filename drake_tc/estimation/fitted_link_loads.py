@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.actuation.model_file import load_model_file
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run

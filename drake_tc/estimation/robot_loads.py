@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import LogError
 from drake_tc.estimation.coupled_gears import ACCELERATION, motor_loads, motor_turns
 from drake_tc.estimation.off_line import (

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drake_tc.config.whole_file import whole_file, write_whole
+from drake_tc.config.files import whole_file, write_whole
 from drake_tc.errors import LogError
 from drake_tc.types import FloatArray
 

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
 

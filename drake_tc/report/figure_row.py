@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.types import FloatArray
 
 How = Literal["min", "max", "within"]

@@ -12,8 +12,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup, escape
 
 from drake_tc import __version__
-from drake_tc.config.utf8_names import utf8_text
-from drake_tc.config.whole_file import write_whole
+from drake_tc.config.files import utf8_text, write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.closed_loop_section import closed_loop_section

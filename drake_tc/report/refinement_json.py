@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.refinement import Refinement

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RunErrors

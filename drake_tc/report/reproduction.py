@@ -7,7 +7,7 @@ from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.config.records import read_record
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.files import read_mapping

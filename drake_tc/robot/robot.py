@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import unknown_key
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.config.validation import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError

@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-from drake_tc.config.is_file import is_file
+from drake_tc.config.files import is_file
 from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.parsers.expat import ExpatError
 
-from drake_tc.config.is_file import is_file
+from drake_tc.config.files import is_file
 from drake_tc.errors import DrakeTcError
 from drake_tc.simulator_files.bam import bam_servo
 from drake_tc.simulator_files.mjcf import mjcf_joints

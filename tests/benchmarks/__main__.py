@@ -18,7 +18,7 @@ from drake_tc.cli.entry import leave
 from drake_tc.cli.main import run_app
 from drake_tc.cli.progress import progress_bar
 from drake_tc.cli.seed_option import UnusedSeed
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.report.figure_row import FigureRow, rows_json
 from drake_tc.report.figure_table import figure_table
 from tests.benchmarks.seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed

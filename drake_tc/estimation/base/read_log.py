@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_tc.config.is_file import is_file
+from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.check_log import check_log, check_period
 from drake_tc.estimation.base.log import BaseTrack, SensorLog
 from drake_tc.estimation.base.rig import BaseRig
-from drake_tc.logs.npz_file import read_arrays
+from drake_tc.logs.array_files import read_arrays
 from drake_tc.logs.readers import read_table
 from drake_tc.types import FloatArray
 

@@ -1,20 +1,92 @@
-"""The rig file's top level."""
+"""The rig file's top level.
 
-from collections.abc import Mapping
-from typing import Annotated, Literal, TypeAlias, get_args
+Which samples of a log may be used: the conditions of a rig file's key `valid`.
 
+The rig file as a whole: read it, and its JSON schema.
+"""
+
+import operator
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeAlias, get_args
+
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.joint_units import JointType
 from drake_tc.config.keys import Keys, Number, PositiveNumber, key, one_of, saying
-from drake_tc.config.quoted import quoted
-from drake_tc.logs.rig_document.by_joint import EntryOrByJoint, PlainOrByJoint, joints_of
-from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
-from drake_tc.logs.rig_document.declared import DeclaredEntry
+from drake_tc.config.quoted import did_you_mean, quoted
+from drake_tc.config.schema import json_schema
+from drake_tc.config.validation import validated
+from drake_tc.errors import RigError
+from drake_tc.extensions import EFFECTS
+from drake_tc.logs.rig_document.by_joint import (
+    ColumnName,
+    EntryOrByJoint,
+    LogColumn,
+    PlainOrByJoint,
+    Unit,
+    canonical_columns,
+    check_units,
+    joints_of,
+)
+from drake_tc.logs.rig_document.declared import EFFECT_IDS, DeclaredEntry
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
-from drake_tc.logs.valid import Condition
+from drake_tc.types import BoolArray, FloatArray
+
+COMPARISONS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+_CONDITION = re.compile(r"(?P<column>.*\S)\s*(?P<sign>[<>=!]=|[<>])\s*(?P<limit>\S+)")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A column, and what its values are compared with.
+
+    Attributes:
+        column: Name in the log.
+        sign: One of `COMPARISONS`.
+        limit: In the unit of the column in the log.
+    """
+
+    column: str
+    sign: str = "!="
+    limit: float = 0.0
+
+    @staticmethod
+    def of(text: str) -> "Condition":
+        """From `COLUMN`, whose samples are valid where it is neither 0 nor missing, or `COLUMN < NUMBER`.
+
+        Raises:
+            ValueError: No number follows the comparison; says what was expected.
+        """
+        found = _CONDITION.fullmatch(text.strip())
+        if found is None:
+            return Condition(text.strip())
+        try:
+            limit = float(found["limit"])
+        except ValueError:
+            signs = ", ".join(COMPARISONS)
+            raise ValueError(f"expected a column, or a column, one of {signs}, and a number, got {text!r}") from None
+        return Condition(found["column"], found["sign"], limit)
+
+    @property
+    def text(self) -> str:
+        """As a rig file says it."""
+        return self.column if (self.sign, self.limit) == ("!=", 0.0) else f"{self.column} {self.sign} {self.limit!r}"
+
+    def holds(self, values: FloatArray) -> BoolArray:
+        """(T,) where the condition holds; it does not where a value is missing."""
+        return np.asarray(COMPARISONS[self.sign](values, self.limit) & np.isfinite(values), dtype=np.bool_)
+
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
 Type = Annotated[JointType, one_of(get_args(JointType))]
@@ -233,3 +305,31 @@ class RigDocument(Keys):
     def joint_names(self) -> tuple[str, ...]:
         """The joints, in the order of the file."""
         return (self.joint,) if self.joint is not None else tuple(self.joints or ())
+
+
+HINT = "`drake-tc schema rig --page` explains every key"
+
+
+def read_document(source: str, document: object) -> RigDocument:
+    """The checked document.
+
+    Raises:
+        RigError: The first thing that is wrong in it; one line.
+    """
+    return validated(RigDocument, document, source, RigError, HINT)
+
+
+def rig_schema() -> dict[str, Any]:
+    """The schema of a rig file; it has `joint`, `joints` or `robot`."""
+    schema = json_schema(RigDocument, "drake_tc rig file")
+    _add_installed_effects(schema)
+    joints = [{"required": [name]} for name in ("joint", "joints", "robot")]
+    return {**schema, "anyOf": joints}
+
+
+def _add_installed_effects(value: Any) -> None:
+    """Let the schema know the effects of other packages that are installed here."""
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _add_installed_effects(each)
+    if isinstance(value, dict) and value.get("enum") == list(EFFECT_IDS):
+        value["enum"] = [*EFFECT_IDS, *EFFECTS.names()]

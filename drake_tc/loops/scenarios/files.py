@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from drake_tc.config.did_you_mean import did_you_mean
-from drake_tc.config.quoted import quoted
+from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.config.yaml_file import merged, parse_yaml, read_yaml
 from drake_tc.errors import ParamsError
 

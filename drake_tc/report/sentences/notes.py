@@ -26,7 +26,7 @@ from drake_tc.diagnosis.notes import (
     TorqueAsEffort,
 )
 from drake_tc.effects.context import EFFORT_UNIT
-from drake_tc.logs.distinct_notes import distinct_notes
+from drake_tc.logs.record import distinct_notes
 from drake_tc.report.sentences.drive import drive_sentence
 
 NO_FREE_RUN: Mapping[FreeRunObstacle, str] = {
