@@ -31,7 +31,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from drake_tc.analysis.loop_parameters import with_values
+from drake_tc.analysis.joint_loop import with_values
 from drake_tc.analysis.pareto_plot import draw_fronts
 from drake_tc.analysis.sampled import linearise
 from drake_tc.analysis.settings import assess, default_goals, with_setting
@@ -47,8 +47,8 @@ from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHE
 from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
 from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
 from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.torque.parts import sliding_scenario
 from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 
 folder = Path(tempfile.mkdtemp())

@@ -41,8 +41,7 @@ from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 from drake_tc.diagrams.papers.delprete2015.torque_safety import torque_safety
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec
-from drake_tc.loops.whole_body.summary import task_errors
-from drake_tc.loops.whole_body.violations import contact_misses
+from drake_tc.loops.whole_body.summary import contact_misses, task_errors
 from drake_tc.registry import tsid_entry
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law

@@ -4,6 +4,8 @@ What the gains trade: along the reference a late velocity feeds back K7 (q_d' - 
 lacks K_v' of the same, so K7 near K_v' undoes its lateness; a late torque costs Kp of it, which wants a small Kp or a
 short window; dry friction y_c and dead zone leave y_c/K6, whatever Kp, unless Ki integrates them away; and a short
 window moves the phase that the margin needs and lets noise through. K6, the stiffness, is what a user states: it stays.
+
+Pareto front: the choices that no other one beats in everything.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,11 +15,31 @@ from itertools import product
 
 import numpy as np
 
-from drake_tc.analysis.pareto import pareto_front
 from drake_tc.analysis.settings import Assessed, Batch, Goal, Setting, assess, assess_batch, default_goals, present
 from drake_tc.analysis.sweep import sweep
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray, IntArray
+
+
+def pareto_front(costs: FloatArray) -> IntArray:
+    """Rows of `costs` (N, m) that no other row is at most equal to everywhere and below somewhere, by the first cost.
+
+    Of equal rows the first stays. Rows that are not finite never are on the front.
+
+    Raises:
+        ParamsError: anything but two dimensions.
+    """
+    if costs.ndim != 2:
+        raise ParamsError(f"pareto_front: expected costs of shape (N, m), got {costs.shape}")
+    finite = np.flatnonzero(np.all(np.isfinite(costs), axis=1))
+    order = finite[np.lexsort(costs[finite].T[::-1])]
+    kept: list[int] = []
+    for row in order.tolist():
+        if not kept or not np.any(np.all(costs[kept] <= costs[row], axis=1)):
+            kept.append(row)
+    return np.array(kept, dtype=np.int64)
+
 
 Progress = Callable[[str, float], None]
 

@@ -126,7 +126,7 @@ def export_command(
     from drake_tc.exchange.links import with_links
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS, vocabulary
-    from drake_tc.report.export_section import cells, headings
+    from drake_tc.report.sections import cells, headings
 
     if (log or holdout) and rig is None:
         raise ParamsError(

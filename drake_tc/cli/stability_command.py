@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
     from drake_tc.analysis.stability_margins import Margins
-    from drake_tc.loops.diagram_entry import DiagramEntry
+    from drake_tc.loops.entries import DiagramEntry
 
 SHOWN = 8
 """Eigenvalues that are printed."""
@@ -78,7 +78,7 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Print eigenvalues, margins and stability of a diagram's loop at one time of a scenario, with perfect sensors."""
-    from drake_tc.loops.diagram_entry import naming_errors
+    from drake_tc.loops.entries import naming_errors
     from drake_tc.registry import runnable
 
     if friction not in ("sliding", "modelled"):
@@ -111,7 +111,7 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
         ParamsError: a direction, where the drives of the diagram cannot be told to slide in one.
     """
     if entry.kind == "torque":
-        from drake_tc.loops.torque.sliding import sliding_scenario
+        from drake_tc.loops.torque.parts import sliding_scenario
 
         return sliding_scenario(scenario, folder, direction)
     if direction != 0.0:

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
 from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.exchange.projection import Projection, Vocabulary
-from drake_tc.report.export_section import HOW, cells, headings
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.sections import HOW, cells, headings
 from drake_tc.report.words import title_of
 
 

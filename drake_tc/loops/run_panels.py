@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.loops.recording import Recording
 from drake_tc.loops.series_elastic.running import SeaRecording
-from drake_tc.loops.torque.recording import TorqueRecording
+from drake_tc.loops.torque.running import TorqueRecording
 from drake_tc.loops.whole_body.running import TsidRecording
 from drake_tc.loops.whole_body.summary import task_errors
 from drake_tc.robot.plant import joint_limits

@@ -10,7 +10,7 @@ import numpy as np
 from drake_tc.config.quoted import json_value
 from drake_tc.config.records import read_record
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.files import read_mapping
+from drake_tc.loops.scenarios.base import read_mapping
 from drake_tc.report.figure_row import FigureRow, How
 from drake_tc.text_table import TextTable
 

@@ -1,16 +1,30 @@
-"""The report's tables as rows of text."""
+"""The report's tables as rows of text.
 
-from collections.abc import Sequence
+Each run's own estimate of a parameter beside that of all runs: a small plot for a table's cell.
+
+The tables of effects that are not part of the model after, as rows of text.
+
+Position errors of the free runs, by run and by model, as a reader sees them.
+
+Each parameter by run, gain, load and direction: the rows of the report's table.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.data.resolution import Resolution
+from drake_tc.diagnosis.problem.columns import coefficients_by_term
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult, ParameterByCondition, RejectedEffect
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
+from drake_tc.diagnosis.result.run_errors import MODELS, position_errors
+from drake_tc.diagnosis.selection.withdrawal import DidNotHold
 from drake_tc.report.numbers import (
     NOT_IDENTIFIED,
     UNKNOWN,
@@ -22,8 +36,79 @@ from drake_tc.report.numbers import (
     scale_for,
     significant,
 )
-from drake_tc.report.run_spread import run_spreads
-from drake_tc.report.words import natural, title_of
+from drake_tc.report.sentences.objections import why_rejected, why_withdrawn
+from drake_tc.report.words import REASONS, natural, title_of
+
+WIDTH, HEIGHT, MARGIN = 96.0, 26.0, 4.0
+Value = tuple[float, float, float]
+"""Value, lower and upper end of the 95 % interval."""
+
+
+def run_spreads(joint: JointResult) -> Mapping[tuple[str, str], str]:
+    """SVG by effect key and name of parameter, for the parameters that were fitted again by run.
+
+    A coefficient of the regression is in the parameter's unit up to one factor, which an effect that scales the balance
+    has (`Effect.torque_scale`); parameters that are no coefficient have no plot.
+    """
+    factors = _factors(joint)
+    out = {}
+    for p in joint.consistency:
+        if p.by == "run" and (p.effect, p.name) in factors:
+            estimate = joint.final_parameters[p.effect][p.name]
+            runs = _scaled(p, factors[p.effect, p.name])
+            out[p.effect, p.name] = spread_svg(runs, (estimate.value, *estimate.ci95), moves=p.moves)
+    return out
+
+
+def _factors(joint: JointResult) -> dict[tuple[str, str], float]:
+    fitted = {("drive", "gain"): joint.final.gain}
+    for term, theta in coefficients_by_term(joint.final.terms, joint.final.beta):
+        fitted |= {
+            (term.effect.key, p.name): float(x)
+            for p, x in zip(term.effect.coefficients, theta, strict=True)
+            if x != 0.0
+        }
+    known = joint.final_parameters
+    return {(key, name): known[key][name].value / x for (key, name), x in fitted.items() if name in known.get(key, {})}
+
+
+def _scaled(p: ParameterByCondition, factor: float) -> dict[str, Value]:
+    return {run: (factor * v, *sorted((factor * low, factor * high))) for run, (v, low, high) in p.values.items()}  # type: ignore[misc]
+
+
+def spread_svg(runs: Mapping[str, Value], overall: Value, *, moves: bool) -> str:
+    """One dot a run with its 95 % interval; the line and the band are the estimate from all runs.
+
+    The frame holds every value and the interval of the estimate; an interval of a run may reach beyond it.
+    """
+    values = [v for v, _, _ in runs.values()]
+    low, high = min(*values, *overall), max(*values, *overall)
+    reach = (high - low) or abs(high) or 1.0
+    low, high = low - 0.15 * reach, high + 0.15 * reach
+
+    def y(value: float) -> float:
+        return round(min(max(HEIGHT * (high - value) / (high - low), 0.0), HEIGHT), 1)
+
+    step = (WIDTH - 2 * MARGIN) / len(runs)
+    colour = "var(--alarm)" if moves else "var(--after)"
+    band = y(overall[2])
+    parts = [
+        f'<rect x="0" y="{band}" width="{WIDTH:g}" height="{max(y(overall[1]) - band, 0.6):.1f}" fill="var(--shade)"/>',
+        f'<path d="M0 {y(overall[0])}H{WIDTH:g}" stroke="var(--muted)" stroke-width="0.8"/>',
+    ]
+    for k, (value, bottom, top) in enumerate(runs.values()):
+        x = round(MARGIN + (k + 0.5) * step, 1)
+        parts.append(f'<path d="M{x} {y(bottom)}V{y(top)}" stroke="{colour}" stroke-width="1"/>')
+        parts.append(f'<circle cx="{x}" cy="{y(value)}" r="{min(2.2, 0.4 * step):.1f}" fill="{colour}"/>')
+    said = escape(_told(list(runs.items())), quote=True)
+    return (
+        f'<svg class="spread" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{said}"><title>{said}</title>'
+        f"{''.join(parts)}</svg>"
+    )
+
+
+def _told(runs: Sequence[tuple[str, Value]]) -> str:
+    return "; ".join(f"{run}: {' '.join(interval(*value))}".rstrip() for run, value in runs)
 
 
 @dataclass(frozen=True)
@@ -272,3 +357,96 @@ def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
         if inertia > 0.0
         else facts
     )
+
+
+@dataclass(frozen=True)
+class RejectedRow:
+    """One effect that was not added."""
+
+    title: str
+    id: str
+    heldout: str
+    train: str
+    why: str
+
+
+def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[RejectedRow], Sequence[RejectedRow]]:
+    """(tried and not added, could not be looked for in these logs)."""
+    tried: list[RejectedRow] = []
+    barred: list[RejectedRow] = []
+    for r in rejected:
+        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), percent(r.train_gain), why_rejected(r))
+        (barred if r.obstacle else tried).append(row)
+    return tried, barred
+
+
+@dataclass(frozen=True)
+class DidNotHoldRow:
+    """One effect that was chosen and did not hold."""
+
+    title: str
+    id: str
+    reason: str
+    why: str
+
+
+def did_not_hold_rows(effects: Sequence[DidNotHold], units: JointUnits) -> Sequence[DidNotHoldRow]:
+    """One row an effect, with the reason in a few words and the evidence in a sentence."""
+    return [DidNotHoldRow(e.title, e.id, REASONS[e.reason], why_withdrawn(e.objection, units)) for e in effects]
+
+
+@dataclass(frozen=True)
+class FreeRunTable:
+    """Text of the table.
+
+    Attributes:
+        models: Those of `MODELS` that were simulated.
+        rows: (run, "training" or "held-out", RMS position errors, mean absolute position errors), both by model.
+    """
+
+    models: tuple[str, ...]
+    rows: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...]
+
+
+def free_run_table(joint: JointResult) -> FreeRunTable:
+    """The table of one joint; no rows where no free run was made."""
+    traces = joint.free_run
+    models = tuple(name for name in MODELS if any(name in trace for trace in traces.values()))
+    held = set(joint.heldout.samples.runs)
+    runs = sorted(traces, key=lambda run: (run in held, natural(run)))
+    errors = {run: [position_errors(traces[run], name) for name in models] for run in runs}
+    sizes = [value for found in errors.values() for pair in found if pair is not None for value in pair]
+    scale = scale_for(max((value for value in sizes if math.isfinite(value)), default=0.0), joint.units.position)
+    rows = []
+    for run in runs:
+        rms, absolute = (tuple("–" if e is None else scale.quantity(e[which]) for e in errors[run]) for which in (0, 1))
+        rows.append((run, "held-out" if run in held else "training", rms, absolute))
+    return FreeRunTable(models, tuple(rows))
+
+
+BY = {"run": "run", "gain": "gain of the position loop", "load": "size of the load", "direction": "direction of motion"}
+
+
+@dataclass(frozen=True)
+class ConsistencyRow:
+    """One parameter in each part of the rows: (part, value, interval) in its unit, and whether it moves."""
+
+    parameter: str
+    unit: str
+    by: str
+    values: Sequence[tuple[str, str, str]]
+    change: str
+    moves: bool
+
+
+def consistency_rows(joint: JointResult) -> Sequence[ConsistencyRow]:
+    """Parameters that move first, then the others, each group in the model's order."""
+    rows = [_row(p) for p in joint.consistency]
+    return sorted(rows, key=lambda row: not row.moves)
+
+
+def _row(p: ParameterByCondition) -> ConsistencyRow:
+    name = p.name.replace("_", " ")
+    values = [(part, *interval(*each)) for part, each in p.values.items()]
+    where = "drive" if p.effect == "drive" else title_of(p.effect)
+    return ConsistencyRow(f"{where}: {name}", pretty_unit(p.unit), BY[p.by], values, percent(p.change), p.moves)

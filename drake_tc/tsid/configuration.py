@@ -24,9 +24,8 @@ from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priorities import read_priorities, without_priorities
 from drake_tc.tsid.qp.choose import DEFAULT, solver
-from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Budget, Options
 from drake_tc.tsid.robust.torque_error import TorqueError
 
 _NUMBERS = ("contact_damping", "fallback_damping", "fade")

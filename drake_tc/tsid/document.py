@@ -22,9 +22,8 @@ from drake_tc.robot.document import PoseKeys
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Axes, Contact, Kind
 from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, PROGRAM, SOLVERS
-from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName, Use
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Budget, Options
 
 PAPER_SHARE = 0.003
 """Of the effort limit: the paper's sigma."""
@@ -200,7 +199,7 @@ class ControllerDocument(Keys):
     solver: Annotated[str, Field(pattern=f"^({'|'.join(SOLVER_NAMES)})$"), one_of(SOLVER_NAMES)] | None = key(
         f"Solver of quadratic programs: {', '.join((*SOLVERS, *OF_DRAKE))}; or `{PROGRAM}`, which solves the whole"
         " tick as one MathematicalProgram of Drake, slowly and independently.",
-        example="piqp",
+        example="quadprog",
         absent=DEFAULT,
     )
     period: Number = key("Period of the controller.", unit="s", example=0.002, default=1e-3)

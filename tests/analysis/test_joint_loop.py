@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.loop_parameters import value_of
+from drake_tc.analysis.joint_loop import JointLoop, value_of
 from drake_tc.analysis.sampled import linearise, open_loop
 from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.errors import ParamsError

@@ -14,9 +14,8 @@ from drake_tc.logs.readers import read_table
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import run_tsid, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.summary import summarise_tsid, task_errors, write_tsid
-from drake_tc.loops.whole_body.torque_noise import TorqueNoise
-from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
+from drake_tc.loops.whole_body.summary import contact_wrenches, summarise_tsid, task_errors, worst_misses, write_tsid
+from drake_tc.loops.whole_body.wiring import TorqueNoise
 from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.rotors import file_rotors

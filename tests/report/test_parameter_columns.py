@@ -14,8 +14,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.base import Context
 from drake_tc.report.numbers import interval
 from drake_tc.report.report_json import result_json
-from drake_tc.report.run_spread import run_spreads, spread_svg
-from drake_tc.report.tables import parameter_rows
+from drake_tc.report.tables import parameter_rows, run_spreads, spread_svg
 
 RIG = Context("current", "torque", frozenset(), max_speed=2.0, effort_span=(-3.0, 4.0), torque_span=(-10.0, 8.0))
 

@@ -93,8 +93,7 @@ from drake_tc.report.html import render
 from drake_tc.report.report_json import joint_json
 from drake_tc.report.sentences.experiments import ISOLATES, ISOLATES_PRISMATIC, experiment_sentence
 from drake_tc.report.sentences.notes import note_sentence, note_sentences
-from drake_tc.report.sentences.objections import why_withdrawn
-from drake_tc.report.sentences.rejection import why_rejected
+from drake_tc.report.sentences.objections import why_rejected, why_withdrawn
 
 OBJECTIONS = [
     (ImpossibleValues("stiffness is −1 N·m/rad."), ["stiffness is −1 N·m/rad."]),

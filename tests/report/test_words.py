@@ -12,9 +12,9 @@ from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, Sh
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, ParameterByCondition, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.selection.withdrawal import Withdrawal
-from drake_tc.report.consistency_table import consistency_rows
-from drake_tc.report.sentences.rejection import why_rejected
-from drake_tc.report.sentences.warnings import warnings
+from drake_tc.report.sentences.notes import warnings
+from drake_tc.report.sentences.objections import why_rejected
+from drake_tc.report.tables import consistency_rows
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,

@@ -22,7 +22,7 @@ from drake_tc.diagrams.papers.delprete2015.torque_safety import wilson
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
-from drake_tc.loops.whole_body.violations import contact_misses, joint_misses
+from drake_tc.loops.whole_body.summary import contact_misses, joint_misses
 from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.text_table import TextTable

@@ -29,8 +29,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.recording import write_log
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
-from drake_tc.loops.torque.recording import log_columns
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import log_columns, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import sensor_suite
 from drake_tc.registry import diagram_entry

@@ -12,8 +12,7 @@ import numpy as np
 from drake_tc.analysis.pareto_plot import draw_fronts
 from drake_tc.analysis.settings import default_goals
 from drake_tc.analysis.sweep import processes
-from drake_tc.analysis.torque_loop.perturbed_plants import Spread
-from drake_tc.analysis.torque_loop.tuned import Confirmed, confirm
+from drake_tc.analysis.torque_loop.tuned import Confirmed, Spread, confirm
 from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tuning import Tuning, tune
 from drake_tc.diagrams.papers.expected_values import expectations

@@ -18,8 +18,7 @@ from drake_tc.estimation.base.state import CONTACT_FLAGS
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.summary import task_errors
-from drake_tc.loops.whole_body.violations import contact_wrenches
+from drake_tc.loops.whole_body.summary import contact_wrenches, task_errors
 from drake_tc.report.reproduction import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
 from drake_tc.text_table import TextTable

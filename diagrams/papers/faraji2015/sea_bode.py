@@ -20,8 +20,7 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     margins_of,
     with_law,
 )
-from drake_tc.loops.series_elastic.scenario import SeaScenario
-from drake_tc.loops.series_elastic.sliding import sliding_sea
+from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea
 from drake_tc.registry import sea_entry
 from drake_tc.report.bode_plot import draw_bode
 from drake_tc.report.reproduction import Progress, Reproduction, evaluated

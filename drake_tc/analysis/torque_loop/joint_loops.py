@@ -9,7 +9,7 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
 from drake_tc.gravity import GRAVITY
-from drake_tc.loops.torque.design import LoopDesign
+from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import TorqueLoopSpec
 from drake_tc.robot.joint_axis import PRISMATIC, joint_axes

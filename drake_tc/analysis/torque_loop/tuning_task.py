@@ -18,7 +18,7 @@ from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
 from drake_tc.gravity import GRAVITY
-from drake_tc.loops.torque.design import LoopDesign
+from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.references import references
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import TorqueLoopSpec, sensor_suite

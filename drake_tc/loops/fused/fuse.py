@@ -7,11 +7,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_tc.array_stage import ArrayStage, offered_stage
 from drake_tc.errors import ParamsError
-from drake_tc.loops.fused.nodes import Connections
-from drake_tc.loops.fused.plan import AlgebraicLoopError, Plan
-from drake_tc.loops.fused.scratch import Scratch
-from drake_tc.loops.fused.system import FusedStages
-from drake_tc.loops.ports import split
+from drake_tc.loops.fused.plan import AlgebraicLoopError, Connections, Plan
+from drake_tc.loops.fused.system import FusedStages, Scratch
+from drake_tc.loops.loop_builder import split
 
 NAME = "stages"
 """Name of the system that replaces the stages."""

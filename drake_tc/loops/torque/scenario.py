@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.base import ScenarioBase
-from drake_tc.loops.scenarios.checks import check_run
+from drake_tc.loops.scenarios.base import ScenarioBase, check_run
 from drake_tc.loops.scenarios.parts import (
     ForceSpec,
     GainSpec,

@@ -10,7 +10,7 @@ from drake_tc.errors import LogError
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, TorqueLog, estimate_log, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.recording import write_log, write_rig
-from drake_tc.loops.torque.recording import TorqueRecording, log_columns, rig_of
+from drake_tc.loops.torque.running import TorqueRecording, log_columns, rig_of
 from drake_tc.robot.robot import Robot
 
 SETTLED = 0.7

@@ -13,7 +13,7 @@ from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.gravity import GRAVITY
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.ports import first_imu, picked
+from drake_tc.loops.loop_builder import first_imu, picked
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import Start

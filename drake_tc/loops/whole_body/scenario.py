@@ -7,12 +7,11 @@ from typing import Any, ClassVar, Literal
 
 from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.base import ScenarioBase
-from drake_tc.loops.scenarios.checks import check_run
+from drake_tc.loops.scenarios.base import ScenarioBase, check_run
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
-from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
-from drake_tc.loops.whole_body.motion_spec import KnotSpec, SpanSpec, TurnSpec
+from drake_tc.loops.whole_body.ground import GroundSpec, SoleSpec
+from drake_tc.loops.whole_body.references import KnotSpec, SpanSpec, TurnSpec
 from drake_tc.sensing.fault import SensorFault
 
 __all__ = [

@@ -23,7 +23,7 @@ from drake_tc.control.series_elastic.position import MotorPositionControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.ports import picked
+from drake_tc.loops.loop_builder import picked
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
 from drake_tc.robot.robot import Robot

@@ -1,16 +1,150 @@
-"""How fast joints may speed up and brake, their ranges of position and velocity folded in."""
+"""How fast joints may speed up and brake, their ranges of position and velocity folded in.
+
+Bounds on a joint's acceleration under which it never leaves its range of positions and velocities.
+
+A joint moves from (q, v) with a constant acceleration a for a period h, |a| <= A, and must keep q within [ql, qu] at
+every instant and v within [vl, vu], for ever. Towards the upper end:
+
+- It brakes with B = min(A, -vl/h), so that a period of braking never ends below vl, and travels beta(v) = v^2 / (2 B)
+  further from v > 0. A state is safe where q + beta(v) <= qu; braking keeps q + beta(v) as it is. Where A h <= -vl no
+  state is safe beyond these: nothing stops the joint sooner.
+- More acceleration means more position and more velocity at every later instant, and beta grows with v: the a that lead
+  to safe states are those up to a ceiling. With room r = qu - q and w = v + h a:
+      r >= h v / 2:  w >= 0 from  r - h (v + w)/2 = beta(w),  w = sqrt(2 B (r - h v / 2) + (B h / 2)^2) - B h / 2
+      r <  h v / 2:  the joint turns within the period, its turning point at qu:  a = -v^2 / (2 r)
+  At a safe state a = -B is among them, so the ceiling is no less.
+- The lower end is the mirror image. For v >= 0 it allows a = 0. The ceiling of the upper end is then either >= 0, or
+  ends the period with w >= 0, or the joint turns at qu and ends the period with -w <= W = B h, after at most h W / 2
+  of the way back; the lower end takes that where  qu - ql >= h W / 2 + W^2 / (2 B_lower).
+So the two ends never contradict each other, nor the velocity's bounds nor A, at any state that is safe for both
+(viable), and what follows from any choice between the bounds is viable again.
+
+Source: Del Prete, Joint position and velocity bounds in discrete-time acceleration/torque control of robot arms, RA-L
+2018, which brakes with A; B is ours, for limits of velocity that one period at A crosses.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.limits.viability import JointRange, Viability
 from drake_tc.tsid.rows import LimitRows, selection
 from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
+
+_BOUNDS = Kernel("rows", "viable")
+
+
+@dataclass(frozen=True, eq=False)
+class JointRange:
+    """What n joints may do.
+
+    Attributes:
+        joints: Names.
+        lower, upper: (n,) positions [rad], infinite where there is no limit.
+        velocity_lower, velocity_upper: (n,) [rad/s], infinite where there is no limit.
+        acceleration: (n,) A: what every joint can brake and speed up with [rad/s^2].
+        period: h, for which an acceleration holds [s].
+
+    Raises:
+        ParamsError: a value that is not a number, an empty range, zero velocity not inside its range, acceleration or
+            period not positive, or a range so narrow that the joint cannot turn in it within two periods.
+    """
+
+    joints: tuple[str, ...]
+    lower: FloatArray
+    upper: FloatArray
+    velocity_lower: FloatArray
+    velocity_upper: FloatArray
+    acceleration: FloatArray
+    period: float
+
+    def __post_init__(self) -> None:
+        n = len(self.joints)
+        for key in ("lower", "upper", "velocity_lower", "velocity_upper", "acceleration"):
+            value = np.array(getattr(self, key), dtype=float)
+            if value.shape != (n,):
+                raise ParamsError(f"{key}: expected {n} values, one a joint, got shape {value.shape}")
+            value.setflags(write=False)
+            object.__setattr__(self, key, value)
+        if not (np.isfinite(self.period) and self.period > 0.0):
+            raise ParamsError(f"period: expected a positive number [s], got {self.period:g}")
+        need = np.maximum(_turn(self, upper=True), _turn(self, upper=False))
+        for i, joint in enumerate(self.joints):
+            if not (np.isfinite(self.acceleration[i]) and self.acceleration[i] > 0.0):
+                raise ParamsError(
+                    f"acceleration of {joint!r}: expected a positive number, got {self.acceleration[i]:g}"
+                )
+            low, high = self.velocity_lower[i], self.velocity_upper[i]
+            if not low < 0.0 < high:
+                raise ParamsError(f"velocities of {joint!r}: expected lower < 0 < upper, got {low:g} and {high:g}")
+            low, high = self.lower[i], self.upper[i]
+            if not high - low >= need[i]:
+                raise ParamsError(
+                    f"positions of {joint!r}: expected upper - lower >= {need[i]:.3g} rad, in which it can turn,"
+                    f" got {low:g} and {high:g}"
+                )
+
+
+def _turn(limits: JointRange, *, upper: bool) -> FloatArray:
+    """(n,) h W / 2 + W^2 / (2 B) with the B of the other end: the room that a joint needs that turns at one end."""
+    here, there = _braking(limits)
+    if not upper:
+        here, there = there, here
+    most = here * limits.period
+    with np.errstate(all="ignore"):
+        return np.asarray(0.5 * limits.period * most + most**2 / (2.0 * there))
+
+
+def _braking(limits: JointRange) -> tuple[FloatArray, FloatArray]:
+    """(n,) B at the upper and at the lower end [rad/s^2]."""
+    a, h = limits.acceleration, limits.period
+    return np.minimum(a, -limits.velocity_lower / h), np.minimum(a, limits.velocity_upper / h)
+
+
+class Viability:
+    """The bounds of a `JointRange` at any state.
+
+    At a state that is not viable limits give way: the position's first, outwards to where braking with B stops the
+    joint; then the velocity's, to what braking with A leaves after a period; the acceleration's A never. So a joint
+    beyond its range may not go further out, and is not driven back either: where the task brings it back, the limit
+    closes behind it. That this happened is told: by the count of `bounds`, and by `law.Status.RELAXED` of a tick.
+    """
+
+    def __init__(self, limits: JointRange) -> None:
+        """Keep the constants.
+
+        Args:
+            limits: Of n joints.
+        """
+        ends = limits.lower, limits.upper, limits.velocity_lower, limits.velocity_upper, limits.acceleration
+        self._limits = *ends, np.concatenate(_braking(limits)), limits.period
+        self._all = np.arange(len(limits.joints))
+
+    @property
+    def numbers(self) -> tuple[FloatArray | float, ...]:
+        """As `drake_tc.kernels.rows.viable` takes them, from the lower positions on."""
+        return self._limits
+
+    def bounds(
+        self, q: FloatArray, v: FloatArray, places: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, int]:
+        """(lower, upper) (n,) for the next period, and the number of joints of which a limit gave way.
+
+        Args:
+            q: (n,) positions [rad].
+            v: Velocities [rad/s].
+            places: (n,) where those of the joints stand in v; None for the joints' own (n,).
+        """
+        bounds: tuple[FloatArray, FloatArray, int] = _BOUNDS(
+            q, v, self._all if places is None else places, *self._limits
+        )
+        return bounds
 
 
 class AccelerationLimit:

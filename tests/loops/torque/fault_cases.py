@@ -19,8 +19,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.recording import TorqueRecording
-from drake_tc.loops.torque.running import run_loop
+from drake_tc.loops.torque.running import TorqueRecording, run_loop
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import SENSORS
 from drake_tc.robot.plant import joint_limits

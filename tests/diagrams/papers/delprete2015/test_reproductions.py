@@ -37,7 +37,7 @@ from drake_tc.diagrams.papers.delprete2015.torque_safety import miss, torque_saf
 from drake_tc.diagrams.papers.expected_values import expectations, on_record
 from drake_tc.report.reproduction import reproduced_row
 from drake_tc.robot.plant import make_plant
-from drake_tc.tsid.reduction import reduce
+from drake_tc.tsid.assembly import reduce
 
 
 @pytest.fixture(scope="module")

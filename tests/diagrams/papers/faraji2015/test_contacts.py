@@ -21,7 +21,7 @@ from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, TsidScenario
-from drake_tc.loops.whole_body.violations import contact_wrenches
+from drake_tc.loops.whole_body.summary import contact_wrenches
 from drake_tc.robot.mounts import Mount
 from drake_tc.tsid.contacts import Contact
 
