@@ -9,22 +9,20 @@ from typing import TYPE_CHECKING
 from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
-    from drake_tc.actuation.compensation import feedforward_effort
+    from drake_tc.actuation.compensator import feedforward_effort
     from drake_tc.actuation.half_step import simulated_inertia
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
-    from drake_tc.actuation.sliding_models import sliding
-    from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
+    from drake_tc.actuation.wiring import add_actuators, add_joint_actuators, sliding
     from drake_tc.analysis.frequency_response import channel, swept_sine
     from drake_tc.analysis.sampled import linearise, open_loop
     from drake_tc.analysis.stability_margins import loop_margins
-    from drake_tc.control.compensation_spec import CompensationSpec
     from drake_tc.control.gains import TorqueGains
-    from drake_tc.control.guard import CommandGuard
-    from drake_tc.control.guard_law import GuardSpec
+    from drake_tc.control.guard import CommandGuard, GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
     from drake_tc.control.torque_control import TorqueControl
+    from drake_tc.control.torque_law import CompensationSpec
     from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
     from drake_tc.diagnosis.run import close_loop
     from drake_tc.effects.library import LIBRARY, effect, register_effect
@@ -139,13 +137,13 @@ _HOMES = {
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
     "CommandGuard": "control.guard",
-    "CompensationSpec": "control.compensation_spec",
+    "CompensationSpec": "control.torque_law",
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
     "FaultMonitor": "sensor_validation.fault_monitor",
     "FilterSpec": "loops.scenarios.parts",
-    "GuardSpec": "control.guard_law",
+    "GuardSpec": "control.guard",
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "Law": "tsid.law",
@@ -182,7 +180,7 @@ _HOMES = {
     "close_loop": "diagnosis.run",
     "constant_trajectory": "control.trajectories",
     "effect": "effects.library",
-    "feedforward_effort": "actuation.compensation",
+    "feedforward_effort": "actuation.compensator",
     "fuse": "loops.fused.fuse",
     "identify": "identification.identify",
     "joint_limits": "robot.plant",
@@ -202,7 +200,7 @@ _HOMES = {
     "save_models": "actuation.model_file",
     "simulated_inertia": "actuation.half_step",
     "sinusoid_trajectory": "control.trajectories",
-    "sliding": "actuation.sliding_models",
+    "sliding": "actuation.wiring",
     "swept_sine": "analysis.frequency_response",
 }
 

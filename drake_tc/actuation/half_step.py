@@ -15,8 +15,7 @@ held for several steps makes the acceleration a saw tooth, of which a log at the
 
 from dataclasses import replace
 
-from drake_tc.actuation.constant_parts import split_parts
-from drake_tc.actuation.model import ActuatorModel, EffectValue
+from drake_tc.actuation.model import ActuatorModel, EffectValue, split_parts
 from drake_tc.effects.base import TorqueEffect
 
 

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.actuation.constant_parts import split_parts, term_tables
 from drake_tc.actuation.gear import Gear, gear_of
-from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model import ActuatorModel, split_parts, term_tables
 from drake_tc.effects.kernel import DriveKernel, EquationKernel, TorqueKernel
 from drake_tc.kernels import joint_layout as at
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from drake_tc.analysis.stability_margins import ComplexArray, Margins, margins
 from drake_tc.errors import ParamsError
-from drake_tc.filtering.savgol_weights import savgol_weights
+from drake_tc.filtering.savitzky_golay import savgol_weights
 from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]

@@ -10,8 +10,7 @@ import numpy as np
 import typer
 
 from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.wide_table import print_wide
+from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:

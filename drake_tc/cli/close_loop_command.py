@@ -13,7 +13,7 @@ import typer
 
 from drake_tc.analysis.executors import processes
 from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.terminal import progress_bar
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def close_loop_command(
         if mcap:
             require_rosbags()
         if check:
-            from drake_tc.cli.check_command import write_check
+            from drake_tc.cli.log_commands import write_check
             from drake_tc.experiments.check.run import check_rig
 
             write_check(check_rig(rig, log or [], progress), folder)

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from drake_tc.cli.wide_table import print_wide
+from drake_tc.cli.terminal import print_wide
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop import JointClosedLoop

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drake_tc.cli.out_files import result_file
-from drake_tc.cli.wide_table import print_wide
+from drake_tc.cli.terminal import print_wide
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
@@ -49,7 +49,7 @@ def export_ranges(request: RangesRequest) -> None:
         ParamsError: a target without ranges, Parquet without a file, or files that cannot be used.
     """
     from drake_tc.exchange.ranges.posterior import posterior_of
-    from drake_tc.exchange.ranges.table import as_document, save_samples
+    from drake_tc.exchange.ranges.program import as_document, save_samples
     from drake_tc.exchange.ranges.unit import read_unit
 
     if request.to not in TARGETS_OF_RANGES:

@@ -14,8 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.workers import tasks_of, worker_executor
+from drake_tc.cli.terminal import progress_bar, tasks_of, worker_executor
 from drake_tc.config.quoted import json_value
 
 if TYPE_CHECKING:

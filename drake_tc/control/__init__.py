@@ -6,14 +6,13 @@ from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.control.combined_paths import Chain, PosePath
-    from drake_tc.control.compensation_spec import CompensationSpec
     from drake_tc.control.gains import TorqueGains
-    from drake_tc.control.guard import CommandGuard
-    from drake_tc.control.guard_law import GuardSpec
+    from drake_tc.control.guard import CommandGuard, GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
     from drake_tc.control.reference_source import ReferenceSource
     from drake_tc.control.references import PointToPoint, Slerp, Swing
     from drake_tc.control.torque_control import TorqueControl
+    from drake_tc.control.torque_law import CompensationSpec
     from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
 
 __all__ = [
@@ -38,8 +37,8 @@ __all__ = [
 _HOMES = {
     "Chain": "combined_paths",
     "CommandGuard": "guard",
-    "CompensationSpec": "compensation_spec",
-    "GuardSpec": "guard_law",
+    "CompensationSpec": "torque_law",
+    "GuardSpec": "guard",
     "InverseDynamics": "inverse_dynamics",
     "PointToPoint": "references",
     "PosePath": "combined_paths",

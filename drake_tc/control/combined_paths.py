@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from drake_tc.control.reference_checks import meet
-from drake_tc.control.references import PointToPoint, Slerp, Swing
+from drake_tc.control.references import PointToPoint, Slerp, Swing, meet
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 

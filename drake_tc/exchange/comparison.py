@@ -12,7 +12,7 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.joint_units import in_units_of
 from drake_tc.diagnosis.result.export_trial import ExportErrors
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.bam_run import simulate_as_bam
+from drake_tc.exchange.bam import simulate_as_bam
 from drake_tc.exchange.drake_run import (
     simulate_file_in_drake,
     simulate_in_drake,

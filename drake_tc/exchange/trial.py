@@ -10,7 +10,7 @@ from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.exchange.account import sentences
 from drake_tc.exchange.comparison import RUNS, run_errors, run_notes
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mujoco_versions import file_notes
+from drake_tc.exchange.mujoco_run import file_notes
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.loads import Pendulum

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.config.joint_units import JointType, JointUnits
+from drake_tc.config.keys import check_sizes
 from drake_tc.config.quoted import quoted
-from drake_tc.config.units import check_sizes
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.declared_file import with_declared_file

@@ -469,7 +469,7 @@ class _Compiled:
     """What only MuJoCo's compiler knows of a file: numbers that depend on inertias of its bodies."""
 
     def __init__(self, path: Path) -> None:
-        from drake_tc.simulator_files.mujoco_module import mujoco_module
+        from drake_tc.simulator_files.mjcf_tree import mujoco_module
 
         self.mujoco = mujoco_module()
         self.model = self.mujoco.MjModel.from_xml_path(str(path))

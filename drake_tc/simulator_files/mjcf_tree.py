@@ -1,8 +1,13 @@
-"""An MJCF file as one tree: what it includes is in its place, and elements have the attributes of their classes."""
+"""An MJCF file as one tree: what it includes is in its place, and elements have the attributes of their classes.
 
+MuJoCo, where it is installed.
+"""
+
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from xml.parsers.expat import ExpatError
 
 from drake_tc.simulator_files.xml_tree import place, xml_tree
@@ -132,3 +137,16 @@ def bodies(root: ET.Element) -> Iterator[tuple[ET.Element, list[tuple[ET.Element
 
     for world in root.findall("worldbody"):
         yield from walk(world, "")
+
+
+def mujoco_module() -> Any:
+    """The module.
+
+    Raises:
+        ImportError: it is not installed.
+        OSError: a library that it needs is missing.
+    """
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn, so no display and no OpenGL are needed
+    import mujoco  # type: ignore[import-untyped]
+
+    return mujoco

@@ -10,14 +10,13 @@ import numpy as np
 
 from drake_tc.config.keys import unknown_key
 from drake_tc.config.quoted import quoted
-from drake_tc.config.validation import validated
+from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import merged, read_yaml
 from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty
 from drake_tc.errors import ParamsError
-from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.plant import file_rotors, joint_limits
 from drake_tc.robot.robot import Robot, load_robot
-from drake_tc.robot.rotors import file_rotors
-from drake_tc.simulator_files.packages import resolve
+from drake_tc.simulator_files.urdf import resolve
 from drake_tc.tsid.document import PAPER_SHARE, ControllerDocument, FormulationKeys
 from drake_tc.tsid.kinds import read_limits, read_task
 from drake_tc.tsid.law import Law

@@ -13,11 +13,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.cli.allocator import restart_tuned
-from drake_tc.cli.entry import leave
+from drake_tc.cli.entry import leave, restart_tuned
 from drake_tc.cli.main import run_app
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.seed_option import UnusedSeed
+from drake_tc.cli.terminal import UnusedSeed, progress_bar
 from drake_tc.config.quoted import json_value
 from drake_tc.report.figure_row import FigureRow, figure_table, rows_json
 from tests.benchmarks.seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
@@ -604,7 +602,7 @@ def gate(
     One engine alone is shown beside the stored results of the former one, where these are of the same size and seed.
     """
     from drake_tc.analysis.executors import processes
-    from drake_tc.cli.wide_table import print_wide
+    from drake_tc.cli.terminal import print_wide
     from tests.benchmarks import gate as gates
     from tests.benchmarks.gate_parts import SIZES, GateRuns
 

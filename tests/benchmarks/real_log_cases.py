@@ -24,7 +24,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 
 from drake_tc.config.keys import FileName, Keys, Name, Number, key
 from drake_tc.config.quoted import did_you_mean, quoted
-from drake_tc.config.validation import validated
+from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.rig import load_rig

@@ -17,8 +17,7 @@ from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.summary import contact_wrenches, summarise_tsid, task_errors, worst_misses, write_tsid
 from drake_tc.loops.whole_body.wiring import TorqueNoise
 from drake_tc.registry import diagrams, runnable, tsid_entry
-from drake_tc.robot.plant import joint_limits, make_plant
-from drake_tc.robot.rotors import file_rotors
+from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.robust.torque_error import TorqueError
 from tests.benchmarks.__main__ import run as benchmark

@@ -11,9 +11,8 @@ from drake_tc.exchange.account import sentences
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
-from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
-from drake_tc.exchange.urdf import to_urdf
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 
 STRIBECK = {"stribeck": 20.0, "stribeck_velocity": 0.01, "stribeck_exponent": 2.0}
 AXIS = ActuatorModel(

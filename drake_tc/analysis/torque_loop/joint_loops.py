@@ -12,8 +12,8 @@ from drake_tc.gravity import GRAVITY
 from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.spec import TorqueLoopSpec
-from drake_tc.robot.joint_axis import PRISMATIC, joint_axes
 from drake_tc.robot.plant import make_plant
+from drake_tc.robot.tree import PRISMATIC, joint_axes
 
 
 def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str, JointLoop]:

@@ -7,7 +7,7 @@ from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import DriveEffect
-from drake_tc.identification.break_away import LEAST_EVENTS, BreakAway, break_away
+from drake_tc.identification.pull_tests import LEAST_EVENTS, BreakAway, break_away
 
 PLAIN = frozenset({"viscous", "coulomb", "rotor_inertia", "stribeck"})
 """Effects beside which the torque at an event is static friction; others, such as friction that grows with the load,

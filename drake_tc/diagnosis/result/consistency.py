@@ -28,8 +28,7 @@ from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95
-from drake_tc.identification.linear_fit import LinearFit
-from drake_tc.identification.regression import least_squares
+from drake_tc.identification.regression import LinearFit, least_squares
 from drake_tc.types import FloatArray, IntArray
 
 FEWEST_ROWS = 200

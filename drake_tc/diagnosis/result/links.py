@@ -11,7 +11,7 @@ from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD
 from drake_tc.diagnosis.problem.shared.covariance import covariance
 from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
-from drake_tc.identification.base_parameters import base_combinations
+from drake_tc.identification.regression import base_combinations
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray, IntArray
 

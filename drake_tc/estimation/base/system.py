@@ -9,8 +9,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, Value
 
 from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
-from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.spec import BaseEstimatorSpec
 from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Sample, packed, place_of, unpacked
 from drake_tc.kernels.calls import BASE_OUTPUTS, KernelCall, copying

@@ -16,9 +16,9 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from drake_tc.config.joint_units import JointType
 from drake_tc.config.keys import Keys, Number, PositiveNumber, key, one_of, saying
+from drake_tc.config.page import json_schema
 from drake_tc.config.quoted import did_you_mean, quoted
-from drake_tc.config.schema import json_schema
-from drake_tc.config.validation import validated
+from drake_tc.config.records import validated
 from drake_tc.errors import RigError
 from drake_tc.extensions import EFFECTS
 from drake_tc.logs.rig_document.by_joint import (

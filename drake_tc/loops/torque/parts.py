@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints, save_models
-from drake_tc.actuation.sliding_models import sliding
+from drake_tc.actuation.wiring import sliding
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ModelFactors

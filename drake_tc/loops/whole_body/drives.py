@@ -18,8 +18,7 @@ from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.guard import CommandGuard
-from drake_tc.control.guard_law import GuardSpec
+from drake_tc.control.guard import CommandGuard, GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.scenario import TsidScenario

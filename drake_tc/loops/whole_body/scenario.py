@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
-from drake_tc.control.compensation_spec import CompensationSpec
+from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.base import ScenarioBase, check_run
 from drake_tc.loops.scenarios.parts import PushSpec

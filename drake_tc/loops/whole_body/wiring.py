@@ -19,7 +19,7 @@ from pydrake.systems.primitives import Adder, TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_values import Models, model_list
-from drake_tc.control.stopping_reference import StoppingReference
+from drake_tc.control.reference_source import StoppingReference
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.fused import FusedStages, StageValues

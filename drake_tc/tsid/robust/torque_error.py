@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_tc.control.covariance import checked_covariance
+from drake_tc.control.torque_uncertainty_file import checked_covariance
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray
 
