@@ -23,7 +23,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.loops.entries import DiagramEntry, Kind, SeaEntry, TorqueLoopEntry, TsidEntry
-    from drake_tc.report.reproduction import Progress, Reproduction
+    from drake_tc.report.figure_row import Progress, Reproduction
 
 DIAGRAMS, REPRODUCTIONS = "drake_tc.diagrams", "drake_tc.reproductions"
 """Groups of entry points."""

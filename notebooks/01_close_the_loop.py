@@ -30,7 +30,7 @@ import numpy as np
 
 from drake_tc import close_loop, feedforward_effort, load_models, load_rig, load_runs
 from drake_tc.actuation.compensator import Motion
-from drake_tc.actuation.half_step import model_to_simulate
+from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.cli.demo import GRAVITY_MOMENT, JOINT, LIMITS, LINK_INERTIA, DemoLength, demo_model, record_demo
 from drake_tc.identification import growing_sinusoid

@@ -33,8 +33,7 @@ from drake_tc import block_graph, close_loop, load_models
 from drake_tc.control.guard import GuardMode
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, pushed
-from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.summary import estimated, summarise, write_results
+from drake_tc.loops.torque.running import estimated, simulate_scenario, summarise, write_results
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import joint_limits
 

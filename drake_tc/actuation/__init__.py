@@ -6,7 +6,7 @@ from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
     from drake_tc.actuation.compensator import feedforward_effort
-    from drake_tc.actuation.half_step import simulated_inertia
+    from drake_tc.actuation.free_run import simulated_inertia
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
@@ -36,7 +36,7 @@ _HOMES = {
     "feedforward_effort": "compensator",
     "load_models": "model_file",
     "save_models": "model_file",
-    "simulated_inertia": "half_step",
+    "simulated_inertia": "free_run",
     "sliding": "wiring",
 }
 

@@ -119,13 +119,13 @@ def export_command(
     from drake_tc.actuation.model_file import load_model_file
     from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.export_trial import ExportTrial
-    from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS, changes
     from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.isaaclab import limited_by_supply, to_isaaclab_bam
     from drake_tc.exchange.links import with_links
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS, vocabulary
+    from drake_tc.exchange.trial import export_page, sentences
     from drake_tc.report.sections import cells, headings
 
     if (log or holdout) and rig is None:

@@ -95,8 +95,8 @@ def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list
 
 def _losses(to: str, ranges: "Sequence[TermRanges]") -> list[str]:
     """Sentences on what the simulator cannot express, of which the ranges have nothing."""
-    from drake_tc.exchange.account import sentences
     from drake_tc.exchange.targets import TARGETS
+    from drake_tc.exchange.trial import sentences
 
     return sentences([each.projection for each in ranges], TARGETS[to]) if ranges else []
 

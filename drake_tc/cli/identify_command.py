@@ -252,7 +252,7 @@ def _unit(drive: str, name: str) -> str:
 def _row(found: "Identified", notes: list[str]) -> dict[str, Any]:
     """Plain data: for the provenance of the model file, for --json, and for the table."""
     from drake_tc.effects.base import EFFORT_UNIT
-    from drake_tc.identification.piecewise import PiecewiseFit
+    from drake_tc.identification.asymmetric import PiecewiseFit
 
     parameters: dict[str, Any] = {}
     for name, value in found.parameters.items():

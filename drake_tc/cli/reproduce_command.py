@@ -15,7 +15,7 @@ from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.report.reproduction import Reproduction
+    from drake_tc.report.figure_row import Reproduction
     from drake_tc.text_table import TextTable
 
 

@@ -97,7 +97,7 @@ def document_model(document: Document) -> Any:
     from drake_tc.loops.torque.scenario import Scenario
     from drake_tc.loops.whole_body.scenario import TsidScenario
     from drake_tc.robot.document import RobotDocument
-    from drake_tc.tsid.document import ControllerDocument
+    from drake_tc.tsid.configuration import ControllerDocument
 
     models = {
         Document.robot: RobotDocument,

@@ -3,7 +3,7 @@
 Inverse dynamics of a robot whose base floats: what the joints must give while the base moves as its IMU says.
 
 With the base's angular velocity omega, angular acceleration alpha and proper acceleration a, all in base axes
-(`drake_tc.estimation.base_motion`), in a plant without gravity whose base has that proper acceleration:
+(`drake_tc.estimation.plant`), in a plant without gravity whose base has that proper acceleration:
 
     tau = S ( M [alpha; a; qddot_d] + h(q_d, [omega; 0; qdot_d]) )
 
@@ -18,8 +18,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base_motion import BaseMotion
-from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, build_plant
+from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.estimation.torque_model import as_slice
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.plant import add_robot

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import GUARD, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 _STEP = Kernel("guard", "step")

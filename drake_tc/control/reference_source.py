@@ -11,9 +11,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, offered_stage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, offered_stage, places
 from drake_tc.control.references import Path, Swing
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 _ALWAYS = np.array([np.inf])

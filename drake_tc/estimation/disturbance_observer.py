@@ -45,9 +45,9 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, Value
 
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.actuation.model import split_parts
+from drake_tc.array_stage import PortMethods
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import as_slice
-from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray

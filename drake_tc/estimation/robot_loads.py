@@ -34,8 +34,7 @@ from drake_tc.filtering.savitzky_golay import savgol_weights
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import WRENCH_AXES, Rig
-from drake_tc.robot.link_parameters import LinkModel, link_model
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkModel, link_model
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 

@@ -24,13 +24,11 @@ import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base_motion import BaseMotion
-from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, EstimationPlant, build_plant
-from drake_tc.gravity import GRAVITY
+from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, BaseMotion, EstimationPlant, build_plant
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import GRAVITY, FloatArray, IntArray
 
 
 def kernel_tables(

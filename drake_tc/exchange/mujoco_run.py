@@ -29,9 +29,8 @@ from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
 from drake_tc.exchange.xml_text import parsed
 from drake_tc.simulator_files.mjcf import ACTUATORS, PLAY, drive_of, gears_of, joints_of
 from drake_tc.simulator_files.mjcf_actuator import actuators
-from drake_tc.simulator_files.mjcf_tree import Defaults, mujoco_module
 from drake_tc.simulator_files.terms import Terms
-from drake_tc.simulator_files.xml_tree import xml_tree
+from drake_tc.simulator_files.xml_tree import Defaults, mujoco_module, xml_tree
 from drake_tc.types import FloatArray
 
 Version = tuple[int, ...]

@@ -17,11 +17,10 @@ import numpy as np
 from numpy.polynomial import legendre
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import FILTER, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 

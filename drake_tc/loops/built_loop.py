@@ -15,9 +15,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.advancing import Progress, advance
 from drake_tc.loops.fused import fuse
-from drake_tc.loops.recording import Recording, SignalLog, add_log
+from drake_tc.loops.recording import Progress, Recording, SignalLog, add_log, advance
 
 CHUNK = 0.02
 """The state is looked at this often [s]."""

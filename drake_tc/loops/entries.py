@@ -12,7 +12,7 @@ from typing import Any, Generic, Literal, Protocol, TypeVar
 from pydrake.systems.framework import Context, Diagram
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.advancing import Progress
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.scenarios.base import scenario_names
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea

@@ -1,8 +1,11 @@
 """`Recording`: what a simulated loop leaves behind, and the files that are written of it.
 
 One log of all recorded signals of a diagram, as every log costs its share of a tick.
+
+Advancing a simulation piece by piece, watched.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,11 +15,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink
 
 from drake_tc.config.files import whole_file, write_whole
-from drake_tc.errors import LogError
+from drake_tc.errors import LogError, SimulationError
 from drake_tc.types import FloatArray
 
 
@@ -132,3 +136,45 @@ def add_log(builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: 
     sink = LogVectorOutput(joined.get_output_port(), builder, period)
     sink.set_name("log")
     return SignalLog(sink, {name: slice(a, b) for name, (a, b) in zip(signals, pairwise(ends), strict=True)})
+
+
+Progress = Callable[[str, float], None]
+
+
+def advance(
+    simulator: Simulator,
+    duration: float,
+    chunk: float,
+    goes_on: Callable[[float], bool],
+    *,
+    plant_step: float,
+    progress: Progress | None = None,
+) -> None:
+    """Initialize, then advance to `duration` [s] in pieces of `chunk` [s], as long as what is watched goes on.
+
+    Args:
+        simulator: At the start.
+        duration: Where it ends.
+        chunk: Between two looks.
+        goes_on: Looks at the state after a piece, at its time [s]; False ends the run there.
+        plant_step: Of the plant [s], for the message.
+        progress: Told what is done and which share.
+
+    Raises:
+        SimulationError: a system failed; says when, and what to try. What `goes_on` raises is passed on.
+    """
+    chunks = math.ceil(duration / chunk - 1e-9)
+    try:
+        simulator.Initialize()
+        for number in range(1, chunks + 1):
+            now = duration if number == chunks else number * chunk
+            simulator.AdvanceTo(now)
+            if not goes_on(now):
+                return
+            if progress:
+                progress(f"{now:.1f} of {duration:g} s", now / duration)
+    except RuntimeError as error:
+        raise SimulationError(
+            f"the simulation failed at t = {simulator.get_context().get_time():.4f} s: {' '.join(str(error).split())};"
+            f" try a smaller plant_step than {plant_step:g} s"
+        ) from error

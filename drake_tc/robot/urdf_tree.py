@@ -13,7 +13,7 @@ from pathlib import Path
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Pose, Triple
+from drake_tc.robot.fields import Pose, Triple
 from drake_tc.robot.urdf_checks import MOVABLE, check_inertials, check_kind, check_names, check_tree, numbers
 
 

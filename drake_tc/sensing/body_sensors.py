@@ -20,9 +20,8 @@ from pydrake.systems.sensors import Accelerometer, Gyroscope
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Mount, Robot
 from drake_tc.sensing.corruption import Corruption
-from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import Sensor, SensorBase
-from drake_tc.sensing.spec import SensorSpec, joined
+from drake_tc.sensing.spec import SensorFault, SensorSpec, joined
 from drake_tc.types import FloatArray
 
 

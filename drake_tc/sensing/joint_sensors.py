@@ -20,9 +20,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
 from drake_tc.sensing.corruption import Corruption
-from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import Sensor, SensorBase
-from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 
 

@@ -26,8 +26,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, Polytope, TaskRows, identity
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, Polytope, TaskRows, Terms, identity
 from drake_tc.types import FloatArray, IntArray
 
 _COST_ROWS, _LIMIT_ROWS = Kernel("reduction", "cost_rows"), Kernel("reduction", "limit_rows")

@@ -12,10 +12,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import SimulationError
 from drake_tc.inner_stages import InnerStage
-from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.tick import advance_tick, keep_tick, lost_tick
 from drake_tc.types import Call, FloatArray

@@ -18,13 +18,12 @@ from drake_tc.tsid.program import over_y, sizes_of
 from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import BOX_DAMPING, EXACT
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.rectangle import WIDTH
 from drake_tc.tsid.robust.scaled import Rows, ScaledProblem
-from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.rows import LeastSquares, Parts
+from drake_tc.tsid.rows import LeastSquares, Parts, Terms
 from drake_tc.tsid.tables import KIND, LIMIT_KINDS, ROWS, Tables, tables_of
 from drake_tc.tsid.tasks.base import Task
-from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray, IntArray
 
 _PROBLEM = Kernel("problem", "problem")

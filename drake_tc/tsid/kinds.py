@@ -10,10 +10,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.extensions import LIMITS, TASKS, ExtensionPoint
 from drake_tc.robot import fields
 from drake_tc.robot.fields import Reader
-from drake_tc.tsid.limits.acceleration import AccelerationLimit
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.limits.capture_point import CapturePointLimit
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.tasks.base import Task

@@ -20,10 +20,9 @@ from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import QpSolver
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.torque_error import TorqueError
-from drake_tc.tsid.rows import LimitRows, Parts, TaskRows
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, Terms
 from drake_tc.tsid.tasks.base import Task
-from drake_tc.tsid.terms import Terms
 from drake_tc.tsid.tick_memory import TickMemory
 from drake_tc.types import FloatArray
 

@@ -22,13 +22,13 @@ from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.robot.plant import file_rotors, make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
-from drake_tc.tsid.terms import FrameTerms, Pose, Terms
+from drake_tc.tsid.rows import FrameTerms, Pose, Terms
 from drake_tc.types import FloatArray, IntArray
 
 _SUFFIX = "_of_tsid"

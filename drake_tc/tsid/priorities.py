@@ -23,9 +23,8 @@ from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
 from drake_tc.tsid.robust.convex import Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, nothing, null_basis, p_ind, scaled
-from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope, TaskRows
 from drake_tc.types import FloatArray
 

@@ -29,8 +29,7 @@ from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.active_set import RobustSolution, Start
-from drake_tc.tsid.rows import LimitRows, TaskRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.tsid.tick_memory import PreviousTick
 from drake_tc.types import FloatArray
 

@@ -16,7 +16,7 @@ from drake_tc.effects.library import all_effects
 from drake_tc.errors import ParamsError
 from drake_tc.registry import DIAGRAMS, registered, runnable
 from drake_tc.robot.document import RobotDocument
-from drake_tc.tsid.document import ControllerDocument
+from drake_tc.tsid.configuration import ControllerDocument
 
 MODELS = Path(drake_tc.models.__file__).parent
 FILES = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 

@@ -8,7 +8,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.priorities import Robustness, hierarchy
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .individual_risk import individual_risk

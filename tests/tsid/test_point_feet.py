@@ -7,11 +7,11 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from drake_tc.robot.mounts import Mount, Pose
+from drake_tc.robot.fields import Mount, Pose
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.program import reduced_qp

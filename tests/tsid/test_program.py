@@ -10,8 +10,7 @@ from pydrake.solvers import ClarabelSolver, SolverOptions
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.acceleration import AccelerationLimit
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.program import build_full, reduced_qp

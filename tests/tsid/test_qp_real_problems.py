@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.assembly import reduce
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.program import reduced_qp

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.kernels.reduction import RANK_KEPT, RANK_LOST
-from drake_tc.robot.mounts import Mount, Pose
+from drake_tc.robot.fields import Mount, Pose
 from drake_tc.tsid.assembly import causes_of, reduce
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel

@@ -14,9 +14,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import Budget, Options
+from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 from drake_tc.tsid.robust.scaled import p_ind
-from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from . import problems as real

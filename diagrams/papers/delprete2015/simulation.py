@@ -17,7 +17,7 @@ from drake_tc.tsid.model import Scratch, TsidModel, moved
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.active_set import RobustSolution, Start
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.types import FloatArray
 

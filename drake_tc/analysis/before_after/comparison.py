@@ -33,7 +33,7 @@ from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError, ParamsError
-from drake_tc.loops.advancing import Progress
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.scenarios.parts import GainSpec
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario

@@ -17,10 +17,9 @@ import yaml
 
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.loads import Pendulum
 from drake_tc.robot.robot import Robot
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 WEIGHT_MARGIN = 1.05
 """Over the weight that a mass can have, for the error of the fit."""

@@ -16,7 +16,7 @@ from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.analysis.sweep import sweep
 from drake_tc.analysis.tuning import Tuning
-from drake_tc.loops.advancing import Progress
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario

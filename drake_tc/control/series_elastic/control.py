@@ -12,12 +12,11 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.actuation.joint_values import Models
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw, motor_arrays
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 _ROWS = ("voltage", "friction", "shaped_reference", "fault")

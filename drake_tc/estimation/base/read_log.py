@@ -12,13 +12,12 @@ from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.log import BaseTrack, SensorLog
 from drake_tc.estimation.base.rig import BaseRig
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.array_files import read_arrays
 from drake_tc.logs.plausible import DEGREES, derivative
 from drake_tc.logs.readers import read_table
 from drake_tc.robot.robot import position_range
 from drake_tc.robot.urdf_tree import read_urdf
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 SHORTEST, LONGEST = 1e-4, 0.1
 """Periods that a base can be estimated with [s]."""

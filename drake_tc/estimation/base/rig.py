@@ -36,7 +36,7 @@ from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError, RigError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec, Point2
 from drake_tc.robot.document import PoseKeys
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 

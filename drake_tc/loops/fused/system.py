@@ -11,11 +11,10 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, OutputPort, System, ValueProducer
 
-from drake_tc.array_stage import Arrays, Held
+from drake_tc.array_stage import Arrays, Held, PortMethods
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import KernelCall, gathering, sequences
 from drake_tc.loops.fused.plan import Node, Plan, Source
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray, IntArray
 
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from drake_tc.actuation.half_step import model_to_simulate
+from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, in_plant, plant_side, with_declared_inertia
 from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of

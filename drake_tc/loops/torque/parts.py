@@ -17,8 +17,7 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.references import posture
-from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.spec import TorqueLoopSpec, base_source
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 

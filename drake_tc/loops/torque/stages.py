@@ -27,7 +27,7 @@ from drake_tc.estimation.torque_model import BaseSource, TorqueModel
 from drake_tc.estimation.wrench_tare import WrenchTare
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked
-from drake_tc.loops.torque.spec import TorqueLoopSpec, base_source, sensor_suite
+from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source, sensor_suite
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite

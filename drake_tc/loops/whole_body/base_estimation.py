@@ -11,7 +11,6 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.gravity import GRAVITY
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.loop_builder import first_imu, picked
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
@@ -20,6 +19,7 @@ from drake_tc.loops.whole_body.series_elastic_drives import Start
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.contacts import Contact
+from drake_tc.types import GRAVITY
 
 
 def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:

@@ -14,11 +14,10 @@ from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_tc.control.combined_paths import Chain
 from drake_tc.control.reference_source import ReferenceSource
 from drake_tc.control.references import Path, Slerp, Swing
 from drake_tc.control.rotation import quaternion_of, rotation_matrix
-from drake_tc.control.trajectories import knot_trajectory
+from drake_tc.control.trajectories import Chain, knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Law

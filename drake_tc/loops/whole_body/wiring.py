@@ -40,7 +40,7 @@ from drake_tc.loops.whole_body.series_elastic_drives import (
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.types import FloatArray
 
 

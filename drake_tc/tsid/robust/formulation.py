@@ -13,10 +13,9 @@ from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
 from drake_tc.tsid.robust.bound import in_null_space, within_risk
 from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, SolverMeans
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.robust.rectangle import rectangle
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled, size_of_risk
-from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 _EVALUATED = Kernel("scaling", "evaluated")

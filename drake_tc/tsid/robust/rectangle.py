@@ -14,9 +14,8 @@ from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.convex import Minimum, minimise
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, box, minimum_of
-from drake_tc.tsid.robust.options import Budget
+from drake_tc.tsid.robust.options import Budget, TorqueError
 from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, certain_miss, nothing, scaled
-from drake_tc.tsid.robust.torque_error import TorqueError
 from drake_tc.tsid.rows import Polytope
 from drake_tc.types import FloatArray
 

@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dgeqp3, dorgqr
 from scipy.special import erfcinv
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 from drake_tc.types import FloatArray, IntArray
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.rows import Parts, TaskRows
+from drake_tc.tsid.rows import Parts, TaskRows, Terms
 from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, axes, gains
-from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
 _ROWS = Kernel("rows", "com")

@@ -13,10 +13,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.rows import Parts, TaskRows, identity
+from drake_tc.tsid.rows import Parts, TaskRows, Terms, identity
 from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
-from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
 

@@ -8,7 +8,7 @@ import pytest
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.spec import SENSORS
+from drake_tc.loops.torque.scenario import SENSORS
 from drake_tc.registry import diagram_entry
 
 from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, LATE, FaultCase, run_case
