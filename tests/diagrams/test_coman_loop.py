@@ -15,8 +15,9 @@ from drake_tc.loops.scenarios.base import scenario_names
 from drake_tc.loops.whole_body.base_estimation import estimator_spec
 from drake_tc.loops.whole_body.ground import touching_points
 from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.references import SpanSpec
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, SpanSpec, SpringDrivesSpec, TsidScenario
+from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, SpringDrivesSpec, TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
 from drake_tc.tsid.law import Status
 
