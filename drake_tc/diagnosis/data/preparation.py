@@ -22,7 +22,7 @@ from drake_tc.diagnosis.data.timing_noise import timing_of_rows
 from drake_tc.diagnosis.data.timing_scatter import timing_scatter
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import LoadKind
-from drake_tc.estimation.robot_loads import ACCELERATION
+from drake_tc.estimation.coupled_gears import ACCELERATION
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.record import Run

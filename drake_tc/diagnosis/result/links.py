@@ -12,7 +12,7 @@ from drake_tc.diagnosis.problem.shared.covariance import covariance
 from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.diagnosis.problem.shared.stacked import StackedFit
 from drake_tc.identification.regression import base_combinations
-from drake_tc.robot.rigid_regressor import LinkModel
+from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray, IntArray
 
 SEEN = 2000

@@ -29,7 +29,7 @@ from drake_tc.diagnosis.selection.joint_problem import Search, candidates
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.link_load import LinkLoad, link_load
-from drake_tc.estimation.robot_loads import at_motors
+from drake_tc.estimation.coupled_gears import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray

@@ -14,7 +14,8 @@ from drake_tc.diagnosis.robot.shared_causes import diagnose_shared
 from drake_tc.diagnosis.robot.whole import diagnose_whole
 from drake_tc.diagnosis.selection.engine import Progress
 from drake_tc.diagnosis.thresholds import FITTED_LINKS, JOINT, LEAST_REMOVED_OF_ESTIMATED_LOAD
-from drake_tc.estimation.robot_loads import RobotLogs, motor_turns, with_robot_loads
+from drake_tc.estimation.coupled_gears import motor_turns
+from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 

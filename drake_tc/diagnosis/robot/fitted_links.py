@@ -57,7 +57,7 @@ from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
-from drake_tc.robot.rigid_regressor import LinkModel
+from drake_tc.robot.link_parameters import LinkModel
 
 MOVES = 2
 """Of a late encoder's readings: its delay is known better once they have been moved."""

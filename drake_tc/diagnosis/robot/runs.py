@@ -17,7 +17,7 @@ from drake_tc.diagnosis.problem.shared.rows import over_samples
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
-from drake_tc.estimation.robot_loads import at_motors
+from drake_tc.estimation.coupled_gears import at_motors
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray

@@ -48,7 +48,7 @@ from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.diagnosis.thresholds import BEYOND_TOLERANCE_BESIDE, NEAR_NOISE, SHARED, SearchThresholds
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.record import Run
-from drake_tc.robot.rigid_regressor import link_model
+from drake_tc.robot.link_parameters import link_model
 from drake_tc.types import FloatArray
 
 MOST_OFFSETS = 2

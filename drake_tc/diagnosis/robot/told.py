@@ -25,7 +25,7 @@ from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.estimation.robot_loads import RobotLogs
-from drake_tc.robot.rigid_regressor import LinkModel
+from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
 
 

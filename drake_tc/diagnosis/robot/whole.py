@@ -30,10 +30,11 @@ from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.set_up.find import check_set_up
 from drake_tc.diagnosis.thresholds import HELD_FROM_PERIOD
-from drake_tc.estimation.robot_loads import RobotLogs, motor_turns, with_robot_loads
+from drake_tc.estimation.coupled_gears import motor_turns
+from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.rigid_regressor import link_model
+from drake_tc.robot.link_parameters import link_model
 
 PASSES = 4
 """Of choosing causes under the noise that the last ones leave."""

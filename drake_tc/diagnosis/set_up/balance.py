@@ -24,8 +24,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drake_tc.diagnosis.set_up.rows import SetUpRows
-from drake_tc.estimation.robot_loads import motor_loads
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkModel
+from drake_tc.estimation.coupled_gears import motor_loads
+from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 LOAD = len(LINK_PARAMETERS)

@@ -12,7 +12,8 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import IdentificationError
-from drake_tc.estimation.robot_loads import at_motors, motor_turns, robot_logs, with_robot_loads
+from drake_tc.estimation.coupled_gears import at_motors, motor_turns
+from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.check.consistency import Finding, findings
 from drake_tc.experiments.check.joint import JointEffects, joint_effects
 from drake_tc.experiments.check.late_columns import late_columns

@@ -33,8 +33,8 @@ from drake_tc.experiments.design.robot_criteria import (
 )
 from drake_tc.experiments.design.robot_goal import NOISE_SHARE, PER_SECOND, RobotGoal, RobotNoise, robot_goal
 from drake_tc.experiments.design.robot_search import STEP, RobotSearch
+from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import joint_limits
-from drake_tc.robot.rigid_regressor import link_model
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray

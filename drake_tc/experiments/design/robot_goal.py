@@ -13,7 +13,7 @@ import numpy as np
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import InformationCriterion
 from drake_tc.identification.regression import independent_columns
-from drake_tc.robot.rigid_regressor import LinkModel
+from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray, IntArray
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]

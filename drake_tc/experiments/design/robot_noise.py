@@ -22,7 +22,8 @@ from drake_tc.diagnosis.robot.case import RobotCase
 from drake_tc.diagnosis.robot.start import as_commanded, in_wide_enough_band
 from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.robot_loads import RobotLogs, motor_turns, robot_logs, with_robot_loads
+from drake_tc.estimation.coupled_gears import motor_turns
+from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads
 from drake_tc.experiments.check.joint import joint_effects
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.design.robot_goal import RobotNoise

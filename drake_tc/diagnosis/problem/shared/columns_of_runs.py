@@ -20,7 +20,8 @@ from drake_tc.estimation.robot_loads import RobotLogs, filters_of, smoothed_moti
 from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkModel, link_model
+from drake_tc.robot.link_parameters import LinkModel, link_model
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray
 
 COLUMN_WINDOWS = 3

@@ -20,7 +20,7 @@ from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns, Piece
 from drake_tc.diagnosis.problem.shared.rows import JointRows, fold_grams, over_samples
 from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run
-from drake_tc.robot.rigid_regressor import LinkModel
+from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
 
 STEP = 1e-3

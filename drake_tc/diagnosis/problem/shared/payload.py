@@ -9,7 +9,8 @@ from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, LinkModel
+from drake_tc.robot.link_parameters import LinkModel
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import FloatArray
 
 

@@ -16,7 +16,8 @@ from drake_tc.diagnosis.problem.shared.causes import (
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.rigid_regressor import LINK_PARAMETERS, UNITS, LinkModel, link_model
+from drake_tc.robot.link_parameters import UNITS, LinkModel, link_model
+from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 
 HEAVIEST = 10.0
 """Error of a link's mass, over the mass of all links, at most: what is larger is an error of a unit."""
