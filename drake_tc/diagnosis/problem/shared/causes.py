@@ -95,8 +95,8 @@ class Cause:
 class Piece:
     """Columns over one stretch of a run: time (G,) since the start of the run [s] and values (G, n, P).
 
-    Of F/T sensors also the time (T,) and the wrenches (T, 6k) from which the torques were computed. Gains and alignments
-    turn and scale these readings themselves: a column on a coarser grid would leave what a contact changes faster.
+    Of F/T sensors also the time (T,) and the wrenches (T, 6k) from which the torques were computed. Gains and
+    alignments scale and turn these readings themselves: a coarser grid would leave what a contact changes faster.
     """
 
     time: FloatArray
