@@ -25,7 +25,7 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.spec import TorqueLoopSpec
+from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.robot.robot import load_robot
 

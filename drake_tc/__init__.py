@@ -9,28 +9,25 @@ from typing import TYPE_CHECKING
 from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
-    from drake_tc.actuation.compensation import feedforward_effort
-    from drake_tc.actuation.half_step import simulated_inertia
+    from drake_tc.actuation.compensator import feedforward_effort
+    from drake_tc.actuation.free_run import simulated_inertia
     from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
     from drake_tc.actuation.model_file import load_models, save_models
     from drake_tc.actuation.plant import ActuatorPlant
-    from drake_tc.actuation.sliding_models import sliding
-    from drake_tc.actuation.wiring import add_actuators, add_joint_actuators
+    from drake_tc.actuation.wiring import add_actuators, add_joint_actuators, sliding
     from drake_tc.analysis.frequency_response import channel, swept_sine
     from drake_tc.analysis.sampled import linearise, open_loop
     from drake_tc.analysis.stability_margins import loop_margins
-    from drake_tc.control.compensation_spec import CompensationSpec
     from drake_tc.control.gains import TorqueGains
-    from drake_tc.control.guard import CommandGuard
-    from drake_tc.control.guard_law import GuardSpec
+    from drake_tc.control.guard import CommandGuard, GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
     from drake_tc.control.torque_control import TorqueControl
+    from drake_tc.control.torque_law import CompensationSpec
     from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
     from drake_tc.diagnosis.run import close_loop
     from drake_tc.effects.library import LIBRARY, effect, register_effect
     from drake_tc.errors import DrakeTcError
-    from drake_tc.estimation.joint_torque import JointTorqueEstimator
-    from drake_tc.estimation.momentum_residual import MomentumResidual
+    from drake_tc.estimation.joint_torque import JointTorqueEstimator, MomentumResidual
     from drake_tc.estimation.torque_model import TorqueModel
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
     from drake_tc.identification.actuator import actuator_model
@@ -43,15 +40,14 @@ if TYPE_CHECKING:
     from drake_tc.loops.scenarios.parts import FilterSpec
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
     from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
-    from drake_tc.loops.torque.spec import TorqueLoopSpec
+    from drake_tc.loops.torque.scenario import TorqueLoopSpec
     from drake_tc.loops.torque.wiring import add_torque_loop
     from drake_tc.loops.whole_body.scenario import WholeBodySpec
     from drake_tc.loops.whole_body.wiring import add_whole_body_loop
     from drake_tc.report.block_graph.graph import block_graph
     from drake_tc.robot.plant import add_robot, joint_limits
     from drake_tc.robot.robot import Robot, load_robot
-    from drake_tc.sensing.fault import SensorFault
-    from drake_tc.sensing.spec import SensorSpec
+    from drake_tc.sensing.spec import SensorFault, SensorSpec
     from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
     from drake_tc.sensor_validation.fault_monitor import FaultMonitor
     from drake_tc.sensor_validation.monitor_spec import MonitorSpec
@@ -139,25 +135,25 @@ _HOMES = {
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
     "CommandGuard": "control.guard",
-    "CompensationSpec": "control.compensation_spec",
+    "CompensationSpec": "control.torque_law",
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
     "FaultMonitor": "sensor_validation.fault_monitor",
     "FilterSpec": "loops.scenarios.parts",
-    "GuardSpec": "control.guard_law",
+    "GuardSpec": "control.guard",
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "Law": "tsid.law",
     "LimitKind": "tsid.kinds",
-    "MomentumResidual": "estimation.momentum_residual",
+    "MomentumResidual": "estimation.joint_torque",
     "MonitorSpec": "sensor_validation.monitor_spec",
     "Rig": "logs.rig",
     "Robot": "robot.robot",
     "RobustTsid": "tsid.controller",
     "Run": "logs.record",
     "SavitzkyGolayFilter": "filtering.savitzky_golay",
-    "SensorFault": "sensing.fault",
+    "SensorFault": "sensing.spec",
     "SensorSpec": "sensing.spec",
     "SensorSuiteSpec": "sensing.suite",
     "SeriesElasticLoopSpec": "loops.series_elastic.scenario",
@@ -165,7 +161,7 @@ _HOMES = {
     "TaskKind": "tsid.kinds",
     "TorqueControl": "control.torque_control",
     "TorqueGains": "control.gains",
-    "TorqueLoopSpec": "loops.torque.spec",
+    "TorqueLoopSpec": "loops.torque.scenario",
     "TorqueModel": "estimation.torque_model",
     "WholeBodySpec": "loops.whole_body.scenario",
     "actuator_model": "identification.actuator",
@@ -182,7 +178,7 @@ _HOMES = {
     "close_loop": "diagnosis.run",
     "constant_trajectory": "control.trajectories",
     "effect": "effects.library",
-    "feedforward_effort": "actuation.compensation",
+    "feedforward_effort": "actuation.compensator",
     "fuse": "loops.fused.fuse",
     "identify": "identification.identify",
     "joint_limits": "robot.plant",
@@ -200,9 +196,9 @@ _HOMES = {
     "register_limit": "tsid.kinds",
     "register_task": "tsid.kinds",
     "save_models": "actuation.model_file",
-    "simulated_inertia": "actuation.half_step",
+    "simulated_inertia": "actuation.free_run",
     "sinusoid_trajectory": "control.trajectories",
-    "sliding": "actuation.sliding_models",
+    "sliding": "actuation.wiring",
     "swept_sine": "analysis.frequency_response",
 }
 

@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, Any, cast
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.loops.diagram_entry import DiagramEntry, Kind
-    from drake_tc.loops.entries import SeaEntry, TorqueLoopEntry, TsidEntry
-    from drake_tc.report.reproduction import Progress, Reproduction
+    from drake_tc.loops.entries import DiagramEntry, Kind, SeaEntry, TorqueLoopEntry, TsidEntry
+    from drake_tc.report.figure_row import Progress, Reproduction
 
 DIAGRAMS, REPRODUCTIONS = "drake_tc.diagrams", "drake_tc.reproductions"
 """Groups of entry points."""
@@ -130,7 +129,7 @@ def _found(name: str, kind: "Kind | None") -> "DiagramEntry[Any, Any]":
 
 def _named(name: str, kind: "Kind | None") -> "DiagramEntry[Any, Any]":
     """The diagram of `module:attribute`; modules in the working folder are found too."""
-    from drake_tc.loops.diagram_entry import DiagramEntry
+    from drake_tc.loops.entries import DiagramEntry
     from drake_tc.loops.function_diagram import function_entry
 
     if "" not in sys.path and str(Path.cwd()) not in sys.path:

@@ -29,14 +29,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drake_tc import close_loop, feedforward_effort, load_models, load_rig, load_runs
-from drake_tc.actuation.compensation import Motion
-from drake_tc.actuation.half_step import model_to_simulate
+from drake_tc.actuation.compensator import Motion
+from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.cli.demo import GRAVITY_MOMENT, JOINT, LIMITS, LINK_INERTIA, DemoLength, demo_model, record_demo
 from drake_tc.identification import growing_sinusoid
 from drake_tc.loops.joint_bench.diagram import Table
+from drake_tc.loops.joint_bench.free_run import rig_free_run
 from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
-from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
 
 folder = Path(tempfile.mkdtemp())
 

@@ -33,8 +33,7 @@ from drake_tc import block_graph, close_loop, load_models
 from drake_tc.control.guard import GuardMode
 from drake_tc.control.torque_control import COMPONENTS
 from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, pushed
-from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.summary import estimated, summarise, write_results
+from drake_tc.loops.torque.running import estimated, simulate_scenario, summarise, write_results
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import joint_limits
 
@@ -330,4 +329,4 @@ for value in load_models(loop.robot.actuators)["r_knee"].effects:
 # | `{masses: {r_foot: 1.3}}` | a foot that is 30 % heavier than the model thinks |
 # | `{pushes: [{link: r_foot, begin: 1.2, duration: 0.3, force: [40.0, 0.0, 0.0]}]}` | a hand that pushes the foot |
 #
-# Every field, and how to bring your own robot: [diagrams/README.md](../diagrams/README.md).
+# Every field: `drake-tc schema scenario --page`. Your own robot: [diagrams/README.md](../diagrams/README.md).

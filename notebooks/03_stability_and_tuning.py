@@ -31,24 +31,22 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from drake_tc.analysis.loop_parameters import with_values
-from drake_tc.analysis.pareto_plot import draw_fronts
+from drake_tc.analysis.joint_loop import with_values
 from drake_tc.analysis.sampled import linearise
 from drake_tc.analysis.settings import assess, default_goals, with_setting
 from drake_tc.analysis.stability_map import Axis, stability_map
-from drake_tc.analysis.torque_loop.joint_loops import joint_loops
-from drake_tc.analysis.torque_loop.one_joint_loop import one_joint_loop
+from drake_tc.analysis.torque_loop.joint_loops import joint_loops, one_joint_loop
 from drake_tc.analysis.torque_loop.tuned import tuned_fields, tuned_scenario
 from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tracking_error import filtered_task, predicted_error
-from drake_tc.analysis.tuning import SearchSpace, tune
+from drake_tc.analysis.tuning import SearchSpace, draw_fronts, tune
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
 from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHED, Released, pushed
 from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
 from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
 from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.torque.parts import sliding_scenario
 from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 
 folder = Path(tempfile.mkdtemp())
@@ -396,7 +394,7 @@ print(f"joints better than the servo: without {np.sum(plainly > 1.0)}, with {np.
 # With them every joint is ahead. `drake-tc reproduce A.beyond` runs this with wrong drive constants, wrong delays, late
 # sensors and a base that swings. Two limits are worth knowing before a robot is tried. The observer has to know
 # the rotors' inertia, at least roughly; here it is in the scenario. And encoders that are late without the controller
-# knowing take nearly all of the gain. [diagrams/README.md](../diagrams/README.md) has the figures.
+# knowing take nearly all of the gain. The command prints the figures.
 #
 # ## 6. Back to the model
 #

@@ -39,10 +39,8 @@ from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
 from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
 from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 from drake_tc.diagrams.papers.delprete2015.torque_safety import torque_safety
-from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import KnotSpec
-from drake_tc.loops.whole_body.summary import task_errors
-from drake_tc.loops.whole_body.violations import contact_misses
+from drake_tc.loops.whole_body.references import KnotSpec
+from drake_tc.loops.whole_body.running import contact_misses, simulate_tsid, task_errors
 from drake_tc.registry import tsid_entry
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law

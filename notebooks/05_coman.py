@@ -216,7 +216,7 @@ plt.show()
 # soles are; with soles taken for rigid its position is two and a half times as far off. The chain is told nothing and
 # uses no IMU: with roll, pitch and rates of one it comes to three times our error, and one yaw is as good as the
 # other where no foot turns on the floor. `drake-tc reproduce C.soles` and `C.slip` have the figures. The gains were
-# chosen by hand on these motions; what was tried is in [papers/faraji2015](../diagrams/papers/faraji2015/README.md).
+# chosen by hand on these motions ([papers/faraji2015](../diagrams/papers/faraji2015/README.md)).
 #
 # ## 4. A push
 #

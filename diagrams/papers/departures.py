@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drake_tc.report.figure_row import FigureRow
-from drake_tc.report.reproduction import OnRecord
+from drake_tc.report.figure_row import FigureRow, OnRecord
 
 
 def departures(rows: Sequence[FigureRow], recorded: Mapping[str, OnRecord]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from drake_tc.report.reproduction import Expectation, OnRecord, read_expectations, read_on_record
+from drake_tc.report.figure_row import Expectation, OnRecord, read_expectations, read_on_record
 
 FOLDERS = {"a": "delprete2016", "b": "delprete2015", "c": "faraji2015"}
 """First letter of a reproduction's id to the folder of its paper."""

@@ -17,7 +17,7 @@ from typing import Any
 from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, expected_path, on_record
 from drake_tc.errors import ParamsError
-from drake_tc.report.reproduction import reproduced_row
+from drake_tc.report.figure_row import reproduced_row
 
 SHARE, LEAST_SHARE, LESS_THAN_ONE = 0.02, 1e-3, 0.5
 """Of the value and of the expected value, for the tolerance of a row that has none; at most, of a whole number."""

@@ -8,8 +8,7 @@ from typing import Any
 import yaml
 
 from drake_tc.config.page import table
-from drake_tc.report.figure_row import FigureRow
-from drake_tc.report.figure_table import figure_cells
+from drake_tc.report.figure_row import FigureRow, figure_cells
 
 STORE = Path(__file__).parents[1] / "benchmarks"
 COMMANDS = STORE / "commands.yaml"

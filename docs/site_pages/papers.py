@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 from drake_tc.config.page import table
 from drake_tc.diagrams.papers.catalogue import REPRODUCTIONS
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
-from drake_tc.report.figure_row import FigureRow
-from drake_tc.report.reproduction import Expectation, OnRecord, reproduced_row
+from drake_tc.report.figure_row import Expectation, FigureRow, OnRecord, reproduced_row
 
 PAPERS = {
     "A": ("delprete2016", "Del Prete et al. (2016): torque control without joint-torque sensors"),

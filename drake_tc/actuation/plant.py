@@ -7,13 +7,11 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.actuation.joint_effects import JointEffects
-from drake_tc.actuation.joint_program import JointOutput
-from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
+from drake_tc.actuation.joint_step import UNCONNECTED, JointOutput, JointStep
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 

@@ -12,6 +12,8 @@ The drift is the difference of the halves' means, which no harmonic has a part i
 
 with c, d by projection: neither offset, drift nor harmonics leak into H. `rest` is `distortion`: noise, and what is not
 linear. The halves' own H differ (`apart`) where it has not settled, or grows.
+
+On which turn a phase is: followed from near 0 Hz on a grid that is refined until no step turns far.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,11 +24,47 @@ import numpy as np
 from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from drake_tc.analysis.phase_branch import nearest_turn
-from drake_tc.analysis.ports import cut_at, output_named
 from drake_tc.analysis.stability_margins import ComplexArray
+from drake_tc.analysis.state_coordinates import cut_at, output_named
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.types import BoolArray, FloatArray
+
+EVEN, BY_RATIO = 400, 60
+"""Points of the first grid: evenly spaced, for delays, and by their logarithm, for what happens at low frequencies."""
+LARGEST_STEP = np.pi / 4.0
+"""Between neighbours [rad]."""
+ROUNDS = 12
+"""Of halving where a step is larger: as narrow as 1/4000 of the first grid's."""
+
+
+def continuous_phase(response: Callable[[FloatArray], ComplexArray], frequency_hz: FloatArray) -> FloatArray:
+    """(F,) arg H [rad] without jumps from a thousandth of the lowest frequency on, where it is in [-pi, pi).
+
+    Args:
+        response: H (G,) at frequencies (G,) [Hz].
+        frequency_hz: (F,) > 0 [Hz].
+    """
+    low, top = 1e-3 * float(frequency_hz.min()), float(frequency_hz.max())
+    grid = np.unique(np.concatenate([np.linspace(low, top, EVEN), np.geomspace(low, top, BY_RATIO), frequency_hz]))
+    h = response(grid)
+    for _ in range(ROUNDS):
+        wide = np.flatnonzero(np.abs(np.angle(h[1:] * np.conj(h[:-1]))) > LARGEST_STEP)
+        if not wide.size:
+            break
+        middle = 0.5 * (grid[wide] + grid[wide + 1])
+        h = np.insert(h, wide + 1, response(middle))
+        grid = np.insert(grid, wide + 1, middle)
+    phase = np.unwrap(np.angle(h))
+    if phase[0] > np.pi - 1e-9:
+        phase = phase - 2.0 * np.pi
+    return np.asarray(phase[np.searchsorted(grid, frequency_hz)])
+
+
+def nearest_turn(phase: FloatArray, reference: FloatArray) -> FloatArray:
+    """The same angles [rad], by whole turns as near as can be to a reference; one that is NaN changes nothing."""
+    turns = np.round((reference - phase) / (2.0 * np.pi))
+    return np.asarray(phase + 2.0 * np.pi * np.where(np.isfinite(turns), turns, 0.0))
+
 
 Progress = Callable[[str, float], None]
 FASTEST = 0.4

@@ -7,10 +7,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.loop_parameters import parameters, value_of, with_values
+from drake_tc.analysis.joint_loop import JointLoop, parameters, value_of, with_values
 from drake_tc.analysis.sweep import Progress, SweepError, sweep
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray
 

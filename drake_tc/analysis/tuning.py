@@ -4,20 +4,45 @@ What the gains trade: along the reference a late velocity feeds back K7 (q_d' - 
 lacks K_v' of the same, so K7 near K_v' undoes its lateness; a late torque costs Kp of it, which wants a small Kp or a
 short window; dry friction y_c and dead zone leave y_c/K6, whatever Kp, unless Ki integrates them away; and a short
 window moves the phase that the margin needs and lets noise through. K6, the stiffness, is what a user states: it stays.
+
+Pareto front: the choices that no other one beats in everything.
+
+The Pareto front of a tuning, drawn: error against sensitivity peak, joint by joint; noise as colour.
 """
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from drake_tc.analysis.pareto import pareto_front
 from drake_tc.analysis.settings import Assessed, Batch, Goal, Setting, assess, assess_batch, default_goals, present
 from drake_tc.analysis.sweep import sweep
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.errors import ParamsError
+from drake_tc.types import FloatArray, IntArray
+
+
+def pareto_front(costs: FloatArray) -> IntArray:
+    """Rows of `costs` (N, m) that no other row is at most equal to everywhere and below somewhere, by the first cost.
+
+    Of equal rows the first stays. Rows that are not finite never are on the front.
+
+    Raises:
+        ParamsError: anything but two dimensions.
+    """
+    if costs.ndim != 2:
+        raise ParamsError(f"pareto_front: expected costs of shape (N, m), got {costs.shape}")
+    finite = np.flatnonzero(np.all(np.isfinite(costs), axis=1))
+    order = finite[np.lexsort(costs[finite].T[::-1])]
+    kept: list[int] = []
+    for row in order.tolist():
+        if not kept or not np.any(np.all(costs[kept] <= costs[row], axis=1)):
+            kept.append(row)
+    return np.array(kept, dtype=np.int64)
+
 
 Progress = Callable[[str, float], None]
 
@@ -211,3 +236,56 @@ def _around(setting: Setting, k_v: float, width: float) -> tuple[tuple[float, fl
     ki = [setting.ki * 2.0 ** (step * width) for step in (-1.0, -0.5, 0.0, 0.5, 1.0)] if setting.ki else [0.0, 1.25]
     k7 = sorted({max(setting.k7 + 0.3 * step * width * k_v, 0.0) for step in (-1.0, -0.5, 0.0, 0.5, 1.0)})
     return tuple(product(kp, ki, k7))
+
+
+LARGEST_PEAK = 4.0
+
+
+def draw_fronts(figure: Any, tuning: Tuning) -> None:
+    """Draw into a matplotlib Figure: one panel a joint, the front's settings coloured by their noise.
+
+    A line joins those that nothing beats in error and peak alone; a square is the present setting, a star the tuned.
+    """
+    joints = tuning.joints
+    columns = min(3, len(joints))
+    rows = -(-len(joints) // columns)
+    axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    drawn = [each for joint in joints for each in joint.front]
+    noises = [each.noise for each in drawn if each.noise > 0.0] or [1.0]
+    limits = {"vmin": np.log10(min(noises)), "vmax": np.log10(max(noises))}
+    points = None
+    for axis, joint in zip(axes, joints, strict=False):
+        points = _draw_joint(axis, joint, limits) or points
+    for axis in axes[len(joints) :]:
+        axis.set_visible(False)
+    if points is not None and max(noises) > min(noises):
+        figure.colorbar(points, ax=axes.tolist(), label="noise in the command, log10 of N m RMS")
+    figure.supxlabel("sensitivity peak [-]")
+    figure.supylabel("predicted RMS tracking error [mrad]")
+
+
+def _draw_joint(axis: Any, joint: TunedJoint, limits: dict[str, Any]) -> Any:
+    shown = [each for each in joint.front if each.sensitivity_peak <= LARGEST_PEAK]
+    points = None
+    if shown:
+        noise = np.log10(np.maximum([each.noise for each in shown], 1e-12))
+        points = axis.scatter(*_place(shown), c=noise, s=10, cmap="viridis", **limits)
+    edge, best = [], np.inf
+    for each in sorted(shown, key=lambda a: a.sensitivity_peak):
+        if each.error < best:
+            edge.append(each)
+            best = each.error
+    axis.plot(*_place(edge), color="0.6", linewidth=1.0, drawstyle="steps-post")
+    if joint.before is not None:
+        axis.plot(*_place([joint.before]), "s", color="tab:red", label="present")
+    axis.plot(*_place([joint.after]), "*", color="tab:orange", markersize=12, label="tuned")
+    if joint.goal.sensitivity_peak <= LARGEST_PEAK:
+        axis.axvline(joint.goal.sensitivity_peak, color="tab:red", linestyle=":", linewidth=1.0)
+    axis.set_title(joint.joint, fontsize="small")
+    axis.set_yscale("log")
+    axis.legend(fontsize="x-small")
+    return points
+
+
+def _place(settings: list[Assessed]) -> tuple[list[float], list[float]]:
+    return [each.sensitivity_peak for each in settings], [1e3 * each.error for each in settings]

@@ -10,8 +10,7 @@ import numpy as np
 import typer
 
 from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.wide_table import print_wide
+from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
@@ -109,7 +108,7 @@ def _plot(found: "BodeMeasurement", title: str, path: Path) -> None:
     """Magnitude and phase, measured as dots, predicted as lines."""
     from matplotlib.figure import Figure
 
-    from drake_tc.report.bode_plot import draw_bode
+    from drake_tc.report.run_plot import draw_bode
 
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     curves = {"measured": found.measured} | ({} if found.predicted is None else {"linear": found.predicted})

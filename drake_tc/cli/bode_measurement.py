@@ -8,11 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.analysis.frequency_response import Channel, FrequencyResponse, Sweep, bandwidth, swept_sine
-from drake_tc.analysis.phase_branch import continuous_phase
+from drake_tc.analysis.frequency_response import (
+    Channel,
+    FrequencyResponse,
+    Sweep,
+    bandwidth,
+    continuous_phase,
+    swept_sine,
+)
 from drake_tc.analysis.sampled import linearise
 from drake_tc.analysis.settled import settled_at
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import DrakeTcError
 from drake_tc.types import FloatArray
 

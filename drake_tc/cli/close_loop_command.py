@@ -13,7 +13,7 @@ import typer
 
 from drake_tc.analysis.executors import processes
 from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.terminal import progress_bar
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -32,13 +32,13 @@ FILES = (
 )
 """What the command writes; the refined model only where refining made free runs better, others with their options."""
 LOADED_BY_WORKERS = (
-    "drake_tc.loops.joint_bench.rig_free_run",
+    "drake_tc.loops.joint_bench.free_run",
     "drake_tc.identification.output_error",
     "drake_tc.diagnosis.selection.joint",
     "drake_tc.diagnosis.residual.structure",
     "sklearn.ensemble",
     "drake_tc.report.residual_plots",
-    "drake_tc.analysis.before_after.track",
+    "drake_tc.analysis.before_after.comparison",
 )
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""
 
@@ -125,7 +125,7 @@ def close_loop_command(
         from drake_tc.cli.close_loop_summary import print_summary
         from drake_tc.diagnosis.options import DiagnosisOptions
         from drake_tc.diagnosis.run import close_loop
-        from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+        from drake_tc.loops.joint_bench.free_run import rig_free_run
         from drake_tc.report.report_json import result_json
         from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
 
@@ -136,7 +136,7 @@ def close_loop_command(
         if mcap:
             require_rosbags()
         if check:
-            from drake_tc.cli.check_command import write_check
+            from drake_tc.cli.log_commands import write_check
             from drake_tc.experiments.check.run import check_rig
 
             write_check(check_rig(rig, log or [], progress), folder)

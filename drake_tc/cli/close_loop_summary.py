@@ -9,21 +9,18 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from drake_tc.cli.wide_table import print_wide
+from drake_tc.cli.terminal import print_wide
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
-from drake_tc.report.export_section import cells, headings
-from drake_tc.report.links_section import links_sentence, payload_sentences
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
-from drake_tc.report.refinement_section import refinement_sentence
+from drake_tc.report.sections import cells, headings, links_sentence, payload_sentences, refinement_sentence
 from drake_tc.report.sentences.experiments import experiment_sentence
-from drake_tc.report.sentences.notes import note_sentences
+from drake_tc.report.sentences.notes import note_sentences, warnings
 from drake_tc.report.sentences.set_up import set_up_sentences
-from drake_tc.report.sentences.warnings import warnings
 from drake_tc.report.words import REASONS, capital, ranked_effects, unexplained, verdict_words
 
 HANGING = 4

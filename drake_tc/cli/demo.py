@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from drake_tc.actuation.half_step import model_to_simulate
+from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.analysis.executors import processes
 from drake_tc.identification.excitation import (

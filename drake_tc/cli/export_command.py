@@ -11,14 +11,14 @@ import typer
 
 from drake_tc.cli.export_ranges import RangesRequest, export_ranges
 from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
+from drake_tc.cli.terminal import print_wide
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
     from drake_tc.diagnosis.result.export_trial import ExportErrors
-    from drake_tc.exchange.isaaclab_bam import ServoSettings
+    from drake_tc.exchange.isaaclab import ServoSettings
     from drake_tc.exchange.projection import Projection
 
 
@@ -119,14 +119,14 @@ def export_command(
     from drake_tc.actuation.model_file import load_model_file
     from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.export_trial import ExportTrial
-    from drake_tc.exchange.account import export_page, sentences
     from drake_tc.exchange.comparison import RUNS, changes
     from drake_tc.exchange.dc_motor import with_torque_constant
-    from drake_tc.exchange.isaaclab_bam import limited_by_supply, to_isaaclab_bam
+    from drake_tc.exchange.isaaclab import limited_by_supply, to_isaaclab_bam
     from drake_tc.exchange.links import with_links
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS, vocabulary
-    from drake_tc.report.export_section import cells, headings
+    from drake_tc.exchange.trial import export_page, sentences
+    from drake_tc.report.sections import cells, headings
 
     if (log or holdout) and rig is None:
         raise ParamsError(
@@ -234,7 +234,7 @@ def _chosen(
 
 
 def _servo_settings(supply_voltage: float | None, position_gain: float | None) -> "ServoSettings":
-    from drake_tc.exchange.isaaclab_bam import ServoSettings
+    from drake_tc.exchange.isaaclab import ServoSettings
 
     if supply_voltage is None or position_gain is None:
         raise ParamsError(
@@ -249,8 +249,7 @@ def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
     from drake_tc.exchange.isaaclab import to_isaaclab
     from drake_tc.exchange.mjcf import to_mjcf
     from drake_tc.exchange.mjlab import to_mjlab_actuators
-    from drake_tc.exchange.sdf import to_sdf
-    from drake_tc.exchange.urdf import to_urdf
+    from drake_tc.exchange.urdf import to_sdf, to_urdf
 
     return {
         Target.mjcf: to_mjcf,
@@ -293,7 +292,7 @@ def _not_in_newton_metres(model: "ActuatorModel") -> str:
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:
     """Sentences on what the written file needs."""
-    from drake_tc.exchange.mujoco_versions import file_notes
+    from drake_tc.exchange.mujoco_run import file_notes
 
     if to is Target.bam and into is None:
         return ["BAM loads a file whose entry `actuator` names one of its servos: add it, or give --into."]

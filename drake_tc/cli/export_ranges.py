@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drake_tc.cli.out_files import result_file
-from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
+from drake_tc.cli.terminal import print_wide
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def export_ranges(request: RangesRequest) -> None:
         ParamsError: a target without ranges, Parquet without a file, or files that cannot be used.
     """
     from drake_tc.exchange.ranges.posterior import posterior_of
-    from drake_tc.exchange.ranges.table import as_document, save_samples
+    from drake_tc.exchange.ranges.program import as_document, save_samples
     from drake_tc.exchange.ranges.unit import read_unit
 
     if request.to not in TARGETS_OF_RANGES:
@@ -95,8 +95,8 @@ def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list
 
 def _losses(to: str, ranges: "Sequence[TermRanges]") -> list[str]:
     """Sentences on what the simulator cannot express, of which the ranges have nothing."""
-    from drake_tc.exchange.account import sentences
     from drake_tc.exchange.targets import TARGETS
+    from drake_tc.exchange.trial import sentences
 
     return sentences([each.projection for each in ranges], TARGETS[to]) if ranges else []
 

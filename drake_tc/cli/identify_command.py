@@ -1,28 +1,94 @@
-"""`drake-tc identify`: the drive gain and friction of a rig's joints from its logs, as a model file."""
+"""`drake-tc identify`: the drive gain and friction of a rig's joints from its logs, as a model file.
+
+`drake-tc identify --method motor`: voltage-driven motors from logs and a data sheet.
+"""
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
-from drake_tc.cli.identify_motors import motor_row, print_motors
 from drake_tc.cli.out_files import Force, result_file
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.seed_option import UnusedSeed
-from drake_tc.cli.wide_table import print_wide
-from drake_tc.config.json_values import json_value
-from drake_tc.config.utf8_names import utf8_name
+from drake_tc.cli.terminal import UnusedSeed, print_wide, progress_bar
+from drake_tc.config.files import utf8_name
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import IdentificationError, LogError, RigError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
     from drake_tc.identification.identify import Identified, Method
+    from drake_tc.identification.motor_prior import MotorFit, MotorSheet
     from drake_tc.logs.record import Run
     from drake_tc.logs.rig import Rig
+
+UNITS: Mapping[str, str] = {
+    "torque_constant": "N*m/A",
+    "resistance": "Ohm",
+    "rotor_inertia": "kg*m^2",
+    "coulomb": "N*m",
+    "viscous": "N*m*s/rad",
+}
+HEADINGS = ("parameter", "data sheet", "identified", "95 % interval", "unit", "from logs", "off the sheet [sigma]")
+MEANING = (
+    "intervals cover measurement noise and data-sheet tolerance, not effects that the model lacks (ripple, Stribeck,"
+    " temperature)"
+)
+
+
+def motor_row(found: "MotorFit", told: "MotorSheet", notes: Sequence[str], runs: Sequence[str]) -> dict[str, Any]:
+    """Plain data of a motor: parameters with data sheet, interval, the logs' share, and how far off the sheet they are.
+
+    Args:
+        found: The fit.
+        told: The data sheet.
+        notes: What was done to the logs.
+        runs: Names.
+    """
+    sheet = told.motor(found.joint)
+    parameters = {
+        name: {
+            "value": float(getattr(found.motor, name)),
+            "unit": unit,
+            "ci95": [float(bound) for bound in found.spread[name]],
+            "data_sheet": float(getattr(sheet, name)),
+            "from_logs": float(found.from_logs[name]),
+            "off_sheet_sd": float(found.pull[name]),
+        }
+        for name, unit in UNITS.items()
+    }
+    return {
+        "joint": found.joint,
+        "drive": "voltage",
+        "method": "motor",
+        "parameters": parameters,
+        "rms": {"value": float(found.fit.rms), "unit": "V"},
+        "condition_number": float(found.fit.condition_number),
+        "converged": None,
+        "samples": int(found.fit.residual.size),
+        "runs": list(runs),
+        "notes": [*notes, *found.notes],
+    }
+
+
+def print_motors(rows: Sequence[Mapping[str, Any]]) -> None:
+    """A table a joint."""
+    for row in rows:
+        title = (
+            f"{row['joint']}: motor, {row['samples']} samples of {len(row['runs'])} runs,"
+            f" residual {row['rms']['value']:.3g} V rms"
+        )
+        lines = []
+        for name, entry in row["parameters"].items():
+            interval = "[{:.4g}, {:.4g}]".format(*entry["ci95"])
+            numbers = (f"{entry['data_sheet']:.4g}", f"{entry['value']:.4g}", interval, entry["unit"])
+            lines.append((name, *numbers, f"{100 * entry['from_logs']:.0f} %", f"{entry['off_sheet_sd']:+.1f}"))
+        print_wide(HEADINGS, lines, ("parameter", "unit"), title)
+    if rows:
+        print(MEANING)
 
 
 class MethodName(StrEnum):
@@ -142,8 +208,7 @@ def _fitting(
     """
     from drake_tc.identification.actuator import actuator_model
     from drake_tc.identification.identify import identify
-    from drake_tc.identification.motor_prior import check_motor_rig, identify_motor
-    from drake_tc.identification.motor_sheet import load_motor_sheet
+    from drake_tc.identification.motor_prior import check_motor_rig, identify_motor, load_motor_sheet
 
     if sheet is None:
 
@@ -167,7 +232,7 @@ def _fitting(
 
 def _notes(runs: Sequence["Run"], rig: "Rig", joint: str) -> list[str]:
     """What was repaired in the runs, but for what concerns other joints alone."""
-    from drake_tc.logs.distinct_notes import distinct_notes, of_joint
+    from drake_tc.logs.record import distinct_notes, of_joint
 
     return list(distinct_notes(of_joint(((run.name, note) for run in runs for note in run.notes), joint, rig.joints)))
 
@@ -187,7 +252,7 @@ def _unit(drive: str, name: str) -> str:
 def _row(found: "Identified", notes: list[str]) -> dict[str, Any]:
     """Plain data: for the provenance of the model file, for --json, and for the table."""
     from drake_tc.effects.base import EFFORT_UNIT
-    from drake_tc.identification.piecewise import PiecewiseFit
+    from drake_tc.identification.asymmetric import PiecewiseFit
 
     parameters: dict[str, Any] = {}
     for name, value in found.parameters.items():

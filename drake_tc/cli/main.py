@@ -12,22 +12,16 @@ from typer.exceptions import TyperException
 
 from drake_tc import __version__
 from drake_tc.cli.bode_command import bode_command
-from drake_tc.cli.check_command import check_command
 from drake_tc.cli.close_loop_command import close_loop_command
-from drake_tc.cli.design_command import design_command
-from drake_tc.cli.estimate_base_command import estimate_base_command
-from drake_tc.cli.estimate_torque_command import estimate_torque_command
+from drake_tc.cli.diagram_commands import graph_command, simulate_command
+from drake_tc.cli.estimate_commands import estimate_base_command, estimate_torque_command
+from drake_tc.cli.experiment_commands import design_command, rehearse_command
 from drake_tc.cli.export_command import export_command
-from drake_tc.cli.graph_command import graph_command
 from drake_tc.cli.identify_command import identify_command
-from drake_tc.cli.import_logs import import_logs
-from drake_tc.cli.inspect_command import inspect_command
-from drake_tc.cli.rehearse_command import rehearse_command
+from drake_tc.cli.log_commands import check_command, import_logs, inspect_command
 from drake_tc.cli.reproduce_command import reproduce_command
 from drake_tc.cli.schema_command import schema_command
-from drake_tc.cli.simulate_command import simulate_command
-from drake_tc.cli.stability_command import stability_command
-from drake_tc.cli.stability_map_command import stability_map_command
+from drake_tc.cli.stability_command import stability_command, stability_map_command
 from drake_tc.cli.tune_command import tune_command
 from drake_tc.cli.unexpected_errors import UNEXPECTED, Terminated, quiet_libraries, write_details
 from drake_tc.errors import DrakeTcError

@@ -12,10 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.progress import progress_bar
+from drake_tc.cli.terminal import progress_bar
 
 if TYPE_CHECKING:
-    from drake_tc.report.reproduction import Reproduction
+    from drake_tc.report.figure_row import Reproduction
     from drake_tc.text_table import TextTable
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drake_tc.cli.out_files import Force, print_or_write
-from drake_tc.cli.seed_option import UnusedSeed
+from drake_tc.cli.terminal import UnusedSeed
 
 
 class Document(StrEnum):
@@ -46,8 +46,8 @@ def _as_text(schema: dict[str, Any]) -> str:
 
 def document_schema(document: Document) -> dict[str, Any]:
     """The JSON schema of a file."""
-    from drake_tc.config.schema import json_schema
-    from drake_tc.logs.rig_document.schema import rig_schema
+    from drake_tc.config.page import json_schema
+    from drake_tc.logs.rig_document.document import rig_schema
 
     if document == Document.rig:
         return rig_schema()
@@ -91,13 +91,13 @@ SCENARIOS = (Document.scenario, Document.whole_body_scenario, Document.series_el
 
 def document_model(document: Document) -> Any:
     """The model of a file; imported here, as most commands need none of them."""
-    from drake_tc.actuation.model_document import ModelDocument
+    from drake_tc.actuation.model_file import ModelDocument
     from drake_tc.config.records import record_keys
     from drake_tc.loops.series_elastic.scenario import SeaScenario
     from drake_tc.loops.torque.scenario import Scenario
     from drake_tc.loops.whole_body.scenario import TsidScenario
     from drake_tc.robot.document import RobotDocument
-    from drake_tc.tsid.document import ControllerDocument
+    from drake_tc.tsid.configuration import ControllerDocument
 
     models = {
         Document.robot: RobotDocument,

@@ -1,8 +1,15 @@
-"""`drake-tc stability`: a diagram's loop linearised, its margins, and its verdict held against time simulation."""
+"""`drake-tc stability` and `drake-tc stability-map`.
+
+`drake-tc stability`: a diagram's loop linearised, its margins, and its verdict held against time simulation.
+
+`drake-tc stability-map`: stability of one joint's loop over any two of its parameters.
+"""
 
 import json
+import os
 import sys
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,15 +20,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.cli.progress import progress_bar
-from drake_tc.config.json_values import json_value
+from drake_tc.cli.out_files import Force, result_file
+from drake_tc.cli.terminal import UnusedSeed, progress_bar, worker_executor
+from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
     from drake_tc.analysis.stability_margins import Margins
-    from drake_tc.loops.diagram_entry import DiagramEntry
+    from drake_tc.loops.entries import DiagramEntry
 
 SHOWN = 8
 """Eigenvalues that are printed."""
@@ -78,7 +86,7 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Print eigenvalues, margins and stability of a diagram's loop at one time of a scenario, with perfect sensors."""
-    from drake_tc.loops.diagram_entry import naming_errors
+    from drake_tc.loops.entries import naming_errors
     from drake_tc.registry import runnable
 
     if friction not in ("sliding", "modelled"):
@@ -111,7 +119,7 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
         ParamsError: a direction, where the drives of the diagram cannot be told to slide in one.
     """
     if entry.kind == "torque":
-        from drake_tc.loops.torque.sliding import sliding_scenario
+        from drake_tc.loops.torque.parts import sliding_scenario
 
         return sliding_scenario(scenario, folder, direction)
     if direction != 0.0:
@@ -236,3 +244,75 @@ def _print(found: _Found, channel: str) -> None:
         f" {found.release.growth:.3g}); this {'agrees with' if found.agrees else 'CONTRADICTS'} the verdict",
         soft_wrap=True,
     )
+
+
+def stability_map_command(
+    diagram: Annotated[
+        str,
+        typer.Argument(
+            help="Diagram name, or module:attribute of your own. An unknown name prints the available diagrams."
+        ),
+    ],
+    joint: Annotated[
+        str, typer.Option(help="Joint that is mapped; the others are held still. An unknown name prints the joints.")
+    ],
+    x: Annotated[str, typer.Option(help="NAME=FIRST:LAST:STEP or NAME=A,B,C, such as window=20:160:20.")],
+    y: Annotated[
+        str, typer.Option(help="Second parameter, such as kp=0:4:0.2. An unknown NAME prints the available ones.")
+    ],
+    figure: Annotated[
+        str, typer.Option(help="spectral_radius, sensitivity_peak, gain_margin, phase_margin or delay_margin.")
+    ] = "spectral_radius",
+    scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
+    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
+    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
+    kf: Annotated[float | None, typer.Option(help="Force feedback gain instead of the scenario's.")] = None,
+    environment_stiffness: Annotated[
+        float, typer.Option(min=0.0, help="Stiffness of the environment at the joint [N m/rad].")
+    ] = 0.0,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes on this machine.")] = os.cpu_count() or 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the plot, .svg or .png.")] = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the map as JSON.")] = False,
+    seed: UnusedSeed = 0,
+) -> None:
+    """Map the stability of one joint over two parameters.
+
+    All other parameters are those of the scenario. K6 and K7 stay when Kp changes.
+    """
+    from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
+    from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+    from drake_tc.registry import diagram_entry
+
+    across, up = Axis.parse(x), Axis.parse(y)
+    scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text)
+    loops = joint_loops(scenario)
+    if joint not in loops:
+        raise ParamsError(f"no joint {joint!r}; joints: {', '.join(loops)}")
+    loop = replace(loops[joint], kf=loops[joint].kf if kf is None else kf, environment_stiffness=environment_stiffness)
+    if out is not None and out.suffix.lower() not in (".svg", ".png", ".pdf"):
+        raise ParamsError(f"stability-map: expected --out FILE.svg, .png or .pdf, got {out}")
+    place = nullcontext() if out is None else result_file(out, "--out", inputs=[scenario_file], force=force)
+    with (
+        place as file,
+        progress_bar("stability-map", quiet=as_json) as progress,
+        worker_executor(workers, scheduler) as executor,
+    ):
+        found = stability_map(loop, across, up, figure, executor=executor, progress=progress)  # type: ignore[arg-type]
+        if file is not None:
+            from matplotlib.figure import Figure
+
+            drawn = Figure(figsize=(8.0, 5.5), layout="constrained")
+            draw_map(drawn, found)
+            drawn.savefig(file, dpi=120)
+    if as_json:
+        print(json.dumps({"diagram": diagram, "joint": joint, **found.to_json(), "files": [str(out)] if out else []}))
+        return
+    print(
+        f"{joint}: {found.stable.mean():.1%} of {found.stable.size} points over {across.name} and {up.name} are stable"
+    )
+    for row in found.failed[:3]:
+        print(f"not computed: {row}")
+    if out:
+        print(out)

@@ -14,9 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.workers import tasks_of, worker_executor
-from drake_tc.config.json_values import json_value
+from drake_tc.cli.terminal import progress_bar, tasks_of, worker_executor
+from drake_tc.config.quoted import json_value
 
 if TYPE_CHECKING:
     from drake_tc.analysis.torque_loop.tuned import Confirmed
@@ -83,7 +82,7 @@ def tune_command(
     from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
     from drake_tc.analysis.tuning import SearchSpace, tune
     from drake_tc.loops.function_diagram import FunctionEntry
-    from drake_tc.loops.torque.summary import SETTLED
+    from drake_tc.loops.torque.running import SETTLED
     from drake_tc.registry import diagram_entry, runnable
 
     _check_ranges(margin, delay_margin, window or [])
@@ -150,8 +149,8 @@ def _write(found: "Tuning", folder: Path) -> None:
     """The fields for a scenario, and the fronts."""
     from matplotlib.figure import Figure
 
-    from drake_tc.analysis.pareto_plot import draw_fronts
     from drake_tc.analysis.torque_loop.tuned import tuned_fields
+    from drake_tc.analysis.tuning import draw_fronts
 
     text = yaml.safe_dump(tuned_fields(found), sort_keys=False, default_flow_style=None)
     (folder / FILES[0]).write_text(

@@ -1,7 +1,19 @@
-"""Values in messages: short and on one line, whatever a file holds."""
+"""Values and names in messages and JSON: short, on one line, with the nearest match of a misspelt name.
 
+Values in messages: short and on one line, whatever a file holds.
+
+Nearest match of a misspelt name, for messages.
+
+Plain data for JSON files: what the format has no number for is null.
+"""
+
+import difflib
+import math
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
 
 
 class _Short(reprlib.Repr):
@@ -37,3 +49,20 @@ def located(path: Iterable[str | int]) -> str:
             plain = part.isprintable() and 0 < len(part) <= _LONGEST_NAME
             text += ("." if text else "") + (part if plain else quoted(part))
     return text
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """'; did you mean ...?' when something in `known` is spelt like `name`; empty otherwise."""
+    match = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {match[0]!r}?" if match else ""
+
+
+def json_value(value: Any) -> Any:
+    """The same with None for infinity and NaN, however deep; arrays and tuples become lists."""
+    if isinstance(value, np.ndarray):
+        return json_value(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: json_value(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_value(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

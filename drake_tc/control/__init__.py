@@ -5,16 +5,21 @@ from typing import TYPE_CHECKING
 from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
-    from drake_tc.control.combined_paths import Chain, PosePath
-    from drake_tc.control.compensation_spec import CompensationSpec
     from drake_tc.control.gains import TorqueGains
-    from drake_tc.control.guard import CommandGuard
-    from drake_tc.control.guard_law import GuardSpec
+    from drake_tc.control.guard import CommandGuard, GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
     from drake_tc.control.reference_source import ReferenceSource
     from drake_tc.control.references import PointToPoint, Slerp, Swing
     from drake_tc.control.torque_control import TorqueControl
-    from drake_tc.control.trajectories import Sinusoid, constant_trajectory, knot_trajectory, sinusoid_trajectory
+    from drake_tc.control.torque_law import CompensationSpec
+    from drake_tc.control.trajectories import (
+        Chain,
+        PosePath,
+        Sinusoid,
+        constant_trajectory,
+        knot_trajectory,
+        sinusoid_trajectory,
+    )
 
 __all__ = [
     "Chain",
@@ -36,13 +41,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Chain": "combined_paths",
+    "Chain": "trajectories",
     "CommandGuard": "guard",
-    "CompensationSpec": "compensation_spec",
-    "GuardSpec": "guard_law",
+    "CompensationSpec": "torque_law",
+    "GuardSpec": "guard",
     "InverseDynamics": "inverse_dynamics",
     "PointToPoint": "references",
-    "PosePath": "combined_paths",
+    "PosePath": "trajectories",
     "ReferenceSource": "reference_source",
     "Sinusoid": "trajectories",
     "Slerp": "references",

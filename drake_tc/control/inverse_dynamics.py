@@ -9,14 +9,12 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, NumericParameterIndex, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
-from drake_tc.control.dynamics_terms import DynamicsTerms
-from drake_tc.control.floating_terms import BaseRotation, FloatingTerms
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.control.dynamics_terms import BaseRotation, DynamicsTerms, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import MOTION, KernelCall
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.robot.robot import Robot
 from drake_tc.types import Call, FloatArray
 

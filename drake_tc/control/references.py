@@ -3,22 +3,95 @@
 All are three times differentiable in time, before, during and after they move, so that acceleration and its rate have
 no jump: s(u) = 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7 goes from 0 to 1 with three derivatives that vanish at both ends. The
 paper, which does not print its functions, has "smooth exponential functions".
+
+The step from 0 to 1 that references take, with three derivatives that vanish at both ends, for many samples.
+
+What references refuse: numbers without sense, directions without length, pieces that do not meet.
 """
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drake_tc.control.reference_checks import check_quaternions, check_times
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
-from drake_tc.control.smooth_step import Motion, smooth_step
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SWING, KernelCall
 from drake_tc.kernels.instant import Quadruple, Triple, orientation_row, step_at, swinging, unit
 from drake_tc.types import Call, FloatArray
+
+
+class Motion(NamedTuple):
+    """A motion and its derivatives in time, (T, m) each: places, or angles and their rates in the world."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+
+def smooth_step(time: FloatArray, begin: float, duration: float) -> FloatArray:
+    """(4, T): s(u) and its first three derivatives in time, u = (t - begin)/duration, 0 before and 1 after.
+
+    Args:
+        time: (T,) [s].
+        begin: When it starts to rise [s].
+        duration: > 0, how long it does [s].
+    """
+    u = np.clip((np.asarray(time, dtype=np.float64) - begin) / duration, 0.0, 1.0)
+    left = 1.0 - u
+    value = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+    first = 140.0 * (u * left) ** 3
+    second = 420.0 * (u * left) ** 2 * (1.0 - 2.0 * u)
+    third = 840.0 * u * left * (1.0 - 5.0 * u * left)
+    return np.stack([value, first / duration, second / duration**2, third / duration**3])
+
+
+SHORTEST = 1e-6
+"""Duration [s]: below it, rates are no numbers any more."""
+MEETING = 1e-6
+"""Ends as near as this are one [m, or parts of a quaternion]."""
+
+
+def check_times(what: str, numbers: tuple[float, ...], begin: float, duration: float) -> None:
+    """Refuse numbers that are not finite and durations below `SHORTEST`.
+
+    Raises:
+        ParamsError: as said.
+    """
+    if not all(map(math.isfinite, (*numbers, begin))):
+        raise ParamsError(f"{what}: expected finite numbers, got {numbers} and begin {begin!r}")
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise ParamsError(f"{what}: expected a positive duration [s], got {duration!r}")
+    if duration < SHORTEST:
+        raise ParamsError(f"{what}: expected a duration of at least {SHORTEST:g} s, got {duration!r}")
+
+
+def check_quaternions(what: str, *quaternions: tuple[float, ...]) -> None:
+    """Refuse quaternions without direction.
+
+    Raises:
+        ParamsError: not four numbers, all zero, or a length that is no number.
+    """
+    for quaternion in quaternions:
+        if len(quaternion) != 4 or not any(quaternion) or not math.isfinite(math.hypot(*quaternion)):
+            raise ParamsError(f"{what}: expected a quaternion [w x y z] that is not zero, got {quaternion}")
+
+
+def meet(one: tuple[float, ...], other: tuple[float, ...], *, turns: bool) -> bool:
+    """Whether two ends are one: places by their distance, quaternions up to length and sign.
+
+    Args:
+        one: m numbers.
+        other: As many.
+        turns: Whether these are quaternions [w x y z].
+    """
+    if not turns:
+        return math.dist(one, other) <= MEETING
+    first, second = unit(one), unit(other)
+    return min(math.dist(first, second), math.dist(first, [-part for part in second])) <= MEETING
 
 
 class Path(Protocol):

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.kernels.calls import COPY_BELOW, KernelCall
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import BoolArray, Call, FloatArray
 
 LOSS_TIME = 0.15

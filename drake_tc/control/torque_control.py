@@ -18,12 +18,10 @@ from pydrake.systems.framework import (
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
-from drake_tc.array_stage import Arrays, ArrayStage, places
-from drake_tc.control.compensation_spec import CompensationSpec
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.torque_law import SOLUTION, TorqueLaw
+from drake_tc.control.torque_law import SOLUTION, CompensationSpec, TorqueLaw
 from drake_tc.errors import ParamsError
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 COMPONENTS = (

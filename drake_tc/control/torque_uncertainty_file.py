@@ -1,4 +1,7 @@
-"""How wrong a model's joint torques are, as a file: `close-loop` writes it, controllers read their Sigma from it."""
+"""How wrong a model's joint torques are, as a file: `close-loop` writes it, controllers read their Sigma from it.
+
+What makes a matrix a covariance.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,14 +11,42 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
+from drake_tc.config.files import write_whole
 from drake_tc.config.keys import AnyNumber, Keys, Names, Number, key
 from drake_tc.config.quoted import quoted
-from drake_tc.config.validation import validated
-from drake_tc.config.whole_file import write_whole
+from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
-from drake_tc.control.covariance import checked_covariance
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
+
+ROUNDING = 1e-9
+"""Relative to the largest variance: how far from symmetric and positive semidefinite a covariance may be."""
+
+
+def checked_covariance(covariance: FloatArray) -> FloatArray:
+    """(n, n) exactly symmetric, variances >= 0, of a matrix that is so but for rounding.
+
+    Args:
+        covariance: (n, n), n >= 1.
+
+    Raises:
+        ParamsError: not finite, not symmetric or not positive semidefinite.
+    """
+    if not np.isfinite(covariance).all():
+        raise ParamsError("covariance: expected finite numbers, got NaN or infinity")
+    largest = float(np.abs(np.diagonal(covariance)).max())
+    skewness = float(np.abs(covariance - covariance.T).max())
+    if skewness > ROUNDING * largest:
+        raise ParamsError(f"covariance: expected a symmetric matrix; it differs from its transpose by {skewness:.3g}")
+    mean: FloatArray = 0.5 * (covariance + covariance.T)
+    lowest = float(np.linalg.eigvalsh(mean)[0])
+    if lowest < -ROUNDING * largest:
+        raise ParamsError(
+            f"covariance: expected a positive semidefinite matrix; its smallest eigenvalue is {lowest:.3g}"
+        )
+    np.fill_diagonal(mean, np.maximum(np.diagonal(mean), 0.0))
+    return mean
+
 
 SCHEMA = 1
 UNIT = "N*m"

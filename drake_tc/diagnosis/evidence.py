@@ -217,8 +217,7 @@ class Evidence:
         deviation = ranges / np.sqrt(2.0 * np.pi)  # at the middle of a Gaussian, 1/range is the uniform's density
         none = np.zeros(k, dtype=bool)
         shaped = Prior(np.zeros(k), deviation, none)
-        parts = [Prior(*(getattr(prior, n)[s] for n in ("mean", "deviation", "positive")))
-                 for s in (slice(None, size), slice(size, None))]  # fmt: skip
+        parts = [prior.part(s) for s in (slice(None, size), slice(size, None))]
         joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
         products = Products.of(joined, self.target(self.model.train, scored.terms), self.noise.share)
         found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
@@ -306,8 +305,8 @@ class Evidence:
         shared, size = train.moment.size - own[0], train.moment.size + own[1]
         first, second = np.arange(train.moment.size), np.r_[np.arange(shared), size - own[1] + np.arange(own[1])]
         more = self.design(self.model.held, terms)[1]
-        joined = Prior.stacked([prior, *([_last(more, own[1])] if own[1] else [])])
-        before, after = _placed(train, first, size), _placed(held, second, size)
+        joined = Prior.stacked([prior, more.part(slice(more.mean.size - own[1], None))])
+        before, after = placed(train, first, size), placed(held, second, size)
         jacobian = self.noise.share * self.model.held.log_jacobian(terms, float(np.sqrt(variance)))
         both = posterior(before + after, joined, variance).log_evidence
         return both - posterior(before, joined, variance).log_evidence + jacobian
@@ -317,11 +316,7 @@ class Evidence:
         return self.model.train, self.model.held
 
 
-def _last(prior: Prior, count: int) -> Prior:
-    return Prior(prior.mean[-count:], prior.deviation[-count:], prior.positive[-count:])
-
-
-def _placed(products: Products, places: IntArray, size: int) -> Products:
+def placed(products: Products, places: IntArray, size: int) -> Products:
     """Products whose columns stand at these places among `size`."""
     gram, moment = np.zeros((size, size)), np.zeros(size)
     gram[np.ix_(places, places)], moment[places] = products.gram, products.moment
@@ -333,9 +328,10 @@ def with_run_spread(evidence: Evidence, terms: Sequence[Term]) -> Evidence:
     if len(evidence.model.train.samples.runs) < 2:
         return evidence
     model = replace(evidence.model, common_zero=True)  # what all runs share is no spread
+    first = Evidence(model, evidence.noise)
     best = RunSpread()
     for name in ("zero", "friction"):
         tried = [replace(best, **{name: size}) for size in RUN_SPREADS]
-        odds = [Evidence(model, evidence.noise, spread).score(terms).log_odds for spread in tried]
+        odds = [replace(first, spread=spread).score(terms).log_odds for spread in tried]
         best = next(spread for spread, own in zip(tried, odds, strict=True) if own >= max(odds) - ALTERNATIVE)
     return Evidence(evidence.model, evidence.noise, best)

@@ -1,6 +1,7 @@
 """Physical parameters of a set of terms with 95 % intervals from the posterior, every nuisance included."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -78,7 +79,7 @@ def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:
     if len(evidence.model.train.samples.runs) < 2:
         return np.ones(at)
     spreads = [RunSpread(*pair) for pair in product(RUN_SPREADS, RUN_SPREADS)]
-    owns = [Evidence(evidence.model, evidence.noise, spread) for spread in spreads]
+    owns = [replace(evidence, spread=spread) for spread in spreads]
     found = [own.with_shapes(own.score(scored.terms, scored.posterior.variance)) for own in owns]
     odds = np.array([each.log_odds for each in found])
     weights = np.exp(odds - odds.max())[:, None] / np.exp(odds - odds.max()).sum()

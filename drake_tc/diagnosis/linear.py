@@ -33,6 +33,10 @@ class Prior:
         """The same coefficients held at 0, up to a share of their standard deviations."""
         return Prior(np.zeros_like(self.mean), share * self.deviation, self.positive)
 
+    def part(self, places: slice) -> "Prior":
+        """Of these coefficients alone."""
+        return Prior(self.mean[places], self.deviation[places], self.positive[places])
+
     @classmethod
     def stacked(cls, parts: "list[Prior]") -> "Prior":
         """Of the coefficients of all parts, one after the other."""

@@ -120,6 +120,22 @@ class Split:
         """(T,) df/da at the age at which the channel is linearised."""
         return self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
 
+    def reduced_slope(self, channel: str) -> FloatArray:
+        """(N,) the same on the rows; of the rate in a servo for a viscous friction of 1 N m s/rad."""
+        if ("age", channel) not in self._kept:
+            rate = channel == "rate"
+            slope = self.gain * self.samples.signals.acceleration if rate else self.slope_of(channel)
+            self._kept["age", channel] = self.samples.reduce(_inside(slope, self.samples) if rate else slope)
+        return np.asarray(self._kept["age", channel])
+
+    @cached_property
+    def run_columns(self) -> tuple[FloatArray, ...]:
+        """(N, r) direction, speed and 1, each in its run."""
+        s = self.samples
+        each = s.reduce(s.signals.direction, fresh=True), s.reduce(s.signals.velocity), np.ones(s.rows.size)
+        inside = s.run[:, None] == np.arange(len(s.runs))
+        return tuple(np.where(inside, values[:, None], 0.0) for values in each)
+
     @cached_property
     def _aged(self) -> dict[str, FloatArray]:
         """(N,) f(a) - a df/da of each channel at its age a."""
@@ -364,12 +380,10 @@ class JointModel:
         """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
         out = []
         for channel, (mean, deviation) in self.ages.items():
-            if channel == "rate":
-                slope = _inside(split.gain * self.viscous * split.samples.signals.acceleration, split.samples)
-            else:
-                slope = split.slope_of(channel)
+            values = split.reduced_slope(channel)
+            values = self.viscous * values if channel == "rate" else values
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
-            out.append(Block(split.samples.reduce(slope)[:, None], prior))
+            out.append(Block(values[:, None], prior))
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
             out.append(Block(one, Prior(np.zeros(1), np.array([CONTRIBUTION * self.scale]), np.zeros(1, dtype=bool))))
@@ -380,17 +394,12 @@ class JointModel:
 
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
         """Columns of what differs from run to run: Coulomb and viscous friction, and the zero of the effort."""
-        s, out = split.samples, []
-        direction = s.reduce(s.signals.direction, fresh=True)
-        speed = s.reduce(s.signals.velocity)
-        friction = spread.friction * split.gain
+        out, friction = [], spread.friction * split.gain
         sizes = (friction * self.friction, friction * self.viscous, spread.zero * self.scale)
-        for values, deviation in zip((direction, speed, np.ones_like(direction)), sizes, strict=True):
-            if deviation <= 0.0:
-                continue
-            columns = np.stack([np.where(s.run == k, values, 0.0) for k in range(len(s.runs))], axis=-1)
-            size = columns.shape[1]
-            out.append(Block(columns, Prior(np.zeros(size), np.full(size, deviation), np.zeros(size, dtype=bool))))
+        for columns, deviation in zip(split.run_columns, sizes, strict=True):
+            if deviation > 0.0:
+                size = columns.shape[1]
+                out.append(Block(columns, Prior(np.zeros(size), np.full(size, deviation), np.zeros(size, dtype=bool))))
         return out
 
     def shape_range(self, effect: Effect, name: str) -> float:

@@ -19,6 +19,8 @@ CONTRIBUTION = 0.2
 """Standard deviation of an effect's contribution to the effort over the RMS of the effort."""
 CAUSE_CONTRIBUTION = 1.0
 """The same of a cause of the whole robot, where it contributes most: a tool can be all that a wrist bears."""
+GAIN_ERROR = 0.2
+"""Standard deviation of a sensor's gain that is asked for: beyond it, a sensor is not wrong but another one."""
 DECLARED_CONTRIBUTION = 3.0
 """The same of a declared term, about which the prior says nothing but its scale."""
 HELD_GAIN = 1e-6

@@ -24,11 +24,10 @@ from drake_tc.diagnosis.run_order import in_order
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.estimation.robot_loads import robot_logs
-from drake_tc.logs.distinct_notes import distinct_notes
+from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.record import Run
+from drake_tc.logs.record import Run, distinct_notes
 from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.logs.run_sets import require_different_files, require_different_runs, require_two_runs
 
 
 def close_loop(

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from drake_tc.config.did_you_mean import did_you_mean
-from drake_tc.config.quoted import quoted
+from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.effects.asymmetric_friction import AsymmetricFriction, CoulombAsymmetry
 from drake_tc.effects.backlash import Backlash
 from drake_tc.effects.base import Context, Effect

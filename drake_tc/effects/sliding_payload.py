@@ -5,9 +5,8 @@ from typing import Any
 
 from drake_tc.effects.base import Context, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
-from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.torque_equations import CONSTANT
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 WEIGHT_RANGE = Plausible(
     -1.0, 1.0, "a mass pulls with no more than the largest forces of drive and load together", "torque"

@@ -22,8 +22,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import PortMethods
 from drake_tc.errors import ParamsError
-from drake_tc.port_methods import PortMethods
 
 LARGEST = 1e9
 """No input in SI units is as large; one that is counts as not finite."""

@@ -1,16 +1,20 @@
-"""`JointTorqueEstimator`: Algorithm 1 of Del Prete et al. (2016) as a Drake system."""
+"""`JointTorqueEstimator`: Algorithm 1 of Del Prete et al. (2016) as a Drake system.
+
+`MomentumResidual`: the generalized-momentum observer of what pushes the robot beyond what is known.
+"""
 
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.kernels.calls import ESTIMATE, KernelCall
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 LARGEST = 1e9
@@ -109,3 +113,126 @@ def _parts(n: int, k: int) -> dict[str, slice]:
     sizes = {"estimated_torque": n, "unknown_wrench": 6, "contact_wrench": 6 * k, "fault": 1}
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(a, b) for name, (a, b) in zip(sizes, pairwise(ends), strict=True) if b > a}
+
+
+class MomentumResidual(PortMethods, LeafSystem):
+    r"""External generalized forces on n joints and the base, filtered by K, without joint accelerations.
+
+    Inputs:
+        joint_state (2n): [q; qdot] [rad, rad/s].
+        torque (n): what the actuators give to the links [N m].
+        imu_estimate (12): [gyro; accel; their derivatives], the IMU's frame; may stay open with a "fixed" base.
+        contact_wrench (6k): known external wrenches at the contact frames, base axes [N, N m]; optional, zero.
+    Outputs, from the state only:
+        residual (n): r at the joints [N m].
+        base_residual (6): r at the base: [f; t] at its origin, base axes [N, N m]; of a welded base, its reaction.
+
+    With p = M qdot the momentum (rows: base and joints; columns: joints), the observer is
+
+        r = K (p - \int (tau + (Mdot - C) qdot - g - M_b a_b + J_C^T E + r) dt)        =>  rdot = K (tau_ext - r)
+
+    M_b a_b being the base's proper acceleration, which the IMU gives; gravity is in it. Over one tick the change of p
+    is M dqdot + dM qdot, and dM qdot is the Mdot qdot of the integral: neither is computed. So, with b = M_b a_b + h -
+    S^T tau - J_C^T E at the start of the tick and A = 1 - exp(-K dt),
+
+        r[n+1] = r[n] + A (M[n-1] (qdot[n] - qdot[n-1])/dt + b[n-1] - r[n])
+
+    which answers a force that is constant over ticks exactly as the first-order filter K/(s + K), one tick late.
+    An input that is not finite leaves r as it is and starts the difference anew; nothing is raised in the loop.
+
+    Connect it beside a loop to see contacts: `torque` is the loop's `estimated_torque`, or the torque of the drives.
+
+    Source: De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", 2005; with the
+    IMU in place of the floating base's velocity, as in Algorithm 1 of Del Prete et al. (2016).
+
+    Example:
+        >>> model = TorqueModel(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
+        >>> MomentumResidual(model, gain=30.0, dt=1e-3).get_residual_output_port().size()
+        6
+    """
+
+    def __init__(self, model: TorqueModel, gain: float, dt: float) -> None:
+        """Declare ports and state.
+
+        Args:
+            model: The estimation plant and where the base's motion comes from.
+            gain: K [1/s], the bandwidth [rad/s].
+            dt: Period of the update [s].
+
+        Raises:
+            ParamsError: A gain or period that is not positive.
+        """
+        super().__init__()
+        for name, value in (("gain", gain), ("dt", dt)):
+            if not (np.isfinite(value) and value > 0.0):
+                raise ParamsError(f"MomentumResidual: {name}: expected a positive number, got {value!r}")
+        n, k = model.size, model.num_sensors
+        self._model, self._n, self._dt = model, n, float(dt)
+        self._blend = float(-np.expm1(-gain * dt))
+        self._rows = np.concatenate([np.arange(6), model.model.velocity_index])
+        self._joint: Any = self.DeclareVectorInputPort("joint_state", 2 * n)
+        self._torque: Any = self.DeclareVectorInputPort("torque", n)
+        self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
+        self._contact: Any = self.DeclareVectorInputPort("contact_wrench", 6 * k) if k else None
+        self._no_imu, self._no_contact = np.zeros(12), np.zeros(6 * k)
+        self._still = np.zeros(n)
+        rows = 6 + n
+        self._residual: Any = self.DeclareDiscreteState(rows)
+        self._inertia: Any = self.DeclareDiscreteState(rows * n)
+        self._rest: Any = self.DeclareDiscreteState(rows)
+        self._velocity: Any = self.DeclareDiscreteState(n)
+        self._started: Any = self.DeclareDiscreteState(1)
+        self._scratch: Any = self.DeclareCacheEntry(
+            "plant_context", ValueProducer(allocate=self._allocate, calc=_keep), {self.nothing_ticket()}
+        )
+        on_residual = {self.discrete_state_ticket(self._residual)}
+        self.DeclareVectorOutputPort("residual", n, self._writer(np.arange(6, rows)), on_residual)
+        self.DeclareVectorOutputPort("base_residual", 6, self._writer(np.array([3, 4, 5, 0, 1, 2])), on_residual)
+        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+
+    def _allocate(self) -> Any:
+        return Value([self._model.create_context()])
+
+    def _writer(self, index: Any) -> Callable[[Context, BasicVector], None]:
+        def write(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(_value(context, self._residual)[index])
+
+        return write
+
+    def _update(self, context: Any, values: DiscreteValues) -> None:
+        n = self._n
+        joint: FloatArray = self._joint.Eval(context)
+        torque: FloatArray = self._torque.Eval(context)
+        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
+        known = self._contact is not None and self._contact.HasValue(context)
+        contact: FloatArray = self._contact.Eval(context) if known else self._no_contact
+        new: Any = values
+        if not np.abs(np.concatenate((joint, torque, imu, contact))).max() < LARGEST:  # also where one is NaN
+            new.set_value(self._started, np.zeros(1))
+            return
+        velocity = joint[n:]
+        if _value(context, self._started)[0] > 0.0:
+            residual = _value(context, self._residual)
+            inertia = _value(context, self._inertia).reshape(6 + n, n)
+            change = (velocity - _value(context, self._velocity)) / self._dt
+            seen = inertia @ change + _value(context, self._rest)
+            new.set_value(self._residual, residual + self._blend * (seen - residual))
+        (plant_context,) = self._scratch.Eval(context)
+        model = self._model
+        rest = model.motion_forces(plant_context, joint[:n], velocity, self._still, imu[:6], imu[6:9])
+        if known:
+            rest = rest - model.contact_forces(plant_context, contact)
+        rest = rest[self._rows]
+        rest[6:] -= torque
+        new.set_value(self._inertia, model.motion_inertia(plant_context)[self._rows].ravel())
+        new.set_value(self._rest, rest)
+        new.set_value(self._velocity, velocity)
+        new.set_value(self._started, np.ones(1))
+
+
+def _keep(context: Any, value: Any) -> None:
+    """The scratch Context stays as it was allocated."""
+
+
+def _value(context: Any, index: Any) -> FloatArray:
+    return np.asarray(context.get_discrete_state(index).value(), dtype=np.float64)

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.actuation.gear import CONTACT_DAMPING
-from drake_tc.array_stage import Arrays, ArrayStage, places
-from drake_tc.port_methods import PortMethods
+from drake_tc.actuation.joint_effects import CONTACT_DAMPING
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.types import BoolArray, Call, FloatArray
 
 LARGEST = 1e9

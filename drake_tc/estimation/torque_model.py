@@ -13,6 +13,8 @@ With every sensor's joint free (see `drake_tc.estimation.plant`) and the base mo
 Source: Del Prete, Mansard, Ramos, Stasse, Nori, "Implementing Torque Control with High-Ratio Gear Boxes and Without
 Joint-Torque Sensors", Algorithm 1. Ours computes by generalized forces what the paper passes from link to link;
 the two are the same balance, and a sensor inside a limb needs no case of its own.
+
+The robot as `drake_tc.kernels.joint_torque` takes it.
 """
 
 from copy import copy
@@ -22,13 +24,49 @@ import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base_motion import BaseMotion
-from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, build_plant
-from drake_tc.estimation.torque_tables import kernel_tables
-from drake_tc.gravity import GRAVITY
+from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, BaseMotion, EstimationPlant, build_plant
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.robot.tree import tree_of
+from drake_tc.types import GRAVITY, FloatArray, IntArray
+
+
+def kernel_tables(
+    robot: Robot, model: EstimationPlant, context: Any, unknown: Any, imu: Any, mode: int, still: FloatArray
+) -> tuple[Any, ...]:
+    """The constant arguments of `joint_torque.estimate`: places, constants, trunk, base, picks, sensors and frames.
+
+    Args:
+        robot: The robot.
+        model: Its plant.
+        context: Of the plant, at q = 0, with the links' inertias.
+        unknown: Frame of the link that takes the unknown wrench.
+        imu: Frame of the IMU; None for a base at rest.
+        mode: Source of the angular acceleration, see there.
+        still: (6,) [alpha; a] of a base at rest.
+    """
+    cuts, order = model.cuts, model.inward
+    frames = {"unknown": unknown} | ({} if imu is None else {"imu": imu})
+    first = len(frames)
+    for i in order:
+        frames |= {f"{i} sensor": cuts[i].sensor, f"{i} contact": cuts[i].contact}
+    held = [mount.joint + CUT_SUFFIX for mount in robot.force_torque]
+    places = np.arange(len(robot.joints))
+    tree = tree_of(
+        model.plant, model.base.body(), robot.joints, places, places, frames, {}, held, context, robot.followers
+    )
+    rows = dict(zip(frames, tree.frame_bodies.tolist(), strict=True))
+    sensors = [(i, rows[f"{i} sensor"], rows[f"{i} contact"]) for i in order]
+    return (
+        tree.places,
+        tree.constants,
+        tree.trunk,
+        np.concatenate([tree.frames[1] if imu is not None else np.zeros(12), still, tree.frames[0, 9:]]),
+        np.array([rows.get("imu", -1), mode, rows["unknown"]]),
+        np.array(sensors, dtype=np.int64).reshape(-1, 3),
+        np.ascontiguousarray(tree.frames[first:]),
+    )
+
 
 BaseSource = Literal["imu", "fixed"]
 AngularAcceleration = Literal["gyro", "neglected", "zero"]

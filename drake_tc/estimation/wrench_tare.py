@@ -6,11 +6,10 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.kernels.calls import copying
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 

@@ -21,9 +21,8 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
-from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.target_run import PointMass, RunInput, WrittenFile
-from drake_tc.exchange.urdf import to_urdf
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.simulator_files.xml_tree import DRAKE, xml_tree
 from drake_tc.types import FloatArray

@@ -19,9 +19,8 @@ from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, imported, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
 from drake_tc.simulator_files.mjcf import PLAY, gears_of, joints_of
-from drake_tc.simulator_files.mjcf_tree import included_path
 from drake_tc.simulator_files.terms import Terms
-from drake_tc.simulator_files.xml_tree import xml_tree
+from drake_tc.simulator_files.xml_tree import included_path, xml_tree
 
 BENCH = """<mujoco model="drake_tc_bench">
   <compiler angle="radian"/>

@@ -1,4 +1,7 @@
-"""The export of a model, tried on recorded runs without writing a file."""
+"""The export of a model, tried on recorded runs without writing a file.
+
+What an export loses, in sentences, and as a page beside the errors of free runs.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,18 +9,117 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
 from drake_tc.diagnosis.result.export_trial import ExportTrial
-from drake_tc.exchange.account import sentences
 from drake_tc.exchange.comparison import RUNS, run_errors, run_notes
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mujoco_versions import file_notes
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.mujoco_run import file_notes
+from drake_tc.exchange.projection import Projection, Vocabulary, project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.report.numbers import significant
+from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.sections import HOW, cells, headings
+from drake_tc.report.words import title_of
 from drake_tc.types import FloatArray
+
+
+def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str]:
+    """What is lost, joint by joint.
+
+    Args:
+        projections: One a joint.
+        target: What they are projected to.
+    """
+    out = []
+    for each in projections:
+        lines = []
+        if each.refit is not None:
+            r = each.refit
+            where = (
+                f"the recorded speeds (up to {r.speed:.3g} rad/s)" if r.recorded else f"speeds up to {r.speed:g} rad/s"
+            )
+            has = f"has no {' and '.join(map(title_of, r.effects))}"
+            if each.terms.stribeck is not None and "stribeck" in r.effects:
+                others = " and ".join(title_of(name) for name in r.effects if name != "stribeck")
+                has = f"has a Stribeck peak of the exponent {each.terms.stribeck.exponent:g} alone"
+                has += f", and no {others}" if others else ""
+            lines.append(
+                f"{each.joint}: {target.name} {has}: the friction that it has was refitted over {where}; RMS error of"
+                f" the friction torque {r.refitted:.3g} N m, {r.dropped:.3g} N m without the refit."
+            )
+        for loss in each.losses:
+            effect = title_of(loss.effect)
+            has = f"has {effect} only in part" if loss.partly else f"has no {effect}"
+            lines.append(f"{each.joint}: {target.name} {has}{f': {loss.why}' if loss.why else ''}.")
+        out += [in_units_of(each.joint_type, line) for line in lines]
+    return out or [f"{target.name} expresses all effects of this model."]
+
+
+def export_page(trial: ExportTrial, projections: Sequence[Projection], target: Vocabulary) -> str:
+    """The HTML of an export: what is lost, errors of free runs, and the terms that were written.
+
+    Args:
+        trial: Its rows are empty where nothing was run.
+        projections: One a joint.
+        target: What they are projected to.
+    """
+    sections = []
+    if trial.rows:
+        names = headings(trial.rows, trial.runner)
+        table = PageTable(
+            names, cells(trial.rows, {each.joint: JointUnits(each.joint_type) for each in projections}), names[2:]
+        )
+        title = "RMS error of the free-running position on held-out runs"
+        sections.append(PageSection(title, paragraphs=[HOW], tables=(table,)))
+    names = ("joint", "term", "value")
+    sections.append(
+        PageSection("What was written", tables=(PageTable(names, _terms(projections, target), ("value",)),))
+    )
+    return plain_page(f"The model in {target.name}", f"export · {trial.model_file}", trial.losses, sections)
+
+
+def _terms(projections: Sequence[Projection], target: Vocabulary) -> list[tuple[str, str, str]]:
+    rows = []
+    for each in projections:
+        t = each.terms
+        found: list[tuple[str, float | None, str]] = [
+            (
+                "torque for one unit of command",
+                t.kp if t.drive in target.drives else None,
+                f"N·m/{EFFORT_UNIT[t.drive]}",
+            ),
+            ("torque constant", t.torque_constant, "N·m/A"),
+            ("rotor inertia at the joint", t.armature, "kg·m²"),
+            ("viscous friction", t.damping, "N·m·s/rad"),
+            ("quadratic friction", t.quadratic, "N·m·s²/rad²"),
+            ("dry friction", t.frictionloss, "N·m"),
+            ("Stribeck peak", t.stribeck.height if t.stribeck else None, "N·m"),
+            ("Stribeck velocity", t.stribeck.velocity if t.stribeck else None, "rad/s"),
+            ("Stribeck exponent", t.stribeck.exponent if t.stribeck else None, ""),
+            ("friction under load, share of the load", t.load_friction, ""),
+            ("delay of the command", t.delay, "s"),
+            ("limit of the torque", t.torque_limit, "N·m"),
+            ("play of the gear", t.backlash, "rad"),
+            ("stiffness of the spring", t.stiffness, "N·m/rad"),
+            ("torque of the spring at position 0", t.preload, "N·m"),
+            ("filter of the command", t.lag, "s"),
+            ("integral gain over the gain", t.integral_rate, "1/s"),
+            ("damping inside of the limit", t.derivative_gain, "N·m·s/rad"),
+            ("compliance of the gear", t.compliance, "rad/(N·m)"),
+            ("torque ripple, cosine", t.ripple.cosine if t.ripple else None, "N·m"),
+            ("torque ripple, sine", t.ripple.sine if t.ripple else None, "N·m"),
+            ("torque ripple, periods a turn", t.ripple.cycles if t.ripple else None, ""),
+        ]
+        rows += [
+            (each.joint, name, f"{significant(value, 5)} {in_units_of(each.joint_type, unit)}".strip())
+            for name, value, unit in found
+            if value
+        ]
+    return rows
 
 
 def try_export(

@@ -12,9 +12,9 @@ import numpy as np
 
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.gravity import GRAVITY
 from drake_tc.joint_simulator.amplitudes import draw_cause
 from drake_tc.joint_simulator.spec import Joint, RigSpec
+from drake_tc.types import GRAVITY
 
 Values: TypeAlias = Mapping[str, float]
 NEAR_AXIS = 0.02

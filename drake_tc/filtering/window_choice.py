@@ -18,7 +18,7 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.signal import welch
 
-from drake_tc.filtering.savgol_weights import savgol_weights
+from drake_tc.filtering.savitzky_golay import savgol_weights
 from drake_tc.types import FloatArray, IntArray
 
 LEAST_WINDOW = 5

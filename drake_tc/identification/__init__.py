@@ -1,6 +1,6 @@
 """Identification of geared joints from logs: excitation, regressions and their confidence intervals."""
 
-from drake_tc.identification.asymmetric import asymmetric_least_squares
+from drake_tc.identification.asymmetric import asymmetric_least_squares, fit_piecewise, fit_three_pieces
 from drake_tc.identification.excitation import (
     Motion,
     MotionLimits,
@@ -10,7 +10,6 @@ from drake_tc.identification.excitation import (
     trapezoids,
 )
 from drake_tc.identification.identify import identify
-from drake_tc.identification.piecewise import fit_piecewise, fit_three_pieces
 from drake_tc.identification.regression import least_squares
 from drake_tc.identification.two_stage import fit_two_stage
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.asymmetric import AsymmetricFit
+from drake_tc.identification.asymmetric import AsymmetricFit, PiecewiseFit
 from drake_tc.identification.identify import Identified
-from drake_tc.identification.linear_fit import LinearFit
-from drake_tc.identification.piecewise import PiecewiseFit
+from drake_tc.identification.regression import LinearFit
 from drake_tc.types import FloatArray
 
 Interval = tuple[float, float]

@@ -11,11 +11,9 @@ import numpy as np
 
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.identification.asymmetric import AsymmetricFit, asymmetric_least_squares
-from drake_tc.identification.linear_fit import LinearFit
-from drake_tc.identification.physical import require_physical
-from drake_tc.identification.piecewise import PiecewiseFit, fit_piecewise
-from drake_tc.identification.regression import least_squares
+from drake_tc.identification.asymmetric import AsymmetricFit, PiecewiseFit, asymmetric_least_squares, fit_piecewise
+from drake_tc.identification.free_parameters import require_physical
+from drake_tc.identification.regression import LinearFit, least_squares
 from drake_tc.identification.two_stage import TwoStageFit, fit_two_stage
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run

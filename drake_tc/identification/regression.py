@@ -2,12 +2,17 @@
 
 Robot logs are sampled far faster than their residuals decorrelate: an interval that counts samples as
 independent is too narrow by the square root of the correlation time. Here every interval is Newey–West's.
+
+What a linear least-squares fit returns: estimates, and how far they can be trusted.
+
+Which columns of a regressor the data can tell apart.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import qr
 
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import (
@@ -16,8 +21,60 @@ from drake_tc.identification.autocorrelation import (
     critical_value_95,
     long_run_covariance,
 )
-from drake_tc.identification.linear_fit import LinearFit
 from drake_tc.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Estimates of x in A x ≈ b, with intervals that account for autocorrelated residuals.
+
+    Attributes:
+        names: The p parameters.
+        coefficients: (p,) [unit of b / unit of the column].
+        residual: (T,) b − A x [unit of b].
+        rms: Root mean square of the residual, weighted where weights were given [unit of b].
+        covariance: (p, p) σ²(AᵀA)⁻¹, valid for white residuals only.
+        hac_covariance: (p, p) Newey–West covariance; zero rows for parameters that rest on a bound.
+        ci95: (p, 2) 95 % confidence interval from `hac_covariance` and a critical value that knows its bandwidth.
+        bandwidth: Bartlett lags used.
+        effective_samples: T over the residual's integrated autocorrelation time.
+        correlation: (p, p) correlation matrix of the estimates.
+        condition_number: Of A with its columns scaled to unit length.
+        at_bound: (p,) whether the estimate rests on a bound.
+    """
+
+    names: tuple[str, ...]
+    coefficients: FloatArray
+    residual: FloatArray
+    rms: float
+    covariance: FloatArray
+    hac_covariance: FloatArray
+    ci95: FloatArray
+    bandwidth: int
+    effective_samples: float
+    correlation: FloatArray
+    condition_number: float
+    at_bound: BoolArray
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """(p,) square roots of the diagonal of `hac_covariance`."""
+        return np.asarray(np.sqrt(np.diag(self.hac_covariance)))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Estimates by name."""
+        return dict(zip(self.names, map(float, self.coefficients), strict=True))
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals by name."""
+        return {n: (float(lo), float(hi)) for n, (lo, hi) in zip(self.names, self.ci95, strict=True)}
+
+    def predict(self, columns: FloatArray) -> FloatArray:
+        """A x for other samples: (T, p) to (T,)."""
+        return np.asarray(columns @ self.coefficients)
+
 
 MAX_CONDITION = 1e6
 _GRAM_LIMIT = 1e-6
@@ -234,3 +291,40 @@ def _sandwich(hessian: FloatArray, meat: FloatArray, free: IntArray) -> FloatArr
         inverse = np.linalg.inv(hessian[np.ix_(free, free)])
         out[np.ix_(free, free)] = inverse @ meat[np.ix_(free, free)] @ inverse
     return out
+
+
+def independent_columns(matrix: FloatArray, tolerance: float = 1e-5) -> IntArray:
+    """Indices, ascending, of a largest set of columns of A (N, p) that is numerically independent.
+
+    Rank-revealing QR of A with columns scaled to unit length, A P = Q R: the leading columns, as many as there are
+    |R_ii| > tolerance |R_00|. The base parameters belong to them; a column left out is a combination of these.
+
+    Source: Gautier, Numerical calculation of the base inertial parameters of robots (1991).
+    """
+    scale = np.linalg.norm(matrix, axis=0)
+    live = np.flatnonzero(scale > 1e-8 * max(float(scale.max(initial=0.0)), 1e-300))
+    if live.size == 0:
+        return live
+    r, order = qr(matrix[:, live] / scale[live], mode="r", pivoting=True)
+    size = np.abs(np.diag(r))
+    return np.asarray(np.sort(live[order[: int(np.sum(size > tolerance * size[0]))]]))
+
+
+def base_combinations(matrix: FloatArray, tolerance: float = 1e-5) -> tuple[IntArray, FloatArray]:
+    """The base parameters of a regressor A (N, p), as combinations of its parameters: A pi = A_b (M pi).
+
+    Args:
+        matrix: A.
+        tolerance: As in `independent_columns`.
+
+    Returns:
+        Indices (b,) of the independent columns A_b, and M (b, p): the identity in those columns, and in each other one
+        the factors with which it is made of them.
+    """
+    chosen = independent_columns(matrix, tolerance)
+    scale = np.linalg.norm(matrix, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = matrix / scale
+    mix = np.linalg.lstsq(unit[:, chosen], unit, rcond=None)[0] * (scale / scale[chosen][:, None])
+    mix[np.abs(mix) < 1e-6] = 0.0
+    return chosen, np.asarray(mix)

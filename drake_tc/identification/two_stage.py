@@ -11,8 +11,7 @@ import numpy as np
 
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.autocorrelation import critical_value_95
-from drake_tc.identification.linear_fit import LinearFit
-from drake_tc.identification.regression import least_squares
+from drake_tc.identification.regression import LinearFit, least_squares
 from drake_tc.types import BoolArray, FloatArray
 
 

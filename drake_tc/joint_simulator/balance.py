@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.joint_simulator.physics import Record
-from drake_tc.joint_simulator.random_signals import random_walk
+from drake_tc.joint_simulator.reference import random_walk
 from drake_tc.joint_simulator.spec import RUNS
 from drake_tc.types import BoolArray, FloatArray
 

@@ -5,8 +5,7 @@ import pandas as pd
 
 from drake_tc.joint_simulator.balance import CleanLog
 from drake_tc.joint_simulator.physics import CHANNELS
-from drake_tc.joint_simulator.random_signals import BandNoise
-from drake_tc.joint_simulator.reference import LOG_PERIOD
+from drake_tc.joint_simulator.reference import LOG_PERIOD, BandNoise
 from drake_tc.joint_simulator.spec import RigSpec, Sensors
 from drake_tc.types import BoolArray, FloatArray
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from drake_tc.joint_simulator import terms_drive as drive
 from drake_tc.joint_simulator import terms_friction as friction
 from drake_tc.joint_simulator import terms_load as load
-from drake_tc.joint_simulator import terms_outside as outside
+from drake_tc.joint_simulator import terms_load as outside
 from drake_tc.joint_simulator.spec import RigSpec
 from drake_tc.joint_simulator.terms import Term
 

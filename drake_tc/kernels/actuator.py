@@ -141,8 +141,9 @@ def drive(memory: FloatArray, layout: IntArray, drives: IntArray, parameters: Fl
 def through_gear(
     memory: FloatArray, first: int, numbers: FloatArray, q: float, v: float, thrust: float, level: float, damping: float
 ) -> tuple[float, float]:
-    """Mean torque through the gear and mean friction over a step, see `drake_tc.actuation.gear`; the memory's motor and
-    bristle go to its end.
+    """Mean torque through the gear and mean friction over a step, see `drake_tc.actuation.joint_effects`.
+
+    The memory's motor and bristle go to the end of the step.
     """
     theta, omega, z = memory[first + at.MOTOR], memory[first + at.MOTOR_VELOCITY], memory[first + at.DEFLECTION]
     load, h, inertia = memory[first + at.LOAD], numbers[at.SUB_STEP], numbers[at.MOTOR_INERTIA]

@@ -1,10 +1,9 @@
-"""A tick of the chain from a foot whose centre is taken to stand still, see `drake_tc.estimation.base.chain`."""
+"""A tick of the chain from a foot whose centre is taken to stand still, see `drake_tc.estimation.base.estimator`."""
 
 import math
 
 import numpy as np
 
-from drake_tc.gravity import GRAVITY
 from drake_tc.kernels import base_state
 from drake_tc.kernels.base_attitude import attitude
 from drake_tc.kernels.base_imu import up_of
@@ -14,7 +13,7 @@ from drake_tc.kernels.base_sample import Sample, valid_sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory
 from drake_tc.kernels.compiling import FLAG, OUT_VECTOR, VECTOR, helper, kernel
 from drake_tc.kernels.vectors import cross, dot, levelled, product, times, times_transposed, turned
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import GRAVITY, FloatArray, IntArray
 
 _memory_of = helper(base_state.memory_of)
 

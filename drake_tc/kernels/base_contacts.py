@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.base_attitude import Attitude
 from drake_tc.kernels.base_kinematics import Posture, external_wrench
 from drake_tc.kernels.base_options import BREAK, FLAT, MAKE, MIDDLE, Options
 from drake_tc.kernels.base_state import ON, Memory
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import dot, times_transposed
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import GRAVITY, BoolArray, FloatArray
 
 LEAST_LOAD = 1.0
 """Below which a load says nothing about a centre of pressure [N]."""

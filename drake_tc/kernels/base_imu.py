@@ -33,13 +33,12 @@ import math
 
 import numpy as np
 
-from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.base_options import Options
 from drake_tc.kernels.base_sample import Sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, Memory
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import dot
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 _CALM = 0.5
 """How far the length of the specific force may be from gravity before it counts for little [m/s^2]."""

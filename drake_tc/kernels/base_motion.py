@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.gravity import GRAVITY
 from drake_tc.kernels.base_attitude import Attitude
 from drake_tc.kernels.base_contacts import LEAST_LOAD, Loads, Slip, slipping
 from drake_tc.kernels.base_kinematics import Posture
@@ -14,7 +13,7 @@ from drake_tc.kernels.base_state import DROPPED, LIMITED, STARTED, Memory
 from drake_tc.kernels.base_velocity import Velocity, VelocityProblem, solve_velocity
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import cross, times, times_transposed
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 _FIRST = 1e-3
 """Share of `velocity_time` that the rest before the first tick is trusted."""

@@ -1,4 +1,4 @@
-"""Accelerations and contact forces as what torques make of them; `drake_tc.tsid.reduction` has the equations."""
+"""Accelerations and contact forces as what torques make of them; `drake_tc.tsid.assembly` has the equations."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The terms of M vdot + h = S^T tau + J^T f at one state, see `drake_tc.tsid.terms`."""
+"""The terms of M vdot + h = S^T tau + J^T f at one state, see `drake_tc.tsid.rows`."""
 
 import numpy as np
 

@@ -17,13 +17,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drake_tc.config.is_file import is_folder
+from drake_tc.config.files import file_name, is_folder, unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.file_names import file_name
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import save_rig
-from drake_tc.logs.sizes import unpacked_gzip
 
 JOINT = "servo"
 FULL_DUTY = 885.0

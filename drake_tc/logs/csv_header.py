@@ -9,7 +9,7 @@ from typing import IO
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.unit_names import is_known, is_unit
+from drake_tc.logs.units import is_known, is_unit
 
 LONGEST_LINE = 2**24
 """Of the first lines of a CSV file [bytes]."""

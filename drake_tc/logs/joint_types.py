@@ -9,7 +9,7 @@ from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import DrakeTcError, RigError
 from drake_tc.logs.loads import Load, Pendulum
 from drake_tc.logs.units import JOINT_SUFFIXES, joint_type_of_unit
-from drake_tc.simulator_files.packages import resolve
+from drake_tc.simulator_files.urdf import resolve
 
 MOTION = {"revolute": "turns", "prismatic": "slides"}
 

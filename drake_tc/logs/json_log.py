@@ -17,13 +17,12 @@ from typing import Any
 
 import pandas as pd
 
+from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.clock import MIN_ROWS
+from drake_tc.logs.clock import MIN_ROWS, stated_period, with_times
 from drake_tc.logs.episodes import Source, one_log
 from drake_tc.logs.inspection.names import meaning
-from drake_tc.logs.sizes import unpacked_gzip
-from drake_tc.logs.stated_rate import stated_period, with_times
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 

@@ -16,11 +16,10 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet  # type: ignore[import-untyped]
 
-from drake_tc.config.is_file import is_folder
+from drake_tc.config.files import check_size, is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.episodes import Source, one_log
 from drake_tc.logs.inspection.names import meaning
-from drake_tc.logs.sizes import check_size
 
 INFO = Path("meta") / "info.json"
 """Of a data set, relative to its folder."""

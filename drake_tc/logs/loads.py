@@ -6,11 +6,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import LogError
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.record import Run
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 
 @dataclass(frozen=True)

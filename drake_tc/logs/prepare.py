@@ -1,6 +1,15 @@
 """From log files to runs: map, check, repair, put on a uniform clock; refuse what cannot be mended.
 
 Every repair and exclusion leaves one sentence in `Run.notes`; every refusal is a `LogError` of one line.
+
+Whether the runs of a rig are of one joint: a drive's gain does not change between them.
+
+Logs without a position, as of a motor test stand: the position is the integral of the recorded velocity.
+
+The integral begins at 0, wherever the joint really was, so nothing that depends on the absolute position can be told
+from such a log. Friction, inertia, drive and torque sensor do not.
+
+Channels that never change: a sensor that was off, or a column that is not what the rig file says.
 """
 
 from collections.abc import Sequence
@@ -8,30 +17,189 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from drake_tc.errors import LogError
 from drake_tc.logs import channels
-from drake_tc.logs.clock import GAP_PERIODS, MIN_ROWS, rows_in_order, uniform_clock
+from drake_tc.logs.clock import GAP_PERIODS, HELD, MIN_ROWS, on_rows_of_positions, rows_in_order, uniform_clock
 from drake_tc.logs.columns import RawLog, map_columns
-from drake_tc.logs.exchanged import refuse_exchanged
 from drake_tc.logs.instants import sampling_instants
 from drake_tc.logs.jumps import find_jumps
-from drake_tc.logs.live import require_commands, require_live
-from drake_tc.logs.loads import Pendulum
+from drake_tc.logs.loads import Pendulum, RobotLoad
 from drake_tc.logs.local_motion import stepped_clock
-from drake_tc.logs.one_joint import require_one_joint
+from drake_tc.logs.mistaken_columns import check_torque_unit, refuse_exchanged
 from drake_tc.logs.outliers import without_outliers
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
 from drake_tc.logs.readers import read_table, run_name
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.several_clocks import HELD, on_rows_of_positions
-from drake_tc.logs.signs import wrong_signs
-from drake_tc.logs.speed_only import require_alike, with_positions
-from drake_tc.logs.torque_unit import check_torque_unit
+from drake_tc.logs.signs import TURNED, SignEvidence, refuse_unsigned, sign_evidence, wrong_signs
 from drake_tc.logs.units import scale_of
-from drake_tc.logs.unsigned import refuse_unsigned
 from drake_tc.types import BoolArray, FloatArray, IntArray
+
+MOST_APART = 2.0
+"""Factor between the ranges of the gains of two runs of one joint."""
+PROPORTIONAL = 0.95
+"""Partial correlation of effort and load torque above which their ratio is the gain: a drive at its limit has less."""
+
+
+def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
+    """Refuse runs whose drive gains are more than a factor of two apart: of another joint, unit or setting.
+
+    With the effort  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  of each run, 1/K of the whole run and of its
+    thirds make a range; runs in which the load torque's share of the effort is not clear are not compared. Friction
+    may change between runs, but under a measured load it does not drive the joint in one and brake it in another:
+    columns are exchanged then.
+
+    Raises:
+        LogError: names the two runs that are farthest apart.
+    """
+    for joint in rig.joints:
+        found = [(run, sign_evidence(run, rig, joint)) for run in runs]
+        driven = [run for run, e in found if e is not None and e.friction < -TURNED]
+        measured = rig.load[joint] == "torque"  # a pendulum that is dropped drives its motor
+        if measured and driven and any(e is not None and e.friction > TURNED for _, e in found):
+            raise LogError(
+                f"{driven[0].source or driven[0].name}: friction would drive {joint} in this run, and brakes it in"
+                " others; check the signs and the names of its columns"
+            )
+        clear = [(run, e.gain) for run, e in found if e is not None and _is_proportional(e)]
+        if len(clear) < 2:
+            continue
+        lowest = min(clear, key=lambda each: each[1][1])
+        highest = max(clear, key=lambda each: each[1][0])
+        if highest[1][0] > MOST_APART * lowest[1][1]:
+            usual = float(np.median([np.log(sum(gain)) for _, gain in clear]))
+            odd, other = sorted((highest, lowest), key=lambda each: -round(abs(np.log(sum(each[1])) - usual), 6))
+            unit = rig.units_of(joint).text("N m")
+            told = " and ".join(f"{low:.4g} to {high:.4g} in {run.name}" for run, (low, high) in (odd, other))
+            raise LogError(
+                f"{odd[0].source or odd[0].name}: the runs are not of one {joint}: the effort for 1 {unit} of load is"
+                f" {told}; leave out the run of another joint or setting, or state its units"
+            )
+
+
+def _is_proportional(evidence: SignEvidence) -> bool:
+    """Whether effort and load torque of a run have a ratio."""
+    return evidence.steady and evidence.load > PROPORTIONAL and evidence.gain[0] > 0.0
+
+
+def integrated(time: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Q (T,) with q[0] = 0 from the velocity (T,) by the trapezoidal rule; missing values are interpolated."""
+    known = np.isfinite(velocity)
+    filled = velocity if known.all() else np.interp(time, time[known], velocity[known])
+    return np.asarray(cumulative_trapezoid(filled, time, initial=0.0))
+
+
+def with_positions(raw: RawLog) -> RawLog:
+    """The log with a position for every joint in `RawLog.speed_only`."""
+    if not raw.speed_only:
+        return raw
+    columns = dict(raw.columns)
+    notes = []
+    for joint in raw.speed_only:
+        columns[f"{joint}/position"] = integrated(raw.time, columns[f"{joint}/velocity"])
+        notes.append(
+            f"The log has no column {joint}/position: the velocity was integrated, so the position at the start is not "
+            "known, and effects that depend on the position cannot be looked for."
+        )
+    return replace(raw, columns=columns, notes=(*raw.notes, *notes))
+
+
+def require_alike(runs: Sequence[Run]) -> None:
+    """Refuse runs of which some have a position and others the velocity alone.
+
+    Raises:
+        LogError: Names one run of each kind.
+    """
+    without = {joint for run in runs for joint in run.speed_only}
+    for run in runs:
+        for joint in sorted(without - set(run.speed_only)):
+            other = next(each for each in runs if joint in each.speed_only)
+            raise LogError(
+                f"{other.source or other.name}: no column '{joint}/position', which {run.source or run.name} has; map "
+                "it in the rig file, or diagnose the logs without it by themselves"
+            )
+
+
+FOLLOWS = 0.7
+"""Correlation of position and torque of a servo that is moved from its goal, at least: friction hides up to half."""
+
+
+def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
+    """Refuse a log in which no joint moves, or no moving joint's torque changes; note single joints of that kind.
+
+    Raises:
+        LogError: names the column and its value.
+    """
+    positions = {joint: raw.columns[f"{joint}/position"] for joint in rig.joints}
+    resting = [joint for joint, values in positions.items() if _constant(values)]
+    if len(resting) == len(positions):
+        name = f"{resting[0]}/position"
+        raise LogError(
+            f"{raw.path}: column {rig.columns.get(name, name)!r} is constant"
+            f" ({_value(positions[resting[0]]):.6g}) in all rows: nothing moves, or the encoder was not read;"
+            " record a motion"
+        )
+    measured = [joint for joint in rig.joints if rig.load[joint] == "torque" and joint not in resting]
+    dead = [joint for joint in measured if _constant(raw.columns[f"{joint}/torque"])]
+    notes = [f"Column {joint}/position is constant: this joint did not move." for joint in resting]
+    for joint in dead:
+        name = f"{joint}/torque"
+        if len(dead) == len(measured):
+            raise LogError(
+                f"{raw.path}: column {rig.columns.get(name, name)!r} is {_value(raw.columns[name]):.6g} in all rows"
+                f" while {joint} moves: the torque was not measured; map the right column, or say with `load:` what"
+                " the joint carries (`load: unknown` fits it)"
+            )
+        notes.append(f"Column {name} is constant while {joint} moves: its torque was not measured.")
+    return tuple(notes)
+
+
+def require_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
+    """Refuse a log in which no command changes and no servo is moved from its goal; note joints that rest.
+
+    Raises:
+        LogError: The command of every joint is constant.
+    """
+    names = {joint: rig.command_column(joint) for joint in rig.joints}
+    resting = [joint for joint, name in names.items() if _constant(raw.columns[name])]
+    if len(resting) == len(names) and not any(_moved_from_goal(raw, rig, joint) for joint in resting):
+        value = _value(raw.columns[names[resting[0]]])
+        shown = ", ".join(repr(rig.columns.get(name, name)) for name in names.values())
+        raise LogError(
+            f"{raw.path}: the command {shown} is constant ({value:.6g}) in all rows; "
+            "record a motion with a changing command"
+        )
+    return tuple(f"Column {names[joint]} is constant: this joint was not commanded." for joint in resting)
+
+
+def _moved_from_goal(raw: RawLog, rig: Rig, joint: str) -> bool:
+    """Whether a servo holds a constant goal against a torque that the log tells, as that of a hand behind a sensor.
+
+    Its effort, the distance from the goal, then follows the load. If it does not, the servo followed another goal than
+    the recorded one. A load that is computed from the motion alone lacks what moves the joint.
+    """
+    load, position = rig.load[joint], raw.columns[f"{joint}/position"]
+    if rig.drive[joint] != "position_servo" or _constant(position):
+        return False
+    if load != "torque":
+        return isinstance(load, RobotLoad) and load.method == "estimate"
+    torque = raw.columns[f"{joint}/torque"]
+    both = np.isfinite(position) & np.isfinite(torque)
+    if _constant(torque) or not both.any():
+        return False
+    return abs(float(np.corrcoef(position[both], torque[both])[0, 1])) >= FOLLOWS
+
+
+def _constant(values: FloatArray) -> bool:
+    finite = values[np.isfinite(values)]
+    return finite.size > 0 and float(np.ptp(finite)) == 0.0
+
+
+def _value(values: FloatArray) -> float:
+    return float(values[np.isfinite(values)][0])
+
 
 SHORTEST_SEGMENT = 10
 MOST_MISSING = 0.2

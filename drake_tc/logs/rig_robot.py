@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from drake_tc.config.did_you_mean import did_you_mean
-from drake_tc.config.is_file import is_file
-from drake_tc.config.quoted import quoted
+from drake_tc.config.files import is_file
+from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Load, RobotLoad
-from drake_tc.logs.rig_document.joint_sensors import JointSensorKeys
+from drake_tc.logs.rig_document.sensors import JointSensorKeys
 
 
 def parse_robot(source: str, value: object, rig: Path | str) -> Path | None:

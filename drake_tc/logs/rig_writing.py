@@ -7,10 +7,10 @@ from typing import Any
 
 import yaml
 
-from drake_tc.config.whole_file import write_whole
-from drake_tc.logs.effect_ids import EFFECT_IDS
+from drake_tc.config.files import write_whole
 from drake_tc.logs.loads import Load, Pendulum, RobotLoad, UnknownLoad
 from drake_tc.logs.rig import Rig
+from drake_tc.logs.rig_document.declared import EFFECT_IDS
 from drake_tc.logs.rig_document.sensors import sensors_entry
 
 

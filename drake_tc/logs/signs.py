@@ -4,6 +4,12 @@ In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  every coeff
 takes power). The effort is regressed on all of them; what is left of the load torque's share (its partial correlation
 with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's, a turned
 position all but the load's. Two turned columns of three are told as the third: the model is the same.
+
+An effort that is recorded without its sign: |y| in place of y.
+
+Some drives report the amplitude of the current. The balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K + c
+then holds for s y, s = 1 or -1, and nowhere for y where the joint needs efforts of both signs. The signs s are those of
+the balance itself: they are first those of the load and then of the fit to s y, until they no longer change.
 """
 
 from collections.abc import Mapping, Sequence
@@ -220,3 +226,59 @@ def _columns(turned: str, run: Run, rig: Rig, joint: str) -> list[str]:
         return [rig.command_column(joint)]
     suffixes = ("torque",) if turned == "torque" else ("position", "velocity", "motor_position")
     return [name for name in (f"{joint}/{suffix}" for suffix in suffixes) if name in run.columns]
+
+
+BELOW_ZERO = 0.01
+"""Least effort over the largest one, below 0, of an effort that has a sign."""
+BOTH_SIGNS = 0.1
+"""Share of the samples in which the balance must ask for either sign."""
+LEAST_LEFT = 0.2
+"""Share of the effort's standard deviation that the balance must leave of it as it is recorded."""
+MUCH_BETTER = 0.5
+"""Share of that error which may be left at most of the effort with the signs of the balance."""
+ROUNDS = 10
+
+
+def refuse_unsigned(runs: Sequence[Run], rig: Rig) -> None:
+    """Refuse runs whose current, voltage or commanded torque is an absolute value.
+
+    Raises:
+        LogError: names file and column.
+    """
+    for joint in (joint for joint in rig.joints if rig.drive[joint] != "position_servo"):
+        for run in runs:
+            balance = balance_of(run, rig, joint)
+            if balance is not None and is_unsigned(*balance):
+                name = rig.command_column(joint)
+                raise LogError(
+                    f"{run.source or run.name}: column {rig.columns.get(name, name)!r} of {joint} seems to be an "
+                    "absolute value: it is never negative, and load and motion need efforts of both signs; record it "
+                    "with its sign"
+                )
+
+
+def is_unsigned(effort: FloatArray, load: FloatArray, others: FloatArray) -> bool:
+    """Whether an effort (N,) of one sign fits the balance only with the signs that the balance asks for.
+
+    Args:
+        effort: (N,) as recorded.
+        load: (N,) load torque [N m].
+        others: (N, k) what else is in the balance.
+    """
+    if effort.min() < -BELOW_ZERO * effort.max():
+        return False
+    columns = np.column_stack([load, others])
+    as_it_is = effort - columns @ np.linalg.lstsq(columns, effort, rcond=None)[0]
+    sign = np.where(load < 0.0, -1.0, 1.0)
+    for _ in range(ROUNDS):
+        fitted = columns @ np.linalg.lstsq(columns, sign * effort, rcond=None)[0]
+        before, sign = sign, np.where(fitted < 0.0, -1.0, 1.0)
+        if np.array_equal(before, sign):
+            break
+    left = float(np.std(as_it_is))
+    share = float(np.mean(sign < 0.0))
+    return bool(
+        min(share, 1.0 - share) >= BOTH_SIGNS
+        and left > LEAST_LEFT * np.std(effort)
+        and np.std(sign * effort - fitted) <= MUCH_BETTER * left
+    )

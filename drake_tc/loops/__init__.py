@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from drake_tc.loops.scenarios.parts import FilterSpec
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
     from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
-    from drake_tc.loops.torque.spec import TorqueLoopSpec
+    from drake_tc.loops.torque.scenario import TorqueLoopSpec
     from drake_tc.loops.torque.wiring import add_torque_loop
     from drake_tc.loops.whole_body.scenario import WholeBodySpec
     from drake_tc.loops.whole_body.wiring import add_whole_body_loop
@@ -46,7 +46,7 @@ __all__ = [
 _HOMES = {
     "FilterSpec": "scenarios.parts",
     "SeriesElasticLoopSpec": "series_elastic.scenario",
-    "TorqueLoopSpec": "torque.spec",
+    "TorqueLoopSpec": "torque.scenario",
     "WholeBodySpec": "whole_body.scenario",
     "add_robot_plant": "plant",
     "add_series_elastic_loop": "series_elastic.wiring",

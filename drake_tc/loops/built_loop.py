@@ -1,17 +1,22 @@
-"""`BuiltLoop`: a loop that is wired, and how it is run."""
+"""A loop that is wired into a diagram, and one that is built.
+
+`BuiltLoop`: a loop that is wired, and how it is run.
+
+`WiredLoop`: what the calls that wire a standard loop return.
+"""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
-from drake_tc.loops.advancing import Progress, advance
-from drake_tc.loops.recording import Recording
-from drake_tc.loops.signal_log import SignalLog
+from drake_tc.errors import ParamsError
+from drake_tc.loops.fused import fuse
+from drake_tc.loops.recording import Progress, Recording, SignalLog, add_log, advance
 
 CHUNK = 0.02
 """The state is looked at this often [s]."""
@@ -74,3 +79,53 @@ class BuiltLoop(Generic[ScenarioT]):
         seconds = time.perf_counter() - begin
         times, signals = self.log.recorded(context)
         return Recording(time=times, signals=signals, seconds=seconds, flag_names=self.flag_names)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WiredLoop:
+    """A loop in a diagram that is still under construction.
+
+    Attributes:
+        systems: Stage to its system; the user's own where one was given.
+        signals: Name to port of what can be recorded, or connected to systems of the user's own.
+        period: Of the control [s].
+        flag_names: Of the signal `flags`, in order; empty without one.
+    """
+
+    systems: Mapping[str, Any]
+    signals: dict[str, OutputPort]
+    period: float
+    flag_names: tuple[str, ...] = ()
+
+    def add_log(self, builder: DiagramBuilder, *names: str) -> SignalLog:
+        """Record signals every period; all of them where none is named.
+
+        Args:
+            builder: The diagram's.
+            names: Of `signals`.
+
+        Raises:
+            ParamsError: a signal that this loop does not have.
+        """
+        for name in names:
+            if name not in self.signals:
+                raise ParamsError(f"no signal {name!r} in this loop; signals: {', '.join(self.signals)}")
+        return add_log(builder, {name: self.signals[name] for name in names or self.signals}, self.period)
+
+    def build(
+        self, builder: DiagramBuilder, name: str, left_out: Collection[str] = (), *, fused: bool = False
+    ) -> tuple[Diagram, SignalLog]:
+        """The diagram, and the log of its signals.
+
+        Args:
+            builder: The diagram's.
+            name: Of the diagram.
+            left_out: Signals that are not logged.
+            fused: Run the stages in one system (`fuse`); ports in `signals` and stages in `systems` then do not exist.
+        """
+        log = self.add_log(builder, *(signal for signal in self.signals if signal not in left_out))
+        if fused:
+            fuse(builder)
+        diagram = builder.Build()
+        diagram.set_name(name)
+        return diagram, log

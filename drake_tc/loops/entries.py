@@ -1,18 +1,154 @@
-"""Entries for the registry: a diagram that is one of the library's loops, with a file of scenarios."""
+"""Entries for the registry: a diagram that is one of the library's loops, with a file of scenarios.
 
-from dataclasses import replace
+What a command needs of a diagram: its scenarios, how it is built, and how it is simulated.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Generic, Literal, Protocol, TypeVar
 
-from drake_tc.loops.diagram_entry import DiagramEntry
+from pydrake.systems.framework import Context, Diagram
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.recording import Progress
+from drake_tc.loops.scenarios.base import scenario_names
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
-from drake_tc.loops.series_elastic.scenario import SeaScenario
-from drake_tc.loops.series_elastic.sliding import sliding_sea
-from drake_tc.loops.simulated import simulate_sea_loop, simulate_torque_loop, simulate_tsid_loop
+from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea
+from drake_tc.loops.simulated import Simulated, simulate_sea_loop, simulate_torque_loop, simulate_tsid_loop
 from drake_tc.loops.torque.loop import Loop, build_loop
+from drake_tc.loops.torque.parts import sliding_scenario
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
+
+Kind = Literal["torque", "whole_body", "series_elastic", "function"]
+"""Loops of the library: the torque loop, robust TSID, one series-elastic joint; and a diagram of the user's own."""
+
+
+class AnyScenario(Protocol):
+    """What commands change of a scenario."""
+
+    @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        ...
+
+    def changed(self, **fields: Any) -> Any:
+        """The same with other values; those that are None stay."""
+        ...
+
+
+class AnyLoop(Protocol):
+    """What commands need of a built diagram."""
+
+    @property
+    def diagram(self) -> Diagram:
+        """The diagram."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Period of the control [s]."""
+        ...
+
+    def start(self, context: Context) -> None:
+        """Put the diagram's context where the scenario begins."""
+        ...
+
+
+ScenarioT = TypeVar("ScenarioT", bound=AnyScenario)
+LoopT = TypeVar("LoopT", bound=AnyLoop)
+
+
+@dataclass(frozen=True)
+class DiagramEntry(Generic[ScenarioT, LoopT]):
+    """One diagram.
+
+    Attributes:
+        name: As commands take it.
+        title: One line.
+        kind: Which loop of the library it is.
+        scenario_file: Its committed scenarios; the first is the default.
+        load: File, name and text of changes to scenario.
+        build: Scenario to loop.
+        simulate: Scenario to what a run comes to; told of progress, and whether to show it in a browser.
+        sliding: The scenario as a linear analysis takes it: perfect sensors, dry friction constant. Model files that it
+            needs go into the folder, which must stay for as long. None: the scenario is taken as it is.
+    """
+
+    name: str
+    title: str
+    kind: Kind
+    scenario_file: Path
+    load: Callable[[Path, str, str | None], ScenarioT]
+    build: Callable[[ScenarioT], LoopT]
+    simulate: Callable[[ScenarioT, Progress | None, bool], Simulated]
+    sliding: Callable[[ScenarioT, Path], ScenarioT] | None = None
+
+    def naming(self, file: Path | None, text: str | None) -> "DiagramEntry[ScenarioT, LoopT]":
+        """The same entry, whose errors of building name where the user's scenario comes from.
+
+        Args:
+            file: The user's scenario file.
+            text: The user's changes.
+        """
+        source = "scenario text" if file is None else str(file)
+        if file is None and text is None:
+            return self
+        build, simulate = self.build, self.simulate
+
+        def named_build(scenario: ScenarioT) -> LoopT:
+            with naming_errors(source):
+                return build(scenario)
+
+        def named_simulate(scenario: ScenarioT, progress: Progress | None, meshcat: bool) -> Simulated:
+            with naming_errors(source):
+                return simulate(scenario, progress, meshcat)
+
+        return replace(self, build=named_build, simulate=named_simulate)
+
+    def scenarios(self) -> list[str]:
+        """Names of the committed scenarios."""
+        names: list[str] = scenario_names(self.scenario_file)
+        return names
+
+    def scenario(self, name: str | None = None, file: Path | None = None, text: str | None = None) -> ScenarioT:
+        """A scenario, from the committed file unless another is given; the first of the file when no name is.
+
+        Raises:
+            ParamsError: a file without scenarios; otherwise see `Scenario.load`.
+        """
+        path = self.scenario_file if file is None else file
+        if name is None:
+            names = scenario_names(path)
+            if not names:
+                raise ParamsError(f"{path}: expected at least one scenario; the file has none")
+            name = names[0]
+        return self.load(path, name, text)
+
+
+@contextmanager
+def naming_errors(source: str) -> Iterator[None]:
+    """Put the source before a ParamsError that does not name it; what Drake itself refuses becomes one.
+
+    Raises:
+        ParamsError: the diagram cannot be built.
+    """
+    try:
+        yield
+    except ParamsError as error:
+        raise error if source in str(error) else ParamsError(f"{source}: {error}") from None
+    except (RuntimeError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split()) or "a number is too large"
+        raise ParamsError(f"{source}: the diagram cannot be built or run: {reason}") from error
+
 
 TorqueLoopEntry = DiagramEntry[Scenario, Loop]
 TsidEntry = DiagramEntry[TsidScenario, TsidLoop]

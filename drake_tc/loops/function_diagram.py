@@ -16,14 +16,12 @@ from pydrake.systems.primitives import VectorLogSink
 from drake_tc.config.records import read_record
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
-from drake_tc.loops.advancing import Progress, advance
-from drake_tc.loops.diagram_entry import DiagramEntry
-from drake_tc.loops.recording import write_log
+from drake_tc.loops.entries import DiagramEntry
+from drake_tc.loops.recording import Progress, advance, write_log
 from drake_tc.loops.run_panels import RunPlot, TimePanel
-from drake_tc.loops.scenarios.base import ScenarioBase
-from drake_tc.loops.scenarios.files import changes_in
+from drake_tc.loops.scenarios.base import ScenarioBase, changes_in
 from drake_tc.loops.simulated import Simulated, Tell, speed_line
-from drake_tc.loops.torque.spec import TorqueLoopSpec
+from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray

@@ -9,9 +9,9 @@ from pydrake.geometry import MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_tc.loops.meshcat_server import start_meshcat
+from drake_tc.loops.plant import start_meshcat
 from drake_tc.loops.surroundings import add_objects
-from drake_tc.loops.torque.recording import TorqueRecording
+from drake_tc.loops.torque.running import TorqueRecording
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.running import TsidRecording

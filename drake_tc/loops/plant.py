@@ -1,16 +1,44 @@
-"""`add_robot_plant`: a robot in its own finalized plant, in a diagram."""
+"""`add_robot_plant`: a robot in its own finalized plant, in a diagram.
 
+A Meshcat server, or one line on why there is none.
+"""
+
+import logging
 from collections.abc import Callable
 from typing import Any
 
-from pydrake.geometry import MeshcatVisualizer
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.meshcat_server import start_meshcat
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
+
+
+def start_meshcat(*, quiet: bool = False) -> Any:
+    """A Meshcat at the first free port from 7000 to 7999.
+
+    Args:
+        quiet: Do not tell its address: nobody needs to open it.
+
+    Raises:
+        ParamsError: none of the ports is free.
+    """
+    log = logging.getLogger("drake")
+    level = log.level
+    if quiet:
+        log.setLevel(logging.WARNING)
+    try:
+        return Meshcat()
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())
+        raise ParamsError(
+            f"Meshcat could not be started: {reason}; expected a free port from 7000 to 7999: end other programs that"
+            " show robots"
+        ) from None
+    finally:
+        log.setLevel(level)
 
 
 def add_robot_plant(

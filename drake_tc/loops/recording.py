@@ -1,16 +1,26 @@
-"""`Recording`: what a simulated loop leaves behind, and the files that are written of it."""
+"""`Recording`: what a simulated loop leaves behind, and the files that are written of it.
 
+One log of all recorded signals of a diagram, as every log costs its share of a tick.
+
+Advancing a simulation piece by piece, watched.
+"""
+
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import yaml
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink
 
-from drake_tc.config.whole_file import whole_file, write_whole
-from drake_tc.errors import LogError
+from drake_tc.config.files import whole_file, write_whole
+from drake_tc.errors import LogError, SimulationError
 from drake_tc.types import FloatArray
 
 
@@ -96,3 +106,75 @@ def write_rig(rig: Mapping[str, Any], path: Path) -> Path:
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
+
+
+@dataclass(frozen=True, eq=False)
+class SignalLog:
+    """A log of signals, one below the other.
+
+    Attributes:
+        sink: The log.
+        rows: Signal name to where it stands in it.
+    """
+
+    sink: VectorLogSink
+    rows: Mapping[str, slice]
+
+    def recorded(self, context: Context) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """What was logged in a run of the diagram: times (T,) [s], and the signals by name, (T, width) each."""
+        log = self.sink.FindLog(context)
+        data = np.asarray(log.data())
+        return np.array(log.sample_times()), {name: data[rows].T.copy() for name, rows in self.rows.items()}
+
+
+def add_log(builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: float) -> SignalLog:
+    """Log the signals every `period` [s]: a system `signals` that joins them, and `log`."""
+    ends = np.cumsum([0, *(port.size() for port in signals.values())]).tolist()
+    joined: Any = builder.AddNamedSystem("signals", Multiplexer([b - a for a, b in pairwise(ends)]))
+    for index, port in enumerate(signals.values()):
+        builder.Connect(port, joined.get_input_port(index))
+    sink = LogVectorOutput(joined.get_output_port(), builder, period)
+    sink.set_name("log")
+    return SignalLog(sink, {name: slice(a, b) for name, (a, b) in zip(signals, pairwise(ends), strict=True)})
+
+
+Progress = Callable[[str, float], None]
+
+
+def advance(
+    simulator: Simulator,
+    duration: float,
+    chunk: float,
+    goes_on: Callable[[float], bool],
+    *,
+    plant_step: float,
+    progress: Progress | None = None,
+) -> None:
+    """Initialize, then advance to `duration` [s] in pieces of `chunk` [s], as long as what is watched goes on.
+
+    Args:
+        simulator: At the start.
+        duration: Where it ends.
+        chunk: Between two looks.
+        goes_on: Looks at the state after a piece, at its time [s]; False ends the run there.
+        plant_step: Of the plant [s], for the message.
+        progress: Told what is done and which share.
+
+    Raises:
+        SimulationError: a system failed; says when, and what to try. What `goes_on` raises is passed on.
+    """
+    chunks = math.ceil(duration / chunk - 1e-9)
+    try:
+        simulator.Initialize()
+        for number in range(1, chunks + 1):
+            now = duration if number == chunks else number * chunk
+            simulator.AdvanceTo(now)
+            if not goes_on(now):
+                return
+            if progress:
+                progress(f"{now:.1f} of {duration:g} s", now / duration)
+    except RuntimeError as error:
+        raise SimulationError(
+            f"the simulation failed at t = {simulator.get_context().get_time():.4f} s: {' '.join(str(error).split())};"
+            f" try a smaller plant_step than {plant_step:g} s"
+        ) from error

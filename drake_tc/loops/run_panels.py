@@ -7,9 +7,8 @@ import numpy as np
 
 from drake_tc.loops.recording import Recording
 from drake_tc.loops.series_elastic.running import SeaRecording
-from drake_tc.loops.torque.recording import TorqueRecording
-from drake_tc.loops.whole_body.running import TsidRecording
-from drake_tc.loops.whole_body.summary import task_errors
+from drake_tc.loops.torque.running import TorqueRecording
+from drake_tc.loops.whole_body.running import TsidRecording, task_errors
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.law import Status
 from drake_tc.types import BoolArray, FloatArray

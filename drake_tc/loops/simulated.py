@@ -6,17 +6,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from drake_tc.loops.advancing import Progress
 from drake_tc.loops.motion import Motion, torque_motion, tsid_motion
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.run_panels import RunPlot, sea_plot, torque_plot, tsid_plot
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import simulate_scenario, summarise, write_results
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.summary import summarise, write_results
-from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.running import simulate_tsid, summarise_tsid, write_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.summary import summarise_tsid, write_tsid
 from drake_tc.text_table import TextTable
 
 Tell = Callable[[str], None]

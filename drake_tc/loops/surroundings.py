@@ -13,9 +13,9 @@ from pydrake.multibody.tree import FixedOffsetFrame, LinearBushingRollPitchYaw
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from drake_tc.errors import ParamsError
-from drake_tc.gravity import GRAVITY
 from drake_tc.loops.scenarios.parts import ObjectSpec, PushSpec, SuspensionSpec
 from drake_tc.robot.robot import Robot
+from drake_tc.types import GRAVITY
 
 
 def add_objects(plant: MultibodyPlant, objects: Sequence[ObjectSpec]) -> None:

@@ -1,48 +1,54 @@
-"""The report as one self-contained HTML file: text, tables, plots and the script of some plots; nothing is fetched."""
+"""The report as one self-contained HTML file: text, tables, plots and the script of some plots; nothing is fetched.
 
+How much of a page's bytes each plot may take, so that a page stays below 4 MB for many joints and runs.
+
+The script of the plotting library uPlot, as the package `uplot-python` ships it, to be written into a page.
+
+uPlot (Leon Sorokin, MIT licence, 120 kB) draws time series on a canvas. The licence lets it be part of generated files
+as long as its notice stays, which stands at the top of the script.
+
+The difference between two model files, line by line, for a page that colours it.
+"""
+
+import difflib
 import json
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup, escape
 
 from drake_tc import __version__
-from drake_tc.config.utf8_names import utf8_text
-from drake_tc.config.whole_file import write_whole
+from drake_tc.config.files import utf8_text, write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.errors import DrakeTcError
 from drake_tc.report.closed_loop_section import closed_loop_section
-from drake_tc.report.correlation_plots import correlation_plots
-from drake_tc.report.effects_not_added import did_not_hold_rows, rejected_rows
+from drake_tc.report.correlation import correlation_plots
 from drake_tc.report.equation import model_equations
-from drake_tc.report.export_section import export_section
-from drake_tc.report.free_run_table import free_run_table
-from drake_tc.report.leftover_plots import leftover_plots
-from drake_tc.report.links_section import links_section
-from drake_tc.report.model_diff import model_diff
 from drake_tc.report.numbers import fold, percent, scale_for, significant
-from drake_tc.report.page_budget import PageBudget
-from drake_tc.report.panels import residual_cards
-from drake_tc.report.plot_library import plot_script, plot_style
-from drake_tc.report.refinement_section import refinement_section
-from drake_tc.report.residual_plots import LEGEND
+from drake_tc.report.residual_plots import LEGEND, CloudLook, leftover_plots, residual_cards, signature_plots
+from drake_tc.report.rows import MOST_POINTS
+from drake_tc.report.sections import export_section, links_section, refinement_section, shared_section
 from drake_tc.report.sentences.experiments import next_experiment
-from drake_tc.report.sentences.notes import note_sentences
+from drake_tc.report.sentences.notes import note_sentences, warnings
 from drake_tc.report.sentences.set_up import set_up_sentences
-from drake_tc.report.sentences.warnings import warnings
-from drake_tc.report.shared_section import shared_section
-from drake_tc.report.signature_plots import signature_plots
 from drake_tc.report.spectrum import spectrum_plot
+from drake_tc.report.svg import PIXELS_PER_INCH
 from drake_tc.report.tables import (
     data_facts,
     data_rows,
+    did_not_hold_rows,
     error_table,
+    free_run_table,
     parameter_rows,
+    rejected_rows,
     run_error_rows,
 )
 from drake_tc.report.time_plots import TimePlot, effort_plot, position_plot
@@ -59,6 +65,107 @@ from drake_tc.report.words import (
     unexplained,
     verdict_words,
 )
+
+SAMPLE_BYTES = 16
+"""Of one sample of a trace: time, measured value and two errors, as text, and what surrounds them."""
+TRACE_BYTES = 1_900_000
+"""Of all traces of a page."""
+MOST_SAMPLES, LEAST_SAMPLES = 6000, 60
+"""Of one trace: two for each pixel of a wide screen and some to zoom into, and what still shows the motion."""
+FULL_JOINTS = 1.5
+"""Joints up to which clouds are drawn with all that a plot shows; more joints share as much."""
+
+TRAIN_JOINTS = 4
+"""Joints up to which the residual of the training runs is drawn against every signal too."""
+
+
+@dataclass(frozen=True)
+class PageBudget:
+    """Sizes of a page's plots.
+
+    Attributes:
+        trace_samples: Samples of one trace of one run.
+        held, train: Look of the clouds of the held-out and of the training runs; None where these are left out.
+    """
+
+    trace_samples: int
+    held: CloudLook
+    train: CloudLook | None
+
+    @classmethod
+    def of(cls, joints: int, traces: int) -> "PageBudget":
+        """The sizes for a page with so many joints and traces."""
+        each = TRACE_BYTES // (SAMPLE_BYTES * max(traces, 1))
+        samples = min(MOST_SAMPLES, max(LEAST_SAMPLES, each))
+        share = min(1.0, FULL_JOINTS / max(joints, 1))
+        sharpness = round(PIXELS_PER_INCH * share**0.5)
+        held, train = (CloudLook(round(n * share), sharpness) for n in (MOST_POINTS, MOST_POINTS // 2))
+        return cls(samples, held, train if joints <= TRAIN_JOINTS else None)
+
+
+PACKAGE = "uplot-python"
+SCRIPT, STYLE = "uplot/static/uPlot.iife.js", "uplot/static/uPlot.min.css"
+
+
+def plot_script() -> str:
+    """The library's script without comments and indentation, its notice kept; it defines `uPlot`, fetches nothing.
+
+    Raises:
+        DrakeTcError: the package is not installed.
+    """
+    lines = (line.strip() for line in _text(SCRIPT).splitlines())
+    return "\n".join(line for line in lines if line and not line.startswith("//")).replace("</script", "<\\/script")
+
+
+def plot_style() -> str:
+    """The library's style sheet.
+
+    Raises:
+        DrakeTcError: the package is not installed.
+    """
+    return _text(STYLE)
+
+
+def _text(name: str) -> str:
+    """A file of the package; read without importing it, as its import loads IPython."""
+    try:
+        path = Path(str(distribution(PACKAGE).locate_file(name)))
+    except PackageNotFoundError:
+        raise DrakeTcError(f"the report needs the package {PACKAGE}: pip install {PACKAGE}") from None
+    return path.read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class DiffLine:
+    """One line: whether it was added, removed, kept, or only says where we are; and its text without the mark."""
+
+    kind: Literal["added", "removed", "kept", "place"]
+    text: str
+
+
+def model_diff(before: str, after: str, context: int = 3) -> Sequence[DiffLine]:
+    """Unified difference of two texts; empty when they are the same.
+
+    Args:
+        before: Text of the model file before.
+        after: The same after.
+        context: Unchanged lines to keep around a change.
+    """
+    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), n=context, lineterm="")
+    out: list[DiffLine] = []
+    for number, line in enumerate(lines):
+        if number < 2:
+            continue
+        if line.startswith("@@"):
+            out.append(DiffLine("place", line))
+        elif line.startswith("+"):
+            out.append(DiffLine("added", line[1:]))
+        elif line.startswith("-"):
+            out.append(DiffLine("removed", line[1:]))
+        else:
+            out.append(DiffLine("kept", line[1:]))
+    return out
+
 
 CODE = re.compile(r"`([^`]+)`")
 """What a sentence quotes as code."""

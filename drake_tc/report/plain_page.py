@@ -8,7 +8,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from drake_tc import __version__
-from drake_tc.config.utf8_names import utf8_text
+from drake_tc.config.files import utf8_text
 
 
 @dataclass(frozen=True)

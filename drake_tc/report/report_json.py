@@ -1,25 +1,123 @@
-"""report.json, schema 1 (the contract in the README)."""
+"""report.json, schema 1 (the contract in the README).
+
+The closed loop and the torque uncertainty in report.json: keys beside those of the contract.
+
+The refinement and the free runs in report.json.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from drake_tc.config.joint_units import JointUnits
-from drake_tc.config.json_values import json_value
+from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
+from drake_tc.config.quoted import json_value
+from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.closed_loop import ClosedLoop
 from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.models import MODEL_FILE
+from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
-from drake_tc.report.closed_loop_json import loop_entry, loop_summary, uncertainty_entry
-from drake_tc.report.refinement_json import free_runs_json, refinement_json
+from drake_tc.diagnosis.result.run_errors import MODELS, mean_absolute_errors, position_errors
 from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
-from drake_tc.report.sentences.rejection import why_rejected
 from drake_tc.report.sentences.set_up import set_up_json
-from drake_tc.report.words import REASONS
+from drake_tc.report.words import REASONS, why_rejected
+
+
+def loop_entry(closed: ClosedLoop | None, joint: str) -> dict[str, Any] | None:
+    """`joints.NAME.closed_loop`: figures in SI; None where there is no loop."""
+    if closed is None or joint not in closed.joints:
+        return None
+    found = closed.joints[joint]
+    return {
+        "simulated": True,
+        "changed": found.changed,
+        "gains": dict(found.gains),
+        "before": json_value(asdict(found.before)),
+        "after": json_value(asdict(found.after)),
+    }
+
+
+def loop_summary(closed: ClosedLoop | None) -> dict[str, Any] | None:
+    """`closed_loop`: what the figures of all joints have in common."""
+    if closed is None:
+        return None
+    return {
+        "plant": closed.plant,
+        "controller": closed.controller,
+        "reference": {"run": closed.run, "start": closed.start, "end": closed.end},
+        "changed": closed.changed,
+        "notes": list(closed.notes),
+    }
+
+
+def uncertainty_entry(
+    uncertainty: TorqueUncertainty | None, joint: str, units: JointUnits = TURNING
+) -> dict[str, Any] | None:
+    """`joints.NAME.torque_uncertainty`: sigma of the held-out residual as link-side torque or force."""
+    if uncertainty is None or joint not in uncertainty.joints:
+        return None
+    at = uncertainty.joints.index(joint)
+    entry: dict[str, Any] = json_value(
+        {
+            "unit": units.text(TORQUE),
+            "sigma": float(uncertainty.sigma[at]),
+            "ci95": uncertainty.ci95[at],
+            "mean": float(uncertainty.mean[at]),
+            "correlation_time": float(uncertainty.correlation_time[at]),
+            "effective_samples": float(uncertainty.effective_samples[at]),
+        }
+    )
+    return entry
+
+
+def free_runs_json(joint: JointResult) -> list[dict[str, Any]]:
+    """Errors of each held-out run's free runs [rad], by model; null for one that there is not."""
+    rows = []
+    for run, trace in joint.free_run.items():
+        found = {name: position_errors(trace, name) for name in MODELS}
+        entry = {
+            name: None if errors is None else {"rms": errors[0], "mean_absolute": errors[1]}
+            for name, errors in found.items()
+        }
+        rows.append(json_value({"run": run, **entry}))
+    return rows
+
+
+def refinement_json(refinement: Refinement | None) -> dict[str, Any] | None:
+    """What the output error did; null where no free run was asked for."""
+    if refinement is None:
+        return None
+    pairs = {"train": refinement.train, "cross_validated": refinement.cross_validated}
+    document = {
+        "status": refinement.status,
+        "why": refinement.why or None,
+        "model": MODEL_FILE if refinement.accepted else None,
+        "free_run_mean_absolute": {
+            name: None if pair is None else {"after": pair[0], "refined": pair[1]} for name, pair in pairs.items()
+        },
+        "error": {
+            "train": refinement.error_train,
+            "heldout": refinement.error_heldout,
+            "free_run_heldout": refinement.free_run_heldout,
+        },
+        "parameters": [
+            {
+                "effect": p.key,
+                "parameter": p.name,
+                "unit": p.unit,
+                "equation_error": p.equation_error,
+                "output_error": p.output_error,
+                "at_bound": p.at_bound,
+            }
+            for p in refinement.parameters
+        ],
+    }
+    return dict(json_value(document))
 
 
 def _number(x: float | None) -> float | None:

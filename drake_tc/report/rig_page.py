@@ -10,18 +10,19 @@ from drake_tc.config.page import key_table, table
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
-from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
+from drake_tc.logs.rig_document.declared import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.rig_document.document import RigDocument
-from drake_tc.logs.rig_document.joint_sensors import (
+from drake_tc.logs.rig_document.loads import KINDS, WORDS
+from drake_tc.logs.rig_document.sensors import (
     CurrentKeys,
     EncoderKeys,
+    ForceTorqueKeys,
+    ImuKeys,
     JointSensorKeys,
     TorqueCommandKeys,
     TorqueSensorKeys,
     VoltageKeys,
 )
-from drake_tc.logs.rig_document.loads import KINDS, WORDS
-from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys
 from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
 

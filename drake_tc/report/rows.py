@@ -1,4 +1,11 @@
-"""The rows of one data split for plots: signals, direction of motion and reversals."""
+"""Points of plots: rows of a data split, what a cloud of points says, and fewer of them.
+
+The rows of one data split for plots: signals, direction of motion and reversals.
+
+What a cloud of points says: binned medians with quartiles, a frame that outliers do not set, fewer points.
+
+Fewer samples of several series on one clock, with every extreme of every series kept.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +14,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 REVERSAL_SECONDS = 0.1
 LABELS: dict[str, tuple[str, str]] = {
@@ -118,3 +125,83 @@ def _time(samples: Samples, stretches: Sequence[TimeStretch]) -> Quantity:
     several = len(samples.runs) > 1
     label = "time, runs end to end [s]" if several else "time [s]"
     return Quantity("time", "time", label, np.asarray(values), tuple(float(o) for o in offsets[1:]), shaded)
+
+
+MOST_POINTS = 3000
+BINS = 24
+LEAST_IN_BIN = 8
+
+
+@dataclass(frozen=True)
+class Binned:
+    """Bins (B,) of a cloud: median of x, and quartiles and median of y."""
+
+    x: FloatArray
+    low: FloatArray
+    middle: FloatArray
+    high: FloatArray
+
+
+def binned(x: FloatArray, y: FloatArray, bins: int = BINS) -> Binned:
+    """Medians and quartiles of y (N,) in bins of equally many x (N,): fine where the data are dense.
+
+    Values that are not finite take no part. Bins with fewer than 8 points are left out; all may be.
+    """
+    good = np.isfinite(x) & np.isfinite(y)
+    order = np.argsort(x[good], kind="stable")
+    xs, ys = x[good][order], y[good][order]
+    count = min(bins, xs.size // LEAST_IN_BIN)
+    if count < 1:
+        return Binned(*(np.zeros(0) for _ in range(4)))
+    parts = np.array_split(np.arange(xs.size), count)
+    quartiles = np.array([np.percentile(ys[p], (25.0, 50.0, 75.0)) for p in parts])
+    middle = np.array([np.median(xs[p]) for p in parts])
+    return Binned(middle, quartiles[:, 0], quartiles[:, 1], quartiles[:, 2])
+
+
+def evenly(size: int, most: int = MOST_POINTS) -> IntArray:
+    """At most `most` indices spread evenly over `size` samples, ends included."""
+    if size <= most:
+        return np.arange(size)
+    return np.linspace(0, size - 1, most).round().astype(np.int64)
+
+
+def frame(y: FloatArray, floor: float = 0.0) -> tuple[float, float]:
+    """Limits of an axis for y (N,) and +-`floor`: all of y, or about its 0.2 to 99.8 percentiles."""
+    finite = y[np.isfinite(y)]
+    if finite.size == 0:
+        return -1.0, 1.0
+    low, high = (float(v) for v in np.percentile(finite, (0.2, 99.8)))
+    low, high = min(low, -floor), max(high, floor)
+    reach = 0.35 * (high - low)
+    low = max(float(finite.min()), low - reach) if float(finite.min()) < low else low
+    high = min(float(finite.max()), high + reach) if float(finite.max()) > high else high
+    margin = 0.06 * (high - low) or max(abs(high), 1.0) * 0.1
+    return low - margin, high + margin
+
+
+def extreme_samples(series: Sequence[FloatArray], most: int) -> IntArray:
+    """Rising indices of the samples that a plot of the series needs, at most `most` and the two ends.
+
+    The samples are cut into equal stretches. Of each stretch the smallest and the largest value of every series stay,
+    so that no peak is lost, and all series keep the same samples, so that values at one instant belong together.
+    Source: the min-max decimation of oscilloscopes; Jugel et al., M4 (2014), Section 4.
+
+    Args:
+        series: One or more (T,) on one clock; NaN takes no part.
+        most: Largest number of samples in between the ends, at least two for each series.
+    """
+    size = series[0].size
+    if size <= most:
+        return np.arange(size)
+    buckets = max(1, most // (2 * len(series)))
+    length = -(-size // buckets)
+    kept = [np.array([0, size - 1])]
+    for values in series:
+        padded = np.full(length * buckets, np.nan)
+        padded[:size] = values
+        table = padded.reshape(buckets, length)
+        known = np.flatnonzero(np.isfinite(table).any(axis=1))
+        for extreme in (np.nanargmin, np.nanargmax):
+            kept.append(known * length + extreme(table[known], axis=1) if known.size else known)
+    return np.unique(np.concatenate(kept)).astype(np.int64)

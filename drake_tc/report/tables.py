@@ -1,5 +1,15 @@
-"""The report's tables as rows of text."""
+"""The report's tables as rows of text.
 
+Each run's own estimate of a parameter beside that of all runs: a small plot for a table's cell.
+
+The tables of effects that are not part of the model after, as rows of text.
+
+Position errors of the free runs, by run and by model, as a reader sees them.
+
+Each parameter by run, gain, load and direction: the rows of the report's table.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,8 +19,10 @@ from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
+from drake_tc.diagnosis.result.run_errors import MODELS, position_errors
+from drake_tc.diagnosis.withdrawal import DidNotHold
 from drake_tc.report.numbers import (
     NOT_IDENTIFIED,
     UNKNOWN,
@@ -22,7 +34,7 @@ from drake_tc.report.numbers import (
     scale_for,
     significant,
 )
-from drake_tc.report.words import natural, title_of
+from drake_tc.report.words import REASONS, natural, title_of, why_rejected
 
 
 @dataclass(frozen=True)
@@ -268,3 +280,67 @@ def data_facts(joint: JointResult) -> Sequence[tuple[str, str]]:
         if inertia > 0.0
         else facts
     )
+
+
+@dataclass(frozen=True)
+class RejectedRow:
+    """One effect that was not added."""
+
+    title: str
+    id: str
+    heldout: str
+    why: str
+
+
+def rejected_rows(rejected: Sequence[RejectedEffect]) -> tuple[Sequence[RejectedRow], Sequence[RejectedRow]]:
+    """(tried and not added, could not be looked for in these logs)."""
+    tried: list[RejectedRow] = []
+    barred: list[RejectedRow] = []
+    for r in rejected:
+        row = RejectedRow(title_of(r.key), r.id, percent(r.heldout_gain), why_rejected(r))
+        (barred if r.obstacle else tried).append(row)
+    return tried, barred
+
+
+@dataclass(frozen=True)
+class DidNotHoldRow:
+    """One effect that was chosen and did not hold."""
+
+    title: str
+    id: str
+    reason: str
+    why: str
+
+
+def did_not_hold_rows(effects: Sequence[DidNotHold]) -> Sequence[DidNotHoldRow]:
+    """One row an effect, with the reason in a few words and in a sentence."""
+    return [DidNotHoldRow(e.title, e.id, *REASONS[e.reason]) for e in effects]
+
+
+@dataclass(frozen=True)
+class FreeRunTable:
+    """Text of the table.
+
+    Attributes:
+        models: Those of `MODELS` that were simulated.
+        rows: (run, "training" or "held-out", RMS position errors, mean absolute position errors), both by model.
+    """
+
+    models: tuple[str, ...]
+    rows: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...]
+
+
+def free_run_table(joint: JointResult) -> FreeRunTable:
+    """The table of one joint; no rows where no free run was made."""
+    traces = joint.free_run
+    models = tuple(name for name in MODELS if any(name in trace for trace in traces.values()))
+    held = set(joint.heldout.samples.runs)
+    runs = sorted(traces, key=lambda run: (run in held, natural(run)))
+    errors = {run: [position_errors(traces[run], name) for name in models] for run in runs}
+    sizes = [value for found in errors.values() for pair in found if pair is not None for value in pair]
+    scale = scale_for(max((value for value in sizes if math.isfinite(value)), default=0.0), joint.units.position)
+    rows = []
+    for run in runs:
+        rms, absolute = (tuple("–" if e is None else scale.quantity(e[which]) for e in errors[run]) for which in (0, 1))
+        rows.append((run, "held-out" if run in held else "training", rms, absolute))
+    return FreeRunTable(models, tuple(rows))

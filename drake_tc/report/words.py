@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.priors import NAMED_FLOORS
+from drake_tc.diagnosis.priors import ALTERNATIVE, NAMED_FLOORS
 from drake_tc.diagnosis.problem.shared.causes import TITLES
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained, Verdict
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.diagnosis.withdrawal import Withdrawal
@@ -42,6 +42,15 @@ REASONS: dict[Withdrawal, tuple[str, str]] = {
     ),
 }
 """In a few words, and as a sentence."""
+
+
+def why_rejected(rejected: RejectedEffect) -> str:
+    """Why an effect was not added, as one sentence without its full stop."""
+    if rejected.reason != "too_little_evidence":
+        return rejected.obstacle
+    return f"the log odds of the model with it are {rejected.log_odds:+.1f}; {ALTERNATIVE:+g} are required"
+
+
 NEAR = 0.25
 """Smallest held-out gain at which the sentence on the remaining error names an effect that was not added."""
 MOSTLY = 0.5

@@ -20,7 +20,7 @@ from drake_tc.config.keys import (
     saying,
     unknown_key,
 )
-from drake_tc.robot.mounts import Pose
+from drake_tc.robot.fields import Pose
 
 _ZERO = "[0, 0, 0]"
 

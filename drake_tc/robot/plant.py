@@ -1,4 +1,7 @@
-"""A robot in a MultibodyPlant: links, driven joints, actuators in the robot's order."""
+"""A robot in a MultibodyPlant: links, driven joints, actuators in the robot's order.
+
+What the drives of a robot add to its joints' inertia, as its files say.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,12 +10,24 @@ import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
+from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot, position_range
-from drake_tc.robot.rotors import file_rotors
 from drake_tc.robot.urdf import Followers, reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray
+
+
+def file_rotors(robot: Robot) -> dict[str, float]:
+    """Reflected inertia of each joint's drive [kg m^2], as the robot's files say; 0 behind a spring or a gap.
+
+    Raises:
+        ParamsError: the actuator file cannot be read or has no model of a joint.
+    """
+    if robot.actuators is None:
+        return dict(robot.rotor_inertia)
+    models = models_of_joints(robot.actuators, robot.joints)
+    return {joint: 0.0 if model.transmission_effects else model.inertia for joint, model in models.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointIndex
 
 from drake_tc.errors import IdentificationError
-from drake_tc.robot.joint_axis import has_axis, is_revolute, joint_axes
+from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
 from drake_tc.types import FloatArray
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

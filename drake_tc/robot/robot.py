@@ -6,17 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import unknown_key
-from drake_tc.config.validation import validated
+from drake_tc.config.quoted import did_you_mean
+from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 from drake_tc.robot.document import RobotDocument
-from drake_tc.robot.mounts import ForceTorqueMount, Mount, Pose
+from drake_tc.robot.fields import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
-from drake_tc.robot.split_link import LinkSplit
-from drake_tc.robot.urdf_tree import Mimic, UrdfTree, read_urdf
-from drake_tc.simulator_files.packages import resolve
+from drake_tc.robot.urdf_tree import LinkSplit, Mimic, UrdfTree, read_urdf
+from drake_tc.simulator_files.urdf import resolve
 from drake_tc.types import FloatArray
 
 __all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]

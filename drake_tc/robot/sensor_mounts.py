@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.robot.document import ForceTorqueSensorKeys, FrameKeys, ImuSensorKeys
-from drake_tc.robot.mounts import ForceTorqueMount, Mount
-from drake_tc.robot.split_link import LinkSplit
-from drake_tc.robot.urdf_tree import UrdfTree
+from drake_tc.robot.fields import ForceTorqueMount, Mount
+from drake_tc.robot.urdf_tree import LinkSplit, UrdfTree
 
 
 def check_link(where: str, link: str, tree: UrdfTree) -> str:

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from drake_tc.front_door import front_door
 
 if TYPE_CHECKING:
-    from drake_tc.sensing.fault import SensorFault
-    from drake_tc.sensing.spec import SensorSpec
+    from drake_tc.sensing.spec import SensorFault, SensorSpec
     from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
 
 __all__ = [
@@ -17,7 +16,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "SensorFault": "fault",
+    "SensorFault": "spec",
     "SensorSpec": "spec",
     "SensorSuiteSpec": "suite",
     "add_sensors": "suite",

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.sensing.fault import SensorFault
-from drake_tc.sensing.spec import SensorSpec, whole_ticks
+from drake_tc.sensing.spec import SensorFault, SensorSpec, whole_ticks
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 BLOCK = 256

@@ -9,14 +9,13 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
+from drake_tc.array_stage import PortMethods
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import BETWEEN_TICKS
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
-from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.on_arrays import TICK, SensorOnArrays
-from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 
 __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]

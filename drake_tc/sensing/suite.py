@@ -10,16 +10,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.config.keys import Keys, key, one_of
-from drake_tc.config.records import record_keys
-from drake_tc.config.validation import validated
+from drake_tc.config.records import record_keys, validated
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.encoder import Encoder, add_encoder
-from drake_tc.sensing.fault import SensorFault
-from drake_tc.sensing.force_torque import ForceTorque, force_torque_spec
-from drake_tc.sensing.imu import Imu, add_imu
-from drake_tc.sensing.joint_torque import JointTorque
-from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.body_sensors import ForceTorque, Imu, add_imu, force_torque_spec
+from drake_tc.sensing.joint_sensors import Encoder, JointTorque, add_encoder
+from drake_tc.sensing.spec import SensorFault, SensorSpec
 
 SENSORS = ("encoder", "imu", "force_torque", "joint_torque")
 """Names under which a scenario gives faults."""

@@ -6,19 +6,16 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base_motion import BaseMotion
 from drake_tc.estimation.joint_torque import LARGEST
-from drake_tc.estimation.plant import IMU_SUFFIX, build_plant
-from drake_tc.gravity import GRAVITY
+from drake_tc.estimation.plant import IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import RAISE_FLAGS, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
-from drake_tc.types import Call, FloatArray
+from drake_tc.types import GRAVITY, Call, FloatArray
 
 FASTEST = 20.0
 """Speed of a joint without a velocity limit [rad/s]."""

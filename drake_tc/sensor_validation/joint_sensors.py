@@ -7,10 +7,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.kernels.calls import REMEMBER, VOTE, KernelCall, above, copying
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 FLAGS = (

@@ -7,9 +7,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.port_methods import PortMethods
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import Contact

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuators
-from drake_tc.simulator_files.mjcf_tree import Attributes, Defaults, bodies, with_includes
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
-from drake_tc.simulator_files.xml_tree import finite, place
+from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, place, with_includes
 
 __all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
 
@@ -469,7 +468,7 @@ class _Compiled:
     """What only MuJoCo's compiler knows of a file: numbers that depend on inertias of its bodies."""
 
     def __init__(self, path: Path) -> None:
-        from drake_tc.simulator_files.mujoco_module import mujoco_module
+        from drake_tc.simulator_files.xml_tree import mujoco_module
 
         self.mujoco = mujoco_module()
         self.model = self.mujoco.MjModel.from_xml_path(str(path))

@@ -10,8 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drake_tc.simulator_files.mjcf_tree import Attributes, Defaults
-from drake_tc.simulator_files.xml_tree import finite, place
+from drake_tc.simulator_files.xml_tree import Attributes, Defaults, finite, place
 
 AFFINE = ("general", "motor", "position", "velocity", "intvelocity")
 """Kinds of actuator that are one equation."""

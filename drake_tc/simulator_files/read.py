@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.parsers.expat import ExpatError
 
-from drake_tc.config.is_file import is_file
+from drake_tc.config.files import is_file
 from drake_tc.errors import DrakeTcError
 from drake_tc.simulator_files.bam import bam_servo
 from drake_tc.simulator_files.mjcf import mjcf_joints
-from drake_tc.simulator_files.sdf import sdf_joints
 from drake_tc.simulator_files.terms import ReadJoint
-from drake_tc.simulator_files.urdf import urdf_joints
+from drake_tc.simulator_files.urdf import sdf_joints, urdf_joints
 from drake_tc.simulator_files.xml_tree import xml_tree
 
 ENDINGS = (".urdf", ".sdf", ".xml", ".mjcf", ".json", ".xacro")

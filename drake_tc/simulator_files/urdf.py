@@ -1,14 +1,31 @@
-"""Joints of a URDF file: `<dynamics>`, `<limit effort>`, and the actuator of their transmission.
+"""URDF and SDF files, and the packages that they name.
+
+Joints of a URDF file: `<dynamics>`, `<limit effort>`, and the actuator of their transmission.
 
 The reflected inertia is rotor_inertia gear_ratio^2 of Drake's tags, else motorInertia mechanicalReduction^2, which
 Drake does not use. `drake:controller_gains` are the gains of a position servo, which Drake clips as a whole to the
 limit of the effort. A joint that follows another, and everything else that is physics, is listed as not used.
+
+Joints of an SDFormat file: `<axis>` with `<dynamics>` and `<limit><effort>`, and Drake's tags of the joint.
+
+The reflected inertia is drake:rotor_inertia drake:gear_ratio^2, both contents of their tags. `drake:controller_gains`
+has its gains as attributes. The spring's torque is -spring_stiffness (q - spring_reference), as Drake applies it. All
+joints of the file are read, those of nested models too; what else is physics is listed as not used.
+
+Find a URDF: beside its YAML, or in an installed package.
 """
 
+import math
+import os
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
+from drake_tc.config.files import is_file
+from drake_tc.config.quoted import located
+from drake_tc.errors import ParamsError
 from drake_tc.simulator_files.terms import ReadJoint, Terms
 from drake_tc.simulator_files.xml_tree import DRAKE, PREFIX, finite, place
 
@@ -146,3 +163,115 @@ def content(element: ET.Element, path: str) -> float:
 
 def _word(tag: str) -> str:
     return tag.replace(DRAKE, PREFIX)
+
+
+SDF_JOINT_USED = {"parent", "child", "pose", "axis", "sensor"} | {
+    f"{DRAKE}{name}" for name in ("rotor_inertia", "gear_ratio", "controller_gains")
+}
+AXIS_USED = {"xyz", "dynamics", "limit", "mimic"}
+DYNAMICS_USED = {"damping", "friction", "spring_stiffness", "spring_reference"}
+
+
+def sdf_joints(root: ET.Element) -> dict[str, ReadJoint]:
+    """What the file says of each moving joint, by name.
+
+    Args:
+        root: `<sdf>`.
+
+    Raises:
+        ValueError: a content or an attribute that is no number; names element and line.
+    """
+    found = {joint.get("name", ""): _read(joint) for joint in root.iter("joint") if joint.get("type") in MOVING}
+    if not found and (included := next(root.iter("include"), None)) is not None:
+        uri = (included.findtext("uri") or "").strip()
+        raise ValueError(f"{place(included)}: {uri}: included models are not read; name the file of the model itself")
+    return found
+
+
+def _read(joint: ET.Element) -> ReadJoint:
+    effort = _limit(joint, "effort")
+    stiffness = content(joint, "axis/dynamics/spring_stiffness")
+    terms = Terms(
+        drive="torque",
+        kp=1.0,
+        damping=content(joint, "axis/dynamics/damping"),
+        frictionloss=content(joint, "axis/dynamics/friction"),
+        stiffness=stiffness,
+        preload=-stiffness * content(joint, "axis/dynamics/spring_reference"),
+        torque_limit=effort if 0.0 < effort < math.inf else None,
+    )
+    inertia, ratio = content(joint, f"{DRAKE}rotor_inertia"), content(joint, f"{DRAKE}gear_ratio") or 1.0
+    gains = (attribute(joint, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
+    return with_drake(ReadJoint(terms), inertia * ratio**2, *gains).also_unused(*_unused(joint))
+
+
+def _unused(joint: ET.Element) -> list[str]:
+    found = [f"its {each.tag.replace(DRAKE, PREFIX)}" for each in joint if each.tag not in SDF_JOINT_USED]
+    for axis in joint.findall("axis"):
+        found += [f"its {each.tag.replace(DRAKE, PREFIX)}" for each in axis if each.tag not in AXIS_USED]
+        for dynamics in axis.findall("dynamics"):
+            found += [f"its {each.tag}" for each in dynamics if each.tag not in DYNAMICS_USED]
+        for limit in axis.findall("limit"):
+            found += [f"its {each.tag} of the limit" for each in limit if each.tag in ("stiffness", "dissipation")]
+        mimic = axis.find("mimic")
+        if mimic is not None:
+            found.append(f"that it follows {mimic.get('joint')!r} (mimic)")
+    if 0.0 < abs(_limit(joint, "velocity")) < math.inf:
+        found.append("its limit of the velocity")
+    ends = _limit(joint, "lower"), _limit(joint, "upper")
+    if any(0.0 < abs(end) < 1e16 for end in ends):
+        found.append("its limits of the position (lower, upper)")
+    return found
+
+
+def _limit(joint: ET.Element, name: str) -> float:
+    """A limit; it may be infinite, or -1 for none."""
+    element = joint.find(f"axis/limit/{name}")
+    text = "" if element is None else (element.text or "").strip()
+    if element is None or not text or text.lstrip("+-").lower() in ("inf", "infinity"):
+        return 0.0
+    return (finite(element, name, text) or [0.0])[0]
+
+
+_SCHEME = "package://"
+
+
+def _package_folders(name: str) -> list[Path]:
+    """Folders that could be the package `name`: those of Python environments first, then ROS_PACKAGE_PATH."""
+    shares = [Path(entry) / "cmeel.prefix" / "share" / name for entry in sys.path if entry]
+    roots = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
+    return shares + [root / name for root in roots] + [root for root in roots if root.name == name]
+
+
+def resolve(reference: str, folder: Path) -> Path:
+    """The file that `reference` means.
+
+    Args:
+        reference: `package://NAME/path`, or a path relative to `folder`.
+        folder: Of the file that holds the reference.
+
+    Raises:
+        ParamsError: there is no such file or package; the message says where it was looked for, and what to install.
+    """
+    if not reference.startswith(_SCHEME):
+        path = folder / reference
+        if not is_file(path):
+            where = "" if Path(reference).is_absolute() else f" in {folder}"
+            raise ParamsError(f"{located((reference,))}: no such file{where}")
+        return path
+    name, _, rest = reference.removeprefix(_SCHEME).partition("/")
+    if name in ("", ".", ".."):
+        raise ParamsError(f"{located((reference,))}: expected package://NAME/path with the name of a package")
+    folders = [candidate for candidate in _package_folders(name) if candidate.is_dir()]
+    if not folders:
+        raise ParamsError(
+            f"{located((reference,))}: package {name!r} is neither installed nor in ROS_PACKAGE_PATH;"
+            ' robots of example-robot-data: pip install "drake-tc[robots]"'
+        )
+    for candidate in folders:
+        path = candidate / rest
+        if ".." in Path(rest).parts or Path(rest).is_absolute():
+            raise ParamsError(f"{located((reference,))}: expected a path that stays inside the package {name!r}")
+        if rest and is_file(path):
+            return path
+    raise ParamsError(f"{located((reference,))}: package {name!r} in {folders[0]} has no file {rest!r}")

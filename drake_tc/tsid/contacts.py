@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.types import FloatArray, IntArray
 
 Kind = Literal["surface", "point"]

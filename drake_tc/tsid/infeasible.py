@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.qp.choose import solver as solver_named
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import Polytope, Terms
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 MOMENT_ARM = 0.1

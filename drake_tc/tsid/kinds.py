@@ -10,21 +10,16 @@ from drake_tc.errors import ParamsError
 from drake_tc.extensions import LIMITS, TASKS, ExtensionPoint
 from drake_tc.robot import fields
 from drake_tc.robot.fields import Reader
-from drake_tc.tsid.limits.acceleration import AccelerationLimit
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.limits.capture_point import CapturePointLimit
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.tasks.angular_momentum import AngularMomentumTask
 from drake_tc.tsid.tasks.base import Task
-from drake_tc.tsid.tasks.com import ComTask
-from drake_tc.tsid.tasks.cop import CopTask
-from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.tsid.tasks.frame import FrameTask
-from drake_tc.tsid.tasks.orientation import OrientationTask
-from drake_tc.tsid.tasks.posture import PostureTask
-from drake_tc.tsid.tasks.torque import TorqueTask
+from drake_tc.tsid.tasks.centroidal import AngularMomentumTask, ComTask
+from drake_tc.tsid.tasks.force import CopTask, ForceTask
+from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
+from drake_tc.tsid.tasks.posture import PostureTask, TorqueTask
 
 NEVER_LEFT_OUT = ("torque", "contact", "acceleration")
 """Kinds of limits that a controller has with their defaults unless its file says null."""

@@ -5,28 +5,73 @@ p_BoG and the base's rows of M and C v, which are momentum and its rate about th
 
     A_G = X M[:6],  Adot_G v = X (C v)[:6],  X = [1 -S(c); 0 1]
     h = C v - M a_g,  a_g = [0; gravity] of the base, as no joint needs a torque where all of the robot falls freely
+
+What a TsidModel adds to the links of its plant before that is finalized: named frames; and its rotors, checked.
+
+A robot's positions moved on their manifold: for motions of the model itself, without a plant.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import QuaternionFloatingJoint
+from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.robot.mounts import Mount
-from drake_tc.robot.plant import make_plant
+from drake_tc.robot.fields import Mount
+from drake_tc.robot.plant import file_rotors, make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.rotors import file_rotors
 from drake_tc.robot.tree import tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
-from drake_tc.tsid.model_parts import add_frames, checked_rotors
-from drake_tc.tsid.terms import FrameTerms, Pose, Terms
+from drake_tc.tsid.rows import FrameTerms, Pose, Terms
 from drake_tc.types import FloatArray, IntArray
+
+_SUFFIX = "_of_tsid"
+
+
+def checked_rotors(robot: Robot, rotor_inertia: Mapping[str, float]) -> Mapping[str, float]:
+    """Reflected inertias by joint [kg m^2], as given; a joint that is not there has none.
+
+    Raises:
+        ParamsError: an unknown joint, or an inertia that is negative or not finite.
+    """
+    for name, inertia in rotor_inertia.items():
+        if name not in robot.joints:
+            raise ParamsError(f"rotor_inertia: no joint {name!r}; joints: {', '.join(robot.joints)}")
+        if not (np.isfinite(inertia) and inertia >= 0.0):
+            raise ParamsError(f"rotor_inertia: {name}: expected a number >= 0 [kg m^2], got {inertia!r}")
+    return rotor_inertia
+
+
+def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequence[Mount]) -> dict[str, Any]:
+    """The frame of each link, contact and mount, by name.
+
+    Args:
+        plant: Not finalized; gets the frames of contacts and mounts.
+        model: Instance of the robot.
+        contacts: Each with its frame C.
+        more: Other frames.
+
+    Raises:
+        ParamsError: a link that is not there, or a name that is taken.
+    """
+    links = {plant.get_body(index).name(): plant.get_body(index) for index in plant.GetBodyIndices(model)}
+    frames = {name: body.body_frame() for name, body in links.items()}
+    named = [("contact", contact.name, contact.frame) for contact in contacts]
+    for kind, name, mount in [*named, *(("frame", mount.name, mount) for mount in more)]:
+        if mount.link not in links:
+            raise ParamsError(f"{kind} {name!r}: no link {mount.link!r}; links: {', '.join(links)}")
+        if name in frames:
+            raise ParamsError(f"{kind} {name!r}: expected a name that no link, contact or frame has; it is taken")
+        offset = FixedOffsetFrame(name + _SUFFIX, links[mount.link].body_frame(), mount.pose.transform)
+        frames[name] = plant.AddFrame(offset)
+    return frames
+
 
 _TERMS, _FRAME = Kernel("terms", "terms"), Kernel("terms", "frame_terms")
 _LEAST_MASS = 1e-12
@@ -263,3 +308,26 @@ class Scratch:
         if known is None:
             known = self._selections[active] = select(self._contacts, active)
         return known
+
+
+def moved(model: TsidModel, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
+    """Q (+) dt v (nq,), its quaternion of length 1: where a constant v leads; a floating base turns exactly.
+
+    Args:
+        model: Of the robot; says where joints stand in q and v.
+        q: (nq,) [quaternion, p of a floating base; joints].
+        v: (nv,) [omega, velocity of a floating base, in the world's axes; joints].
+        dt: [s].
+    """
+    there = q.copy()
+    there[model.positions] += dt * v[model.actuated]
+    if model.robot.fixed_base:
+        return there
+    there[4:7] += dt * v[3:6]
+    turn = dt * v[:3]
+    half = 0.5 * math.sqrt(float(turn @ turn))
+    scalar, vector = math.cos(half), 0.5 * float(np.sinc(half / math.pi)) * turn
+    there[0] = scalar * q[0] - vector @ q[1:4]
+    there[1:4] = scalar * q[1:4] + q[0] * vector + np.cross(vector, q[1:4])
+    there[:4] /= np.linalg.norm(there[:4])
+    return there

@@ -10,12 +10,9 @@ from typing import Any
 import numpy as np
 from pydrake.solvers import MathematicalProgram
 
-from drake_tc.tsid.assembly import check_names, is_bounds, ordered
-from drake_tc.tsid.polytope import LeastSquares, Polytope
+from drake_tc.tsid.assembly import Reduced, check_names, is_bounds, ordered
 from drake_tc.tsid.qp.problem import QuadraticProgram
-from drake_tc.tsid.reduction import Reduced
-from drake_tc.tsid.rows import LimitRows, Parts, TaskRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, Polytope, TaskRows, Terms
 from drake_tc.types import FloatArray
 
 DYNAMICS, CONTACTS = "dynamics", "contacts"

@@ -28,12 +28,11 @@ from drake_tc.tsid.assembly import ordered
 from drake_tc.tsid.program import build_full, equalities, name_binding, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.drake import DrakeSolver
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
-from drake_tc.tsid.robust.box import box_risk
+from drake_tc.tsid.robust.active_set import RobustSolution
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.solution import RobustSolution
-from drake_tc.tsid.robust.torque_error import CERTAIN, TorqueError
-from drake_tc.tsid.rows import LimitRows, TaskRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.robust.options import CERTAIN, TorqueError
+from drake_tc.tsid.robust.scaled import box_risk
+from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
 
 WIDTH = 1e-2

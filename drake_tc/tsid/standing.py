@@ -17,10 +17,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
-from drake_tc.port_methods import PortMethods
 from drake_tc.tsid.law import LARGEST
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.types import BoolArray, Call, FloatArray

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.assembly import AffineMap, names_of
+from drake_tc.tsid.assembly import AffineMap, Reduced, names_of, reduce
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
 from drake_tc.tsid.infeasible import diagnose, safe_torque
@@ -28,10 +28,8 @@ from drake_tc.tsid.law import LARGEST, Law, Status
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.reduction import Reduced, reduce
-from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.rows import LimitRows, TaskRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.robust.active_set import RobustSolution, Start
+from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.tsid.tick_memory import PreviousTick
 from drake_tc.types import FloatArray
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.compensation import Motion, feedforward_effort
-from drake_tc.actuation.joint_program import JointInput, JointProgram
+from drake_tc.actuation.compensator import Motion, feedforward_effort
+from drake_tc.actuation.joint_step import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 
 FRICTION = (

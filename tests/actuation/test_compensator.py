@@ -8,9 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.compensation import Compensator, Motion, feedforward_effort
-from drake_tc.actuation.constant_parts import split_parts
-from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.compensator import Compensator, Motion, feedforward_effort
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue, split_parts
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.effects.base import DriveEffect, SensorEffect
 from drake_tc.effects.library import LIBRARY, UNCOMMON

@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.position_loop import PositionLoop
-from drake_tc.actuation.recorded_run import Link, Recording, in_plant
+from drake_tc.actuation.recorded_run import Link, PositionLoop, Recording, in_plant
 from drake_tc.errors import ParamsError
 from drake_tc.loops.joint_bench.free_run import free_run
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.joint_program import JointInput, JointOutput, JointProgram
+from drake_tc.actuation.joint_step import JointInput, JointOutput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.effects.base import SensorEffect

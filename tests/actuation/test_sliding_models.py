@@ -10,7 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
-from drake_tc.actuation.sliding_models import sliding
+from drake_tc.actuation.wiring import sliding
 from drake_tc.errors import ParamsError
 
 VISCOUS, GAIN, SWITCH = 0.3, 0.5, 0.25

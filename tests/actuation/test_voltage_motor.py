@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_tc.actuation.gear import CONTACT_DAMPING, gear_of
+from drake_tc.actuation.joint_effects import CONTACT_DAMPING, gear_of
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.recorded_run import Link

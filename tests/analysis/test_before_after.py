@@ -10,12 +10,16 @@ from numpy.testing import assert_allclose
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.analysis.before_after import case, comparison
-from drake_tc.analysis.before_after.case import LoopCase
-from drake_tc.analysis.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
-from drake_tc.analysis.before_after.comparison import K7, SOUND, chosen_gains, compare_loops, run_case
-from drake_tc.analysis.before_after.held_out_motion import KNOT, RAMP, HeldOutMotion, eased, held_out_motion
-from drake_tc.analysis.before_after.pendulum_robot import Swing, fitted_swing, write_pendulum_robot
-from drake_tc.analysis.before_after.track import Trace
+from drake_tc.analysis.before_after.case import KNOT, RAMP, HeldOutMotion, LoopCase, eased, held_out_motion
+from drake_tc.analysis.before_after.comparison import K7, SOUND, Trace, chosen_gains, compare_loops, run_case
+from drake_tc.analysis.before_after.pendulum_robot import (
+    Swing,
+    fitted_swing,
+    mass_factors,
+    write_pendulum_robot,
+    write_robot_of_masses,
+    write_welded_robot,
+)
 from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.stability_margins import margins
 from drake_tc.control.trajectories import knot_trajectory

@@ -22,9 +22,9 @@ from drake_tc.analysis.frequency_response import (
     _lock_in,
     bandwidth,
     channel,
+    continuous_phase,
     swept_sine,
 )
-from drake_tc.analysis.phase_branch import continuous_phase
 from drake_tc.analysis.sampled import linearise
 from drake_tc.errors import ParamsError, SimulationError
 

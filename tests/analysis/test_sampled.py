@@ -20,8 +20,7 @@ from drake_tc.analysis.sampled import SampledSystem, linearise, open_loop
 from drake_tc.analysis.stability_margins import margins
 from drake_tc.analysis.state_coordinates import StateCoordinates
 from drake_tc.errors import ParamsError
-from drake_tc.filtering.savgol_weights import savgol_weights
-from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter, savgol_weights
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
 

@@ -8,14 +8,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.settings import Goal, default_goals, setting_of
-from drake_tc.analysis.torque_loop import perturbed_plants
-from drake_tc.analysis.torque_loop.perturbed_plants import Compared, Spread, compare_on_plant
-from drake_tc.analysis.torque_loop.tuned import tuned_scenario
+from drake_tc.analysis.torque_loop import tuned
+from drake_tc.analysis.torque_loop.tuned import Compared, Spread, compare_on_plant, tuned_scenario
 from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tuning import SearchSpace, tune
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
-from drake_tc.loops.torque.recording import TorqueRecording
+from drake_tc.loops.torque.running import TorqueRecording
 from drake_tc.registry import diagram_entry
 
 LEG = diagram_entry("hrp2_leg")
@@ -35,7 +34,7 @@ def seen(monkeypatch):
             robot=robot, models={}, time=time, signals={"joint_state": state, "reference": reference}, seconds=0.0
         )
 
-    monkeypatch.setattr(perturbed_plants, "simulate_scenario", simulate)
+    monkeypatch.setattr(tuned, "simulate_scenario", simulate)
     return kept
 
 
@@ -79,7 +78,7 @@ def test_a_runaway_counts_as_an_infinite_error(monkeypatch):
         signals = {"joint_state": np.zeros((time.size, 12)), "reference": np.zeros((time.size, 18))}
         return TorqueRecording(robot=loop_robot(changed), models={}, time=time, signals=signals, seconds=0.0)
 
-    monkeypatch.setattr(perturbed_plants, "simulate_scenario", stopped)
+    monkeypatch.setattr(tuned, "simulate_scenario", stopped)
     errors = compare_on_plant(Compared((scenario,), Spread(), 0.3), 0)
     assert_array_equal(errors, np.full((1, 6), np.inf))
 

@@ -13,14 +13,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.cli.allocator import restart_tuned
-from drake_tc.cli.entry import leave
+from drake_tc.cli.entry import leave, restart_tuned
 from drake_tc.cli.main import run_app
-from drake_tc.cli.progress import progress_bar
-from drake_tc.cli.seed_option import UnusedSeed
-from drake_tc.config.json_values import json_value
-from drake_tc.report.figure_row import FigureRow, rows_json
-from drake_tc.report.figure_table import figure_table
+from drake_tc.cli.terminal import UnusedSeed, progress_bar
+from drake_tc.config.quoted import json_value
+from drake_tc.report.figure_row import FigureRow, figure_table, rows_json
 from tests.benchmarks.seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
 
 if TYPE_CHECKING:
@@ -463,8 +460,8 @@ def qp(
 ) -> None:
     """Solve quadratic programs along robot motions by each solver: time of cold and warm starts, and accuracy."""
     from drake_tc.tsid.configuration import load_law
-    from drake_tc.tsid.qp.choose import unavailable
     from tests.benchmarks.qp import humanoid_controller, qp_rows
+    from tests.benchmarks.qp_solvers import unavailable
 
     missing = {} if solver else {name: why for name in SOLVERS if (why := unavailable(name)) is not None}
     for why in missing.values():
@@ -520,7 +517,7 @@ def real_robots(data: Data, name: Sets = None, as_json: AsJson = False, seed: Un
 
 def _real_bam(data: Path, progress: Report) -> list[FigureRow]:
     from drake_tc.analysis.executors import processes
-    from drake_tc.loops.joint_bench.rig_free_run import rig_free_run
+    from drake_tc.loops.joint_bench.free_run import rig_free_run
     from tests.benchmarks.real_bam import real_bam_rows
 
     with processes(os.cpu_count() or 1) as pool:
@@ -602,7 +599,7 @@ def gate(
     The results are shown beside the stored ones, where these are of the same size and seed.
     """
     from drake_tc.analysis.executors import processes
-    from drake_tc.cli.wide_table import print_wide
+    from drake_tc.cli.terminal import print_wide
     from tests.benchmarks import gate as gates
     from tests.benchmarks.gate_parts import SIZES, GateRuns
 

@@ -19,17 +19,21 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 from scipy.integrate import solve_ivp
 
-from drake_tc.gravity import GRAVITY
-from drake_tc.loops.advancing import Progress
-from drake_tc.loops.whole_body.ground import add_ground, touching_points
-from drake_tc.loops.whole_body.ground_spec import APPROXIMATIONS, Approximation, GroundSpec, SoleSpec
-from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.recording import Progress
+from drake_tc.loops.whole_body.ground import (
+    APPROXIMATIONS,
+    Approximation,
+    GroundSpec,
+    SoleSpec,
+    add_ground,
+    touching_points,
+)
+from drake_tc.loops.whole_body.running import TsidRecording, contact_misses, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.violations import contact_misses
 from drake_tc.report.figure_row import FigureRow
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 from tests.benchmarks.tsid_timing import diagram_timing
 
 MASS, LOW, HIGH = 20.0, 0.02, 0.3

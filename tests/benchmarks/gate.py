@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.gate_parts import (

@@ -24,7 +24,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import robot_logs
-from drake_tc.identification.base_parameters import independent_columns
+from drake_tc.identification.regression import independent_columns
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray

@@ -9,15 +9,15 @@ import numpy as np
 
 from drake_tc.registry import tsid_entry
 from drake_tc.report.figure_row import FigureRow
+from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.manifold import moved
+from drake_tc.tsid.model import moved
 from drake_tc.tsid.program import reduced_qp
-from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.reduction import reduce
-from drake_tc.tsid.tasks.com import ComTask
+from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.types import FloatArray
+from tests.benchmarks.qp_solvers import solver
 
 Progress = Callable[[str, float], None]
 STEP = 5e-3
@@ -119,7 +119,7 @@ def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400
 
     Args:
         law: A controller; its tasks and limits make the problems, its solver moves the model.
-        names: Solvers of `choose.solver`.
+        names: Solvers of `qp_solvers.solver`.
         progress: Told what is timed and which share is done.
         ticks: Of each motion.
 

@@ -24,7 +24,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit, predict
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import LogError
-from drake_tc.logs.common_rate import at_common_period
+from drake_tc.logs.channels import at_common_period
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig

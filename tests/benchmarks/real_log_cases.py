@@ -22,10 +22,9 @@ import numpy as np
 import pandas as pd
 from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import FileName, Keys, Name, Number, key
-from drake_tc.config.quoted import quoted
-from drake_tc.config.validation import validated
+from drake_tc.config.quoted import did_you_mean, quoted
+from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.rig import load_rig

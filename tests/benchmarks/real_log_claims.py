@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 
 FLOORS = 3.0
 """Largest ratio of error to noise floor at which nothing is missing."""

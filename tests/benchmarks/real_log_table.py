@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.markup import escape
 
-from drake_tc.cli.wide_table import print_wide
+from drake_tc.cli.terminal import print_wide
 from drake_tc.report.figure_row import rows_json
 
 if TYPE_CHECKING:

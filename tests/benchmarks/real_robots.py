@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.loops.whole_body.ground import touching_points
-from drake_tc.loops.whole_body.ground_spec import GroundSpec, SoleSpec
+from drake_tc.loops.whole_body.ground import GroundSpec, SoleSpec, touching_points
 from tests.benchmarks import floor_contact as floor_bench
 from tests.benchmarks.floor_contact import (
     FRICTION,

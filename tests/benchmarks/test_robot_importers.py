@@ -14,7 +14,7 @@ from drake_tc.errors import LogError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
-from drake_tc.logs.valid import Condition
+from drake_tc.logs.rig_document.document import Condition
 from drake_tc.robot.robot import load_robot
 from tests.benchmarks.importers import IMPORTERS
 from tests.benchmarks.importers.mjcf import urdf_of_mjcf

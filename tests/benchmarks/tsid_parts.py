@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_tc.loops.signal_log import add_log
+from drake_tc.loops.recording import add_log
 from drake_tc.loops.whole_body.loop import add_grounded_plant
 from drake_tc.loops.whole_body.running import TsidRecording
 from drake_tc.report.figure_row import FigureRow

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from threadpoolctl import threadpool_limits
 
-from drake_tc.loops.advancing import Progress
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid

@@ -6,11 +6,11 @@ import sys
 
 import pytest
 
-from drake_tc.cli import allocator
-from drake_tc.cli.allocator import BLOCKS, TUNABLE, restart_tuned, tuned
+from drake_tc.cli import entry
+from drake_tc.cli.entry import BLOCKS, TUNABLE, restart_tuned, tuned
 
 OWN = f"{TUNABLE}={BLOCKS}"
-NEEDS_GLIBC = pytest.mark.skipif(not allocator._has_glibc(), reason="another C library")
+NEEDS_GLIBC = pytest.mark.skipif(not entry._has_glibc(), reason="another C library")
 CALL = "from drake_tc.cli.entry import main; main()"
 DRAKE = "import os\nraise ImportError('tunables ' + os.environ.get('GLIBC_TUNABLES', 'none') + f' {os.getpid()}')"
 
@@ -32,7 +32,7 @@ def seen(tmp_path, *arguments, **variables):
 
 
 @NEEDS_GLIBC
-@pytest.mark.parametrize("command", allocator.SIMULATING)
+@pytest.mark.parametrize("command", entry.SIMULATING)
 def test_a_command_that_simulates_has_the_tunable_in_the_same_process(tmp_path, command):
     assert seen(tmp_path, command, "--flag", "with blanks and 'quotes'") == (OWN, True)
 
@@ -67,5 +67,5 @@ def test_without_glibc_nothing_is_started_anew(monkeypatch):
     monkeypatch.delenv("GLIBC_TUNABLES", raising=False)
     monkeypatch.setattr(os, "execve", lambda *arguments: pytest.fail("started anew"))
     monkeypatch.setattr(sys, "orig_argv", ["python", "simulate"])
-    monkeypatch.setattr(allocator, "_has_glibc", lambda: False)
+    monkeypatch.setattr(entry, "_has_glibc", lambda: False)
     restart_tuned(["simulate"])

@@ -16,7 +16,7 @@ from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log
-from drake_tc.loops.torque.recording import log_columns
+from drake_tc.loops.torque.running import log_columns
 from drake_tc.robot.robot import load_robot
 from tests.benchmarks.blind_leg.cases import ROBOT, leg_case, zeroed_suite
 from tests.benchmarks.blind_leg.recorder import random_motion, record_leg

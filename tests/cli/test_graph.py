@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain, LogVectorOutput
 from typer.testing import CliRunner
 
-from drake_tc.cli.graph_command import graph_command
+from drake_tc.cli.diagram_commands import graph_command
 from drake_tc.errors import ParamsError
 
 

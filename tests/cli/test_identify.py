@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 from drake_tc.actuation.model_file import load_model_file, load_models
 from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
 from drake_tc.identification.actuator import piecewise_actuator, ratio_interval
+from drake_tc.identification.asymmetric import PiecewiseFit, ThreePieces
 from drake_tc.identification.identify import Identified
-from drake_tc.identification.piecewise import PiecewiseFit, ThreePieces
 
 K, VISCOUS, COULOMB = 2e-3, 3.0, 2.0
 RIG = "joint: elbow\ndrive: position_servo\ndeclared: {rotor_inertia: 0.3}\n"

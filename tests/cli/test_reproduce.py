@@ -8,7 +8,7 @@ import json
 import pytest
 
 from drake_tc import registry
-from drake_tc.report.reproduction import Expectation, Reproduction, reproduced_row
+from drake_tc.report.figure_row import Expectation, Reproduction, reproduced_row
 from drake_tc.text_table import TextTable
 
 ROWS = (

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from drake_tc.cli import progress
-from drake_tc.cli.progress import progress_bar
+from drake_tc.cli import terminal
+from drake_tc.cli.terminal import progress_bar
 from drake_tc.loops.motion import motion_html, torque_motion
 from drake_tc.loops.run_panels import RunPlot, TimePanel, torque_plot
 from drake_tc.loops.simulated import speed_line
@@ -93,7 +93,7 @@ def test_a_window_shows_the_plot(invoke, monkeypatch):
 
 def test_one_stage_is_told_once_in_ten_seconds_and_at_its_end(capsys, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
     with progress_bar("simulate") as report:
         report("building", 0.0)
         for step in range(1, 251):

@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 
 
 def test_what_json_has_no_number_for_is_null_however_deep():

@@ -6,17 +6,17 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import drake_tc.models
-from drake_tc.actuation.model_document import EffectKeys, ModelDocument
+from drake_tc.actuation.model_file import EffectKeys, ModelDocument
 from drake_tc.cli.schema_command import Document, document_model, document_page, document_schema
 from drake_tc.config.keys import HIDDEN, default_of
 from drake_tc.config.page import key_table, nested
-from drake_tc.config.validation import validated
+from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.effects.library import all_effects
 from drake_tc.errors import ParamsError
 from drake_tc.registry import DIAGRAMS, registered, runnable
 from drake_tc.robot.document import RobotDocument
-from drake_tc.tsid.document import ControllerDocument
+from drake_tc.tsid.configuration import ControllerDocument
 
 MODELS = Path(drake_tc.models.__file__).parent
 FILES = {

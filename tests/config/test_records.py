@@ -6,9 +6,8 @@ from typing import Literal
 
 import pytest
 
-from drake_tc.config.page import nested, page
+from drake_tc.config.page import json_schema, nested, page
 from drake_tc.config.records import read_record, record_keys
-from drake_tc.config.schema import json_schema
 from drake_tc.errors import ParamsError
 
 

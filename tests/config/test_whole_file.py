@@ -7,7 +7,7 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
-from drake_tc.config.whole_file import whole_file, write_whole
+from drake_tc.config.files import whole_file, write_whole
 from drake_tc.errors import LogError
 from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.logs.rig_writing import save_rig

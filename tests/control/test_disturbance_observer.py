@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.disturbance_observer import DisturbanceObserver, ObserverSpec, observer_gains
-from drake_tc.estimation.joint_inertia import JointInertia
+from drake_tc.estimation.disturbance_observer import DisturbanceObserver, JointInertia, ObserverSpec, observer_gains
 
 from .robots import dynamics, pendulum
 

@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
-from drake_tc.control.dynamics_terms import DynamicsTerms
-from drake_tc.control.floating_terms import FloatingTerms
+from drake_tc.control.dynamics_terms import DynamicsTerms, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.errors import ParamsError

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from drake_tc.control.guard import CommandGuard, GuardMode, GuardSpec
-from drake_tc.control.guard_law import GuardLaw
+from drake_tc.control.guard import CommandGuard, GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
 
 DT = 1e-3

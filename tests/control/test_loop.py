@@ -9,11 +9,11 @@ from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, Multipl
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.control.compensation_spec import CompensationSpec
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, GuardMode, GuardSpec
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
+from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.robot.plant import make_plant
 

@@ -9,9 +9,9 @@ from pydrake.systems.analysis import Simulator
 from scipy.spatial.transform import Rotation
 from scipy.spatial.transform import Slerp as ScipySlerp
 
-from drake_tc.control.combined_paths import Chain, PosePath
 from drake_tc.control.reference_source import ReferenceSource
 from drake_tc.control.references import PointToPoint, Slerp, Swing, smooth_step
+from drake_tc.control.trajectories import Chain, PosePath
 from drake_tc.errors import ParamsError
 
 H = 1e-4

@@ -6,9 +6,15 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.control.series_elastic.control import SeriesElasticControl
-from drake_tc.control.series_elastic.friction import motor_arrays, observer_weights
-from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
-from drake_tc.control.series_elastic.memory import MEMORY_ROWS, MemoryRow, cubic_weights
+from drake_tc.control.series_elastic.law import (
+    MEMORY_ROWS,
+    MemoryRow,
+    Readings,
+    SeriesElasticLaw,
+    cubic_weights,
+    motor_arrays,
+    observer_weights,
+)
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.series_elastic import momentum

@@ -13,11 +13,11 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.errors import LogError, RigError
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import rig_document
+from drake_tc.types import GRAVITY
 
 from .pendulum_rig import Swing, record, rig_of
 

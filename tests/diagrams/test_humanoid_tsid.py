@@ -12,16 +12,21 @@ from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.readers import read_table
 from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.running import run_tsid, simulate_tsid
+from drake_tc.loops.whole_body.running import (
+    contact_wrenches,
+    run_tsid,
+    simulate_tsid,
+    summarise_tsid,
+    task_errors,
+    worst_misses,
+    write_tsid,
+)
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.summary import summarise_tsid, task_errors, write_tsid
-from drake_tc.loops.whole_body.torque_noise import TorqueNoise
-from drake_tc.loops.whole_body.violations import contact_wrenches, worst_misses
+from drake_tc.loops.whole_body.wiring import TorqueNoise
 from drake_tc.registry import diagrams, runnable, tsid_entry
-from drake_tc.robot.plant import joint_limits, make_plant
-from drake_tc.robot.rotors import file_rotors
+from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.law import Status
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 from tests.benchmarks.__main__ import run as benchmark
 from tests.benchmarks.floor_contact import cone_miss
 from tests.benchmarks.tsid_timing import FORMS

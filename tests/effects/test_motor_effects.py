@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.joint_program import JointInput, JointProgram
+from drake_tc.actuation.joint_step import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.position_loop import PositionLoop, through_loop
+from drake_tc.actuation.recorded_run import PositionLoop, through_loop
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.drive_compression import DriveCompression
 from drake_tc.effects.library import LIBRARY, UNCOMMON, effect

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.compensation import Compensator
+from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.free_run import simulate
-from drake_tc.actuation.joint_program import JointInput, JointProgram
+from drake_tc.actuation.joint_step import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, Recording
 from drake_tc.effects.base import plain_signals

@@ -9,7 +9,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlan
 from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.momentum_residual import MomentumResidual
+from drake_tc.estimation.joint_torque import MomentumResidual
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.plant import add_robot
 

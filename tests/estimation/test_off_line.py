@@ -7,8 +7,7 @@ from numpy.testing import assert_allclose
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, torques_of_motion, wrench_bias
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.loops.torque.recording import TorqueRecording
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.registry import diagram_entry
 
 from .machines import Truth, random_robot

@@ -17,9 +17,8 @@ from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import Loss, project
-from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
-from drake_tc.exchange.urdf import to_urdf
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 from drake_tc.simulator_files.bam import bam_servo
 from drake_tc.simulator_files.read import read_joints
 

@@ -11,7 +11,7 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.dc_motor import with_torque_constant
-from drake_tc.exchange.isaaclab_bam import ServoSettings, limited_by_supply, to_isaaclab_bam
+from drake_tc.exchange.isaaclab import ServoSettings, limited_by_supply, to_isaaclab_bam
 from drake_tc.exchange.projection import Loss, project
 from drake_tc.exchange.targets import TARGETS
 

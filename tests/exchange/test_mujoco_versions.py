@@ -10,12 +10,19 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run as drake_tc
 from drake_tc.errors import ParamsError
-from drake_tc.exchange import mujoco_run, mujoco_versions
+from drake_tc.exchange import mujoco_run
+from drake_tc.exchange import mujoco_run as mujoco_versions
 from drake_tc.exchange.comparison import run_errors, run_notes
 from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mujoco_run import simulate_in_mujoco
-from drake_tc.exchange.mujoco_versions import SINCE, file_notes, installed_mujoco, too_old, version_sentence
+from drake_tc.exchange.mujoco_run import (
+    SINCE,
+    file_notes,
+    installed_mujoco,
+    simulate_in_mujoco,
+    too_old,
+    version_sentence,
+)
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.target_run import RunInput
 from drake_tc.exchange.targets import TARGETS

@@ -15,14 +15,12 @@ from drake_tc.effects.base import DriveKind
 from drake_tc.effects.library import BUILT_IN, effect
 from drake_tc.exchange.bam import to_bam
 from drake_tc.exchange.dc_motor import with_torque_constant
-from drake_tc.exchange.isaaclab import to_isaaclab
-from drake_tc.exchange.isaaclab_bam import ServoSettings, to_isaaclab_bam
+from drake_tc.exchange.isaaclab import ServoSettings, to_isaaclab, to_isaaclab_bam
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.mjlab import to_mjlab_actuators
 from drake_tc.exchange.projection import project
-from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS, vocabulary
-from drake_tc.exchange.urdf import to_urdf
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 
 SETTINGS = ServoSettings(supply_voltage=12.0, position_gain=40.0)
 WRITERS = {

@@ -7,13 +7,12 @@ from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.cli.export_command import Target, _document
 from drake_tc.diagnosis.result.export_trial import ExportErrors
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.account import sentences
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
-from drake_tc.exchange.sdf import to_sdf
 from drake_tc.exchange.targets import TARGETS
-from drake_tc.exchange.urdf import to_urdf
+from drake_tc.exchange.trial import sentences
+from drake_tc.exchange.urdf import to_sdf, to_urdf
 
 STRIBECK = {"stribeck": 20.0, "stribeck_velocity": 0.01, "stribeck_exponent": 2.0}
 AXIS = ActuatorModel(

@@ -12,7 +12,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.bam_run import simulate_as_bam
+from drake_tc.exchange.bam import simulate_as_bam
 from drake_tc.exchange.comparison import run_errors
 from drake_tc.exchange.drake_run import simulate_in_drake
 from drake_tc.exchange.projection import project

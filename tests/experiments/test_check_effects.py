@@ -39,7 +39,7 @@ def linear(values, span=None):
 
 
 def test_the_least_explained_torque_is_worth_the_evidence_and_half_a_floor():
-    n, parameters = 500.0, 2
+    n, parameters = 50.0, 2
     r = Noise(floor=0.1, left=0.1, independent=n).least(parameters)
     evidence = n * math.log(math.hypot(0.1, r) / 0.1) - 0.5 * parameters * math.log(n)
     assert_allclose(evidence, NAMED, rtol=1e-9)

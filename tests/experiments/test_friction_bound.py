@@ -1,4 +1,4 @@
-"""How much better than a growing sinusoid any motion can identify the friction of a joint: figures of the README.
+"""How much better than a growing sinusoid any motion can identify the friction of a joint.
 
     tau = F_v v + F_c sign(v) + e,   u = |v|/v_max,   N independent samples of e ~ (0, s^2)
     Var F_c = s^2/N  E[u^2]/Var(u),   Var(F_v v_max) = s^2/N  1/Var(u)

@@ -25,9 +25,9 @@ from drake_tc.experiments.design.load_search import LoadSearch, slow_passes, spl
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.design.stacked import RememberedColumns, StackedColumns
 from drake_tc.experiments.sizes import JointNumbers, size_of
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import rig_document
+from drake_tc.types import GRAVITY
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=60.0, bandwidth_hz=2.0)
 QUICK = DesignOptions(duration=20.0, starts=1, iterations=4)

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.backlash_test import analyse_backlash
-from drake_tc.identification.drive_law import fit_drive_law
+from drake_tc.identification.backlash_test import analyse_backlash, fit_drive_law
 from drake_tc.logs.record import Run
 
 STEP = 2.0 * np.pi / 4096.0

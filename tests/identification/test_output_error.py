@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.position_loop import PositionLoop
-from drake_tc.actuation.recorded_run import Link, Recording, in_plant
+from drake_tc.actuation.recorded_run import Link, PositionLoop, Recording, in_plant
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.free_parameters import free_parameters
 from drake_tc.identification.output_error import (

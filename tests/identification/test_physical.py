@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.physical import require_physical
+from drake_tc.identification.free_parameters import require_physical
 
 V = np.linspace(-2.0, 2.0, 401)
 S = np.sign(V)

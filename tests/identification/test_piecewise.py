@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.piecewise import fit_piecewise, fit_three_pieces
+from drake_tc.identification.asymmetric import fit_piecewise, fit_three_pieces
 
 
 def curve(tau, breaks=(-3.0, 2.0), slopes=(0.1, 1.5, 0.2), offset=0.4):

@@ -12,7 +12,7 @@ import drake_tc.models
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.registry import diagram_entry, tsid_entry
-from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.spec import SensorFault
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome

@@ -9,7 +9,7 @@ import typer
 from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
-from drake_tc.cli.import_logs import import_logs
+from drake_tc.cli.log_commands import import_logs
 from drake_tc.errors import LogError
 from drake_tc.logs.bam_runs import applied_duty, convert
 from drake_tc.logs.loads import Pendulum

@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 from drake_tc.errors import LogError, RigError
-from drake_tc.logs.column_hints import column_hints, same_but_misspelt
-from drake_tc.logs.distinct_notes import distinct_notes, of_joint
+from drake_tc.logs.columns import column_hints, same_but_misspelt
 from drake_tc.logs.prepare import load_run
+from drake_tc.logs.record import distinct_notes, of_joint
 from drake_tc.logs.rig import load_rig, parse_rig
 
 from .conftest import bench, servo_rig, write

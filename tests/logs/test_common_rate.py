@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from drake_tc.logs.common_rate import at_common_period
+from drake_tc.logs.channels import at_common_period
 from drake_tc.logs.record import Run
 
 

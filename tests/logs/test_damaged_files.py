@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as arrays
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import LogError
-from drake_tc.logs.mat_file import read_mat
+from drake_tc.logs.array_files import read_mat
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.readers import read_table
 

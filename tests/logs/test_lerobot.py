@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from drake_tc.errors import LogError
+from drake_tc.logs.episodes import require_different_files
 from drake_tc.logs.inspection.inspect import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.run_sets import require_different_files
 
 TIME = np.arange(300) / 30.0
 MOTORS = ["shoulder_pan.pos", "elbow_flex.pos"]

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from drake_tc.logs.distinct_notes import distinct_notes, of_joint
 from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.record import distinct_notes, of_joint
 from drake_tc.logs.rig import parse_rig
 
 from .conftest import bench, write

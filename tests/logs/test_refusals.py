@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError, RigError
+from drake_tc.logs.episodes import require_different_files, require_two_runs
 from drake_tc.logs.prepare import load_run, load_runs
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.run_sets import require_different_files, require_two_runs
 
 from .conftest import bench, servo_rig, write
 

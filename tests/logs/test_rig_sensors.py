@@ -7,7 +7,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from drake_tc.config.units import RATIO, quantity
+from drake_tc.config.keys import RATIO, quantity
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.logs.rig_writing import rig_document, save_rig

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError
+from drake_tc.logs.episodes import require_different_runs
 from drake_tc.logs.record import Run
-from drake_tc.logs.run_sets import require_different_runs
 
 
 def run(name: str, seed: int, size: int = 200) -> Run:

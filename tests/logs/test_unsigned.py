@@ -5,7 +5,7 @@ import pytest
 
 from drake_tc.errors import LogError
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.unsigned import is_unsigned
+from drake_tc.logs.signs import is_unsigned
 
 from .conftest import bench, servo_rig, write
 

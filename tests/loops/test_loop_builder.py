@@ -10,11 +10,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from drake_tc.errors import LogError, ParamsError
-from drake_tc.loops.built_loop import CHUNK, BuiltLoop
+from drake_tc.loops.built_loop import CHUNK, BuiltLoop, WiredLoop
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.recording import Recording, write_log, write_rig
 from drake_tc.loops.scenarios.base import ScenarioBase
-from drake_tc.loops.wired_loop import WiredLoop
 
 PERIOD = 0.01
 

@@ -7,8 +7,8 @@ import pytest
 from pydrake.geometry import Meshcat
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops import meshcat_server
-from drake_tc.loops.meshcat_server import start_meshcat
+from drake_tc.loops import plant
+from drake_tc.loops.plant import start_meshcat
 
 PORTS = range(7000, 8000)
 
@@ -30,7 +30,7 @@ def test_where_a_port_is_taken_the_next_one_serves(taken):
 
 
 def test_where_no_port_is_free_the_error_says_so(taken, monkeypatch):
-    monkeypatch.setattr(meshcat_server, "Meshcat", lambda: Meshcat(taken))  # as if there were this one only
+    monkeypatch.setattr(plant, "Meshcat", lambda: Meshcat(taken))  # as if there were this one only
     with pytest.raises(ParamsError, match=r"Meshcat could not be started: .* a free port from 7000 to 7999") as caught:
         start_meshcat(quiet=True)
     assert "\n" not in str(caught.value)

@@ -15,9 +15,9 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
-from drake_tc.loops.whole_body.summary import task_errors
+from drake_tc.loops.whole_body.references import KnotSpec
+from drake_tc.loops.whole_body.running import simulate_tsid, task_errors
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.configuration import load_law

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.robot.urdf_tree import read_urdf
-from drake_tc.simulator_files.packages import resolve
+from drake_tc.simulator_files.urdf import resolve
 
 ROBOTS = {  # URDF below example-robot-data/robots, base, joints that move, mass [kg] by the URDF's own <mass> tags
     "anymal": ("anymal_b_simple_description/robots/anymal.urdf", "base", 12),

@@ -56,7 +56,7 @@ def test_a_rig_file_may_declare_it_where_it_is_installed(bench, python, tmp_path
     script = "import sys; from drake_tc import load_rig; print(load_rig(sys.argv[1]).declared)"
     ran = python("-c", script, declaring)
     assert "seal_drag" in ran.stdout, ran.stderr
-    schema = "from drake_tc.logs.rig_document.schema import rig_schema; print(rig_schema())"
+    schema = "from drake_tc.logs.rig_document.document import rig_schema; print(rig_schema())"
     assert "'seal_drag'" in python("-c", schema).stdout
     with pytest.raises(RigError, match="unknown effect 'seal_drag'"):
         load_rig(declaring)

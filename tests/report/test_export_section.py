@@ -4,9 +4,9 @@ import re
 from dataclasses import replace
 
 from drake_tc.diagnosis.result.export_trial import ExportErrors, ExportTrial
-from drake_tc.report.export_section import cells, headings
 from drake_tc.report.html import render
 from drake_tc.report.report_json import result_json
+from drake_tc.report.sections import cells, headings
 
 ROWS = (ExportErrors("knee", "sine", 2.06e-5, 1.18e-3, 3.96e-3), ExportErrors("knee", "walk", 3e-5, None, None))
 TRIAL = ExportTrial("mjcf", "MuJoCo (MJCF)", "MuJoCo", "model_after.yaml", ("knee: MuJoCo has no <dead zone>.",), ROWS)

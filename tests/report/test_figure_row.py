@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from drake_tc.report.figure_row import SHARE, FigureRow, rows_json
-from drake_tc.report.figure_table import figure_table
+from drake_tc.report.figure_row import SHARE, FigureRow, figure_table, rows_json
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.result.links import BaseParameter, FittedLinks, LinkEstimate
-from drake_tc.report.links_section import combination, links_section, links_sentence, payload_sentences
+from drake_tc.report.sections import combination, links_section, links_sentence, payload_sentences
 
 
 def estimate(value: float, half: float, unit: str = "kg") -> Estimate:

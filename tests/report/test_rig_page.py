@@ -13,21 +13,21 @@ from pydantic import BaseModel
 
 from drake_tc.effects.library import DECLARED_ONLY, LIBRARY, UNCOMMON, effect
 from drake_tc.errors import RigError
-from drake_tc.logs.effect_ids import EFFECT_IDS
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.document import RigDocument
-from drake_tc.logs.rig_document.joint_sensors import (
+from drake_tc.logs.rig_document.declared import EFFECT_IDS
+from drake_tc.logs.rig_document.document import RigDocument, rig_schema
+from drake_tc.logs.rig_document.loads import KINDS, WORDS, ModelLoad, PendulumKeys
+from drake_tc.logs.rig_document.sensors import (
     CurrentKeys,
     EncoderKeys,
+    ForceTorqueKeys,
+    ImuKeys,
     JointSensorKeys,
     TorqueCommandKeys,
     TorqueSensorKeys,
     VoltageKeys,
 )
-from drake_tc.logs.rig_document.loads import KINDS, WORDS, ModelLoad, PendulumKeys
-from drake_tc.logs.rig_document.schema import rig_schema
-from drake_tc.logs.rig_document.sensors import ForceTorqueKeys, ImuKeys
 from drake_tc.logs.rig_writing import rig_document
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
 from drake_tc.report.rig_page import EXAMPLES, example, rig_page

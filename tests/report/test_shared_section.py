@@ -9,7 +9,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.html import render
 from drake_tc.report.numbers import percent
 from drake_tc.report.report_json import result_json
-from drake_tc.report.shared_section import shared_section
+from drake_tc.report.sections import shared_section
 
 
 @pytest.fixture(scope="module")

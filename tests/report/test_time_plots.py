@@ -19,12 +19,18 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError
 from drake_tc.logs.rig import parse_rig
-from drake_tc.report.decimation import extreme_samples
-from drake_tc.report.html import render
-from drake_tc.report.page_budget import PageBudget
-from drake_tc.report.plot_library import plot_script
-from drake_tc.report.time_plots import LEVELS, effort_plot, packed_line, position_plot, worst_window
-from drake_tc.report.traces import Trace, effort_traces, position_traces
+from drake_tc.report.html import PageBudget, plot_script, render
+from drake_tc.report.rows import extreme_samples
+from drake_tc.report.time_plots import (
+    LEVELS,
+    Trace,
+    effort_plot,
+    effort_traces,
+    packed_line,
+    position_plot,
+    position_traces,
+    worst_window,
+)
 
 from .conftest import record
 
@@ -127,7 +133,7 @@ def test_the_worst_stretch_is_where_the_model_after_errs() -> None:
 
 
 def test_a_missing_library_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drake_tc.report.plot_library.PACKAGE", "no-such-package-at-all")
+    monkeypatch.setattr("drake_tc.report.html.PACKAGE", "no-such-package-at-all")
     with pytest.raises(DrakeTcError, match="the report needs the package no-such-package-at-all: pip install"):
         plot_script()
 

@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.joint_inertia import JointInertia
+from drake_tc.estimation.disturbance_observer import JointInertia
 from drake_tc.estimation.off_line import torques_of_motion
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.link_parameters import link_model

@@ -7,7 +7,7 @@ from pydrake.multibody.tree import MultibodyForces
 from robot_files import joint_tag, link_tag, urdf, write_robot
 
 from drake_tc.errors import ParamsError
-from drake_tc.identification.base_parameters import base_combinations
+from drake_tc.identification.regression import base_combinations
 from drake_tc.robot.link_parameters import LIGHTEST, PAYLOAD_SIZE, UNITS, link_model
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.rigid_regressor import LINK_PARAMETERS

@@ -15,7 +15,7 @@ from pydrake.multibody.tree import (
 )
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.base_parameters import independent_columns
+from drake_tc.identification.regression import independent_columns
 from drake_tc.robot.rigid_regressor import LinkTree, link_tree, regressor
 
 

@@ -6,7 +6,7 @@ from robot_files import joint_tag, link_tag, urdf, write_robot
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
-from drake_tc.simulator_files.packages import resolve
+from drake_tc.simulator_files.urdf import resolve
 
 UPPER, LOWER = (link_tag(name, (0, 0, -0.1), 1.5, (0.02, 0.02, 0.002)) for name in ("upper", "lower"))
 HIP = joint_tag("hip", "base", "upper", axis=(0, 1, 0))

@@ -15,9 +15,8 @@ from drake_tc.config.yaml_file import parse_yaml
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import load_robot
-from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import corrupt
-from drake_tc.sensing.spec import SensorSpec, joined
+from drake_tc.sensing.spec import SensorFault, SensorSpec, joined
 from drake_tc.sensing.suite import SENSORS, SensorSuiteSpec, add_sensors, load_suite, sensor_seed
 
 DT = 1e-3

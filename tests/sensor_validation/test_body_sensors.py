@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import make_plant
-from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.spec import SensorFault
 from drake_tc.sensor_validation.body_sensors import SETTLED, ValidatedImu, ValidatedWrench
 from drake_tc.sensor_validation.standing_feet import TILT_TIME, StandingFeet
 from drake_tc.tsid.configuration import load_law

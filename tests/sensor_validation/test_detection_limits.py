@@ -8,7 +8,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.sensor_validation.detection_limits import (
+from drake_tc.sensor_validation.monitor_spec import (
     bias_deviation,
     bias_resolved_after,
     recoil,

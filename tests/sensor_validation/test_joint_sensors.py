@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drake_tc.estimation.link_position import LinkPosition
 from drake_tc.kernels.joint_voting import TAU, THETA, Q, past_of, remember
 from drake_tc.kernels.joint_voting import vote as vote_of
-from drake_tc.sensing.fault import SensorFault
 from drake_tc.sensing.sensor import SensorSpec, corrupt
+from drake_tc.sensing.spec import SensorFault
 from drake_tc.sensor_validation.joint_sensors import FLAGS, GAUGE_REPEATS, HISTORY, LINK_REPEATS, ROWS, JointSensors
 
 DT = 1e-3

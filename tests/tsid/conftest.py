@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_tc.tsid.qp.choose import SOLVERS, unavailable
+from tests.benchmarks.qp_solvers import SOLVERS, unavailable
 
 
 @pytest.fixture(autouse=True)

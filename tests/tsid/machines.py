@@ -9,7 +9,7 @@ import yaml
 from optional import skip_without_robots
 
 import drake_tc.models
-from drake_tc.robot.mounts import Mount, Pose
+from drake_tc.robot.fields import Mount, Pose
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.contacts import Contact

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drake_tc.tsid.polytope import LeastSquares, Polytope
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.rows import LeastSquares, Polytope
 
 
 def random_polytope(rng, n, rows, *, one_sided=2, near=3.0):

@@ -12,8 +12,7 @@ from optional import skip_without_robots
 import drake_tc.models
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty, save_torque_uncertainty
 from drake_tc.errors import ParamsError
-from drake_tc.robot.plant import joint_limits
-from drake_tc.robot.rotors import file_rotors
+from drake_tc.robot.plant import file_rotors, joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 

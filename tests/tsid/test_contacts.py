@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact, select
 
 AT = Mount("c", "foot")

@@ -14,8 +14,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 import drake_tc.models
 from drake_tc.errors import ParamsError
-from drake_tc.robot.plant import joint_limits, make_plant
-from drake_tc.robot.rotors import file_rotors
+from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.law import Status

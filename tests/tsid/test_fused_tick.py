@@ -19,12 +19,10 @@ from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.tables import entry_of
-from drake_tc.tsid.tasks.angular_momentum import AngularMomentumTask
-from drake_tc.tsid.tasks.com import ComTask
-from drake_tc.tsid.tasks.cop import CopTask
-from drake_tc.tsid.tasks.frame import FrameTask
-from drake_tc.tsid.tasks.orientation import OrientationTask
-from drake_tc.tsid.tasks.torque import TorqueTask
+from drake_tc.tsid.tasks.centroidal import AngularMomentumTask, ComTask
+from drake_tc.tsid.tasks.force import CopTask
+from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
+from drake_tc.tsid.tasks.posture import TorqueTask
 from drake_tc.tsid.tick import solve_tick
 from drake_tc.tsid.tick_memory import PreviousTick
 

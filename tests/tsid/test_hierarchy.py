@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.hierarchy import Robustness, hierarchy
-from drake_tc.tsid.polytope import LeastSquares, Polytope
+from drake_tc.tsid.priorities import Robustness, hierarchy
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .individual_risk import individual_risk
 from .robust_problems import random_polytope

@@ -15,12 +15,10 @@ from drake_tc.tsid.assembly import ordered
 from drake_tc.tsid.program import equalities, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.active_set import FREE
+from drake_tc.tsid.robust.active_set import FREE, Start
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import EXACT
-from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import Options, TorqueError
 
 from .problems import Setup, problem_at, state
 

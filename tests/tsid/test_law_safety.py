@@ -14,11 +14,8 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.law import LARGEST, Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.box import p_box
-from drake_tc.tsid.robust.budget import Budget
-from drake_tc.tsid.robust.individual import p_ind
-from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import Budget, Options, TorqueError
+from drake_tc.tsid.robust.scaled import p_box, p_ind
 from drake_tc.tsid.tick import problem_at, solve_tick
 from drake_tc.tsid.tick_memory import PreviousTick
 

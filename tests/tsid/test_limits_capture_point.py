@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial import ConvexHull
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.capture_point import CapturePointLimit, convex_hull, half_planes
 from drake_tc.tsid.model import TsidModel

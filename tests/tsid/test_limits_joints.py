@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits
-from drake_tc.tsid.limits.acceleration import AccelerationLimit
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 
 from .machines import machine, random_state
 

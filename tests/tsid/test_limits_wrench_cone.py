@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.wrench_cone import WrenchCones, cone_rows
 

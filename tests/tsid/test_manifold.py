@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.robot.plant import make_plant
-from drake_tc.tsid.manifold import moved
+from drake_tc.tsid.model import moved
 
 from .machines import machine, random_state
 

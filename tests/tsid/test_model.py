@@ -10,7 +10,7 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from scipy.special import ndtr, ndtri
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.probability import probability
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.rows import Polytope
 
 from .robust_problems import random_covariance, random_polytope
 

@@ -14,10 +14,9 @@ from drake_tc.tsid.law import Status
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.box import size_of_risk
-from drake_tc.tsid.robust.individual import p_ind
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.rectangle import rectangle_risk
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.scaled import p_ind, size_of_risk
 from drake_tc.tsid.tick import problem_at, solve_tick
 from drake_tc.tsid.tick_memory import PreviousTick
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.assembly import reduce
+from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.program import reduced_qp
-from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.reduction import reduce
-from drake_tc.tsid.tasks.com import ComTask
+from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.posture import PostureTask
+from tests.benchmarks.qp_solvers import solver
 
 from .problems import SOLES, Setup, problem_at, robot, state
 from .quadratic import FAMILIES, Residuals, cost, real

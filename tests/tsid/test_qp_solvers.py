@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.qp import choose
-from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SOLVERS, SolverUnavailableError, solver, unavailable
+from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SolverUnavailableError
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
+from tests.benchmarks.qp_solvers import SOLVERS, solver
 
 from .quadratic import Residuals, cost, crude, has_a_point, random
 
@@ -165,12 +166,12 @@ def test_how_arrays_lie_in_memory_does_not_matter_and_none_is_changed(name, made
 
 
 def test_the_default_is_there_and_others_are_asked_for_by_name(monkeypatch):
-    assert DEFAULT in SOLVERS and type(solver()) is type(solver(DEFAULT))
+    assert DEFAULT in choose.SOLVERS and type(solver()) is type(solver(DEFAULT))
     with pytest.raises(ParamsError, match=r"solver: expected one of daqp, .*clarabel.*, got 'simplex'"):
         solver("simplex")
-    monkeypatch.setitem(choose.SOLVERS, "piqp", ("drake_tc.tsid.qp.not_there", "Piqp"))
-    with pytest.raises(ParamsError, match=r"solver 'piqp' is not available: .*not_there.*drake-tc\[solvers\]"):
-        solver("piqp")
+    monkeypatch.setitem(choose.SOLVERS, "quadprog", ("drake_tc.tsid.qp.not_there", "Quadprog"))
+    with pytest.raises(ParamsError, match=r"solver 'quadprog' is not available: .*not_there.*drake-tc\[solvers\]"):
+        solver("quadprog")
     assert set(OF_DRAKE) >= {"clarabel", "osqp"}
 
 
@@ -179,9 +180,9 @@ def test_a_solver_that_lacks_a_system_library_names_the_package(monkeypatch):
         raise ImportError("libgomp.so.1: cannot open shared object file: No such file or directory")
 
     monkeypatch.setattr(choose, "import_module", without_openmp)
-    with pytest.raises(SolverUnavailableError, match=r"'proxqp' is not available: .*libgomp\.so\.1.*install libgomp1"):
-        solver("proxqp")
-    assert "libgomp1" in unavailable("proxqp")
+    with pytest.raises(SolverUnavailableError, match=r"is not available: .*libgomp\.so\.1.*install libgomp1"):
+        solver("quadprog")
+    assert "libgomp1" in choose.unavailable("quadprog")
 
 
 @pytest.mark.parametrize("name", ["gurobi", "mosek"])

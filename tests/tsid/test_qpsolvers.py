@@ -7,12 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.qp.choose import solver, unavailable
-from drake_tc.tsid.qp.common import refused, unsolved
+from drake_tc.tsid.qp.common import refused, scaled, solve_scaled, unsolved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution
-from drake_tc.tsid.qp.proximal import solve_scaled
-from drake_tc.tsid.qp.scaling import scaled
 from tests.benchmarks.qp import MOTIONS, humanoid_controller, record
+from tests.benchmarks.qp_solvers import solver, unavailable
 
 qpsolvers = pytest.importorskip("qpsolvers")
 TIGHT = {

@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.kernels.reduction import RANK_KEPT, RANK_LOST
-from drake_tc.robot.mounts import Mount, Pose
+from drake_tc.robot.fields import Mount, Pose
+from drake_tc.tsid.assembly import causes_of, reduce
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.reduction import causes_of, reduce
 from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, identity
-from drake_tc.tsid.tasks.com import ComTask
+from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.posture import PostureTask
 
 from .machines import MODELS, arm, machine, random_state, robot_or_skip

@@ -11,16 +11,15 @@ from scipy.integrate import quad
 from scipy.optimize import linprog, minimize
 from scipy.special import erf, ndtr
 
-from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.box import box_risk, box_rows, p_box, size_of_risk
 from drake_tc.tsid.robust.convex import rectangle
 from drake_tc.tsid.robust.formulation import Formulation
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.rectangle import p_rect, rectangle_risk
-from drake_tc.tsid.robust.scaled import nothing, scaled
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.scaled import box_risk, box_rows, nothing, p_box, scaled, size_of_risk
+from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .robust_problems import random_covariance, random_polytope, random_problem
 

@@ -11,14 +11,12 @@ from scipy.special import log_ndtr, ndtr
 from scipy.stats import norm
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.budget import Budget
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.individual import p_ind
-from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import Budget, Options, TorqueError
+from drake_tc.tsid.robust.scaled import p_ind
+from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from . import problems as real
 from .individual_risk import individual_risk

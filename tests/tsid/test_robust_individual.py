@@ -10,10 +10,10 @@ from pydrake.autodiffutils import InitializeAutoDiff
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal
 
-from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.probability import probability
-from drake_tc.tsid.robust.individual import p_ind
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.scaled import p_ind
+from drake_tc.tsid.rows import Polytope
 
 from .individual_risk import individual_risk
 from .robust_problems import random_covariance, random_polytope, random_problem

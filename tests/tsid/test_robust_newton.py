@@ -5,15 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from drake_tc.tsid.polytope import LeastSquares
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
-from drake_tc.tsid.robust.budget import Budget
-from drake_tc.tsid.robust.convex import plain
-from drake_tc.tsid.robust.newton import minimise
-from drake_tc.tsid.robust.null_space import null_basis
-from drake_tc.tsid.robust.scaled import Rows, nothing, scaled
+from drake_tc.tsid.robust.convex import minimise, plain
+from drake_tc.tsid.robust.options import Budget
+from drake_tc.tsid.robust.scaled import Rows, nothing, null_basis, scaled
+from drake_tc.tsid.rows import LeastSquares
 
 from .robust_problems import random_problem
 

@@ -10,11 +10,10 @@ from scipy.special import erfinv
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.box import p_box
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.robust.rectangle import rectangle_risk
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.scaled import p_box
 
 from .robust_problems import random_covariance, random_problem
 

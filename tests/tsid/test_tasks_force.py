@@ -7,12 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.tasks.cop import CopTask
-from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.tsid.tasks.torque import TorqueTask
+from drake_tc.tsid.tasks.force import CopTask, ForceTask
+from drake_tc.tsid.tasks.posture import TorqueTask
 
 from .machines import arm, machine, random_state
 

@@ -8,12 +8,9 @@ from scipy.spatial.transform import Rotation
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
-from drake_tc.tsid.tasks.angular_momentum import AngularMomentumTask
-from drake_tc.tsid.tasks.com import ComTask
-from drake_tc.tsid.tasks.cop import CopTask
-from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.tsid.tasks.frame import FrameTask
-from drake_tc.tsid.tasks.orientation import OrientationTask
+from drake_tc.tsid.tasks.centroidal import AngularMomentumTask, ComTask
+from drake_tc.tsid.tasks.force import CopTask, ForceTask
+from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
 from drake_tc.tsid.tasks.posture import PostureTask
 
 from .cartesian_law import Turning, rotation_acceleration, translation_acceleration

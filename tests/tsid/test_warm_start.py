@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from drake_tc.tsid.robust.active_set import FREE, ActiveSet
-from drake_tc.tsid.robust.solution import Start
-from drake_tc.tsid.warm_start import WarmStart
+from drake_tc.tsid.robust.active_set import FREE, ActiveSet, Start
+from drake_tc.tsid.tick_memory import WarmStart
 
 
 def there_and_back(start, joints=4):

@@ -13,8 +13,7 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fused import NO_ROWS
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.budget import Budget
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Budget, Options
 from drake_tc.tsid.tick import solve_tick
 from drake_tc.tsid.tick_memory import PreviousTick
 

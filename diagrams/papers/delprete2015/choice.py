@@ -20,7 +20,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import torque_error
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment
 from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES
 from drake_tc.tsid.probability import probability
-from drake_tc.tsid.robust.individual import p_ind
+from drake_tc.tsid.robust.scaled import p_ind
 from drake_tc.types import FloatArray
 
 LENGTHS = (0.20, 0.22, 0.24, 0.26)

@@ -20,10 +20,10 @@ from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.diagrams.papers.delprete2015.setup import robot
 from drake_tc.diagrams.papers.delprete2015.torque_safety import wilson
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario
-from drake_tc.loops.whole_body.violations import contact_misses, joint_misses
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.loops.whole_body.references import KnotSpec
+from drake_tc.loops.whole_body.running import TsidRecording, contact_misses, joint_misses, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status

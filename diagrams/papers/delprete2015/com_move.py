@@ -27,14 +27,13 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow, solve_again
 from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES, TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
-from drake_tc.tsid.robust.box import p_box
-from drake_tc.tsid.robust.individual import p_ind
 from drake_tc.tsid.robust.rectangle import p_rect
-from drake_tc.tsid.tasks.com import ComTask
+from drake_tc.tsid.robust.scaled import p_box, p_ind
+from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.types import FloatArray
 
 LEG = 1.6

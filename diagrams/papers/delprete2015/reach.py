@@ -34,7 +34,7 @@ from drake_tc.diagrams.papers.delprete2015.setup import (
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment, Scene, follow
 from drake_tc.diagrams.papers.delprete2015.torque_safety import TorqueSafety, cell, torque_safety
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.capture_point import CapturePointLimit, half_planes
 from drake_tc.tsid.model import TsidModel

@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from drake_tc.robot.mounts import Mount, Pose
+from drake_tc.robot.fields import Mount, Pose
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.acceleration import AccelerationLimit
 from drake_tc.tsid.limits.base import Limit
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName
-from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.posture import PostureTask
 

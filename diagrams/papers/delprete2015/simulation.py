@@ -10,15 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagrams.papers.delprete2015.setup import DT, Way, force_task
+from drake_tc.tsid.assembly import Reduced, reduce
 from drake_tc.tsid.infeasible import diagnose
 from drake_tc.tsid.limits.base import Limit
-from drake_tc.tsid.manifold import moved
-from drake_tc.tsid.model import Scratch, TsidModel
+from drake_tc.tsid.model import Scratch, TsidModel, moved
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.reduction import Reduced, reduce
-from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.active_set import RobustSolution, Start
+from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.types import FloatArray
 

@@ -13,11 +13,10 @@ from drake_tc.diagrams.papers.delprete2016.motion_tables import COMPLETE
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.loops.scenarios.parts import ModelFactors
-from drake_tc.loops.torque.recording import TorqueRecording
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import BoolArray, FloatArray
 

@@ -18,9 +18,8 @@ from drake_tc.analysis.settled import speed_states
 from drake_tc.analysis.torque_loop.operating_point import settled
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop
-from drake_tc.loops.torque.parts import torque_gains
+from drake_tc.loops.torque.parts import sliding_scenario, torque_gains
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.sliding import sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.types import FloatArray
 

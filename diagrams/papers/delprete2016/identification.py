@@ -25,12 +25,10 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.recording import write_log, write_rig
 from drake_tc.loops.scenarios.parts import PushSpec, SinusoidSpec
-from drake_tc.loops.torque.recording import TorqueRecording, log_columns, rig_of
-from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.spec import sensor_suite
+from drake_tc.loops.torque.running import TorqueRecording, log_columns, rig_of, simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario, sensor_suite
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress
+from drake_tc.report.figure_row import Progress
 from drake_tc.types import FloatArray
 
 Penalty = Literal["symmetric", "asymmetric"]

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.loops.torque.recording import TorqueRecording
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 

@@ -18,7 +18,7 @@ from drake_tc.loops.torque.parts import loop_robot
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import make_plant
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray

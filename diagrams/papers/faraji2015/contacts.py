@@ -16,11 +16,9 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors, base_errors
 from drake_tc.estimation.base.state import CONTACT_FLAGS
 from drake_tc.loops.scenarios.parts import PushSpec
-from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.running import TsidRecording, contact_wrenches, simulate_tsid, task_errors
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.summary import task_errors
-from drake_tc.loops.whole_body.violations import contact_wrenches
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.spec import SensorFault
 
 STARTS = {"stand": 0.6, "turn_1hz": 1.0, "one_foot": 2.0}
 """When sensors fail, by scenario [s]: the trunk is at its fastest then, and the foot leaves the floor."""

@@ -14,12 +14,11 @@ import numpy as np
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.fault_cases import DRIFT, STARTS, FaultCase, cases
-from drake_tc.loops.whole_body.chain_specs import SpringDrivesSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
-from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.loops.whole_body.scenario import SpringDrivesSpec, TsidScenario
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import joint_limits
-from drake_tc.sensor_validation.detection_limits import bias_resolved_after
+from drake_tc.sensor_validation.monitor_spec import bias_resolved_after
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.law import Status
 from drake_tc.types import FloatArray
@@ -146,7 +145,7 @@ def drift_bound() -> str:
     return (
         f"Beside feet that turn at 1 Hz, no check can tell a drift of 1 deg/s sooner than after {1e3 * soonest:.0f} ms,"
         " with the encoders' quantisation as the only noise (three deviations of the Cramér-Rao bound,"
-        " `drake_tc.sensor_validation.detection_limits`)."
+        " `drake_tc.sensor_validation.monitor_spec`)."
     )
 
 

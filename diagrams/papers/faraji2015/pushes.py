@@ -16,7 +16,7 @@ from drake_tc.errors import SimulationError
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 

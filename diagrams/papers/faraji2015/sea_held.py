@@ -14,7 +14,7 @@ from drake_tc.diagrams.papers.faraji2015.sea_motor import true_motor
 from drake_tc.loops.series_elastic.running import SeaRecording, simulate_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 
 MOVED = ((1.0, 2.2), (3.0, 4.2))

@@ -11,7 +11,7 @@ from drake_tc.identification.motor_prior import UNKNOWNS, MotorFit, identify_mot
 from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 
 JOINTS = ("r_knee", "r_shoulder_roll", "r_elbow")

@@ -8,7 +8,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.motions import BASELINE, OURS, SCENARIOS, SINCE, base_errors, rmse_values
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.reproduction import Progress, Reproduction, evaluated
+from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 

@@ -6,13 +6,15 @@
 Simulated. Both loops have the same plant, gains K6, K7, Kp (Ks and Kd follow from the controller's own K_tau), filters,
 sensors and seed. Margins are those of each joint's linear loop (`JointLoop`) with the model after as the truth. A rig
 that names no robot gets one: each of its joints with the pendulum that its load is.
+
+One loop of the comparison before and after: simulated in a process of its own or here, and cut to its motion.
 """
 
 import math
 import time as clock
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,23 +24,85 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.before_after.case import LoopCase, loop_case
-from drake_tc.analysis.before_after.changed_robot import mass_factors, write_robot_of_masses, write_welded_robot
-from drake_tc.analysis.before_after.track import Trace, remarks, simulated
-from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.loop_parameters import with_values
-from drake_tc.analysis.quick_margins import quick_margins
+from drake_tc.analysis.before_after.pendulum_robot import mass_factors, write_robot_of_masses, write_welded_robot
+from drake_tc.analysis.joint_loop import JointLoop, with_values
+from drake_tc.analysis.settings import quick_margins
 from drake_tc.analysis.stability_margins import Margins
 from drake_tc.analysis.torque_loop.joint_loops import joint_loops
-from drake_tc.control.guard import GuardSpec
+from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError, ParamsError
-from drake_tc.loops.advancing import Progress
+from drake_tc.loops.recording import Progress
 from drake_tc.loops.scenarios.parts import GainSpec
+from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A simulated motion of n joints.
+
+    Attributes:
+        time: (T,) [s].
+        reference, error: (T, n) q_d, q_d - q [rad]; NaN from where a joint ran away.
+        ran_away: That it did.
+        held: That the guard did not pass the controller's command all the time.
+    """
+
+    time: FloatArray
+    reference: FloatArray
+    error: FloatArray
+    ran_away: bool
+    held: bool
+
+
+def simulated(scenarios: Mapping[str, Scenario], progress: Progress, executor: Executor | None) -> dict[str, Trace]:
+    """One trace a scenario, beside each other where there is an executor."""
+    progress("closed loop, simulating", 0.1)
+    if executor is not None:
+        futures = {side: executor.submit(track, scenario) for side, scenario in scenarios.items()}
+        return {side: future.result() for side, future in futures.items()}
+    traces = {}
+    for number, (side, scenario) in enumerate(scenarios.items()):
+        progress(f"closed loop, simulating {side}", 0.1 + 0.8 * number / len(scenarios))
+        traces[side] = track(scenario)
+    return traces
+
+
+def track(scenario: Scenario) -> Trace:
+    """Simulate one loop.
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: a solver failed.
+    """
+    made = simulate_scenario(scenario, allow_runaway=True)
+    begin = scenario.motion.times[0]
+    n, done = made.size, made.time.size
+    ran_away = made.time[-1] < scenario.duration - 1.5 * scenario.dt
+    ticks = round(scenario.duration / scenario.dt) + 1 if ran_away else done
+    time = np.arange(ticks, dtype=np.float64) * scenario.dt
+    reference, error = np.full((ticks, n), np.nan), np.full((ticks, n), np.nan)
+    reference[:done] = made["reference"][:, :n]
+    error[:done] = made.tracking_error
+    kept = time >= begin
+    mode = made["mode"][made.time >= begin]
+    held = bool((mode != GuardMode.NORMAL).any())
+    return Trace(time[kept] - begin, reference[kept], error[kept], bool(ran_away), held)
+
+
+def remarks(side: str, trace: Trace) -> list[str]:
+    """What the reader must know of a trace."""
+    words = {"before": "the model before", "after": "the model after"}[side]
+    if trace.ran_away:
+        until = float(trace.time[int(np.argmin(np.isfinite(trace.error).all(axis=1)))])
+        return [f"With {words} compensated, the simulated robot ran away {until:.2f} s into the motion."]
+    return [f"With {words} compensated, the guard held back the command for a while."] if trace.held else []
+
 
 TAIL = 0.1
 """Rest after the motion [s]."""

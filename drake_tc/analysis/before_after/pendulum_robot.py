@@ -1,18 +1,25 @@
-"""A robot file of joints that stand by themselves, each with a pendulum or a sliding mass: for rigs without a robot."""
+"""Robots of the comparison: the pendulum that stands for a joint, and a robot with changed parts.
+
+A robot file of joints that stand by themselves, each with a pendulum or a sliding mass: for rigs without a robot.
+
+A robot's file with its base held, or with other link masses: what a loop before and after needs of it.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import yaml
 
+from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.loads import Pendulum
-from drake_tc.types import FloatArray
+from drake_tc.robot.robot import Robot
+from drake_tc.types import GRAVITY, FloatArray
 
 WEIGHT_MARGIN = 1.05
 """Over the weight that a mass can have, for the error of the fit."""
@@ -150,3 +157,63 @@ def _slide_parts(number: int, joint: str, slide: Slide) -> str:
         f'<child link="link_{number}"/><origin xyz="0 {2.0 * number!r} 0"/><axis xyz="{axis}"/>'
         f'<limit effort="{EFFORT!r}" velocity="1000.0" lower="-1000.0" upper="1000.0"/></joint>'
     )
+
+
+def write_welded_robot(robot: Robot, folder: Path) -> Path:
+    """Write `welded.yaml`: the robot with `fixed_base: true`, for one of which nothing says what carries it.
+
+    Returns:
+        The file.
+
+    Raises:
+        ParamsError: the robot's file cannot be read.
+    """
+    return _write(robot, folder / "welded.yaml", {"fixed_base": True})
+
+
+def mass_factors(robot: Robot, more: Mapping[str, float]) -> dict[str, float]:
+    """Link to the factor on its mass, from what each link weighs more than the URDF says [kg].
+
+    Raises:
+        ParamsError: a link without mass, or one that would weigh nothing.
+    """
+    known = {link.get("name"): link.find("inertial/mass") for link in ElementTree.parse(robot.urdf).iter("link")}
+    factors = {}
+    for name, kilograms in more.items():
+        entry = known.get(name)
+        mass = 0.0 if entry is None else float(entry.get("value", "0"))
+        if mass <= 0.0 or mass + kilograms <= 0.0:
+            raise ParamsError(f"{robot.source}: link {name!r} of {mass:g} kg cannot weigh {kilograms:g} kg more")
+        factors[name] = (mass + kilograms) / mass
+    return factors
+
+
+def write_robot_of_masses(robot: Robot, folder: Path, factors: Mapping[str, float]) -> Path:
+    """Write `masses.yaml` and its URDF: the same links, their mass and inertia multiplied by a factor each.
+
+    Returns:
+        The robot file.
+
+    Raises:
+        ParamsError: the robot's file cannot be read.
+    """
+    tree = ElementTree.parse(robot.urdf)
+    for link in tree.iter("link"):
+        factor = factors.get(link.get("name", ""))
+        if factor is None:
+            continue
+        for entry in (*link.iterfind("inertial/mass"), *link.iterfind("inertial/inertia")):
+            for key, value in entry.attrib.items():
+                entry.set(key, repr(factor * float(value)))
+    urdf = folder / "masses.urdf"
+    tree.write(urdf)
+    return _write(robot, folder / "masses.yaml", {"urdf": str(urdf)})
+
+
+def _write(robot: Robot, path: Path, changes: Mapping[str, object]) -> Path:
+    """The robot's file with some fields changed, its files named from the root."""
+    document = read_yaml(robot.source, "robot file") | {"urdf": str(robot.urdf.resolve())}
+    if robot.actuators is not None:
+        document["actuators"] = str(robot.actuators.resolve())
+    path.write_text(yaml.safe_dump(document | dict(changes), sort_keys=False, allow_unicode=True), encoding="utf-8")
+    return path

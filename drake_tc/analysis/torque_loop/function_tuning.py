@@ -14,7 +14,7 @@ from drake_tc.analysis.tuning import Tuning
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.function_diagram import FunctionEntry, FunctionLoop, FunctionScenario
-from drake_tc.loops.torque.design import LoopDesign
+from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.types import FloatArray
 

@@ -17,15 +17,13 @@ from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.errors import ParamsError
-from drake_tc.gravity import GRAVITY
-from drake_tc.loops.torque.design import LoopDesign
+from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.references import references
-from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.spec import TorqueLoopSpec, sensor_suite
-from drake_tc.loops.torque.summary import SETTLED
+from drake_tc.loops.torque.running import SETTLED
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, sensor_suite
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorSpec
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 INERTIA_ROWS = 50
 """At about so many rows of the motion the inertias are taken."""

@@ -1,6 +1,8 @@
 """`SeriesElasticControl`: desired spring torques to the voltages of series-elastic joints.
 
 Source: Faraji et al., 2015, section II.B.
+
+`MotorPositionControl`: motors before their springs, held by their own encoders under voltage.
 """
 
 from typing import Any
@@ -10,11 +12,11 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.actuation.joint_values import Models
-from drake_tc.array_stage import Arrays, ArrayStage, places
-from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw, motor_arrays
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
-from drake_tc.port_methods import PortMethods
 from drake_tc.types import Call, FloatArray
 
 _ROWS = ("voltage", "friction", "shaped_reference", "fault")
@@ -114,3 +116,45 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         """x[n+1]."""
         solved: Any = self._solved.Eval(context)
         values.set_value(self._state, solved.state)
+
+
+class MotorPositionControl(PortMethods, LeafSystem):
+    """Position loops of n motors before their springs, as on a drive's own board.
+
+    Inputs (n each):
+        motor_angle: theta over the gear ratio, before the spring [rad].
+        reference_angle: theta_ref, where the motor would be without load [rad].
+    Output (n), with direct feedthrough of both; no state:
+        voltage: y = sat(K kp (theta_ref - theta)) [V], K = Rm/(kt N); 0 where an input is not finite: the motor then
+            is slowed by its back-EMF alone.
+
+    No rate is fed back: the back-EMF is a damping of F_v, so that the loop is of first order at kp/F_v below F_v/J.
+    Under a torque tau the motor rests tau/kp short of theta_ref.
+    """
+
+    def __init__(self, gain: float, motors: Models) -> None:
+        """Declare the ports.
+
+        Args:
+            gain: kp [N m/rad].
+            motors: What it takes the motors for, one a joint: their K and the limits of their voltages.
+
+        Raises:
+            ParamsError: a gain that is not positive, or motors without a voltage drive.
+        """
+        super().__init__()
+        if not 0.0 < gain < np.inf:
+            raise ParamsError(f"position_gain: expected a positive number [N m/rad], got {gain:g}")
+        arrays = motor_arrays(motors)
+        n = len(arrays.limit)
+        self._gain: FloatArray = gain / arrays.torque_per_volt
+        self._limit = arrays.limit
+        self._angle: Any = self.DeclareVectorInputPort("motor_angle", n)
+        self._desired: Any = self.DeclareVectorInputPort("reference_angle", n)
+        self.DeclareVectorOutputPort("voltage", n, self._write, {self._angle.ticket(), self._desired.ticket()})
+
+    def _write(self, context: Context, vector: BasicVector) -> None:
+        short = np.asarray(self._desired.Eval(context) - self._angle.Eval(context))
+        volts = np.clip(self._gain * short, -self._limit, self._limit)
+        sound: Any = np.where(np.isfinite(volts), volts, 0.0)
+        vector.SetFromVector(sound)

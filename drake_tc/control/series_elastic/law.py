@@ -23,19 +23,149 @@ would fight the delay.
             with tau_co the friction observed over the last step, tau_co0 the motor model's: while the joint keeps its
             direction the first two are one; where it turns round on its way, the first knows it before it is observed
     pi:     v = K ( kp (tau_ref - tau) + ki int (tau_ref - tau) ), the integral held where v is at its limit
+
+What a torque law remembers: the last ticks of a few signals, all joints, newest row last.
+
+The motors as the torque laws take them, and the weights with which they observe friction in one step.
 """
 
+from dataclasses import dataclass
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from drake_tc.actuation.joint_values import Models, model_list
-from drake_tc.control.series_elastic.friction import motor_arrays, observer_weights
-from drake_tc.control.series_elastic.memory import MEMORY_ROWS, cubic_weights, padded
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
+from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SPRING_LAW, KernelCall
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray
+
+
+class MemoryRow(IntEnum):
+    """Rows of one tick: what was sent, read, desired."""
+
+    VOLTAGE = 0
+    ANGLE = 1
+    TORQUE = 2
+    DESIRED = 3
+    SHAPED = 4
+    LINK = 5
+    FASTER = 6
+    DRY = 7
+    """Voltage sent [V]; motor angle [rad] and torque [N m] as read; desired torque [N m]; the same after shaping, for
+    the motor; the link's desired acceleration [rad/s^2]; growth of the motor's desired speed in a tick [rad/s]; its dry
+    friction by the model, in the direction in which it will move [N m]."""
+
+
+MEMORY_ROWS = len(MemoryRow)
+
+
+def cubic_weights(window: int, ahead: float, derivative: int, dt: float) -> FloatArray:
+    """Weights (window,), oldest first, of d^k/dt^k of the least-squares cubic through the samples, at `ahead` ticks.
+
+    A shorter window lowers the order. ahead = 0 is the newest sample; beyond it the cubic is extrapolated, which no
+    filter can do for a reference that jumps.
+
+    Args:
+        window: Samples N.
+        ahead: Where, in ticks after the newest sample.
+        derivative: k.
+        dt: Period [s].
+    """
+    order = min(3, window - 1)
+    if derivative > order:
+        return np.zeros(window)
+    powers = np.vander((np.arange(window) - (window - 1.0)), order + 1, increasing=True)
+    inverse = np.linalg.pinv(powers)
+    factors = [
+        0.0 if p < derivative else float(np.prod(np.arange(p, p - derivative, -1))) * ahead ** (p - derivative)
+        for p in range(order + 1)
+    ]
+    return np.asarray(np.array(factors) @ inverse / dt**derivative)
+
+
+def padded(weights: FloatArray, length: int, newest: int = 0) -> FloatArray:
+    """Weights as (length,) on a memory whose last row they miss by `newest` rows."""
+    out = np.zeros(length)
+    end = length - newest
+    out[end - weights.size : end] = weights
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class MotorArrays:
+    """Motors of n joints, (n,) each.
+
+    Attributes:
+        torque_per_volt: 1/K = kt N/Rm [N m/V].
+        damping: F_v, friction and back-EMF [N m s/rad].
+        inertia: J = Jm N^2 [kg m^2].
+        coulomb: tau_co0 [N m].
+        compliance: 1/Ks [rad/(N m)].
+        limit: Of the voltage [V]; infinite for none.
+    """
+
+    torque_per_volt: FloatArray
+    damping: FloatArray
+    inertia: FloatArray
+    coulomb: FloatArray
+    compliance: FloatArray
+    limit: FloatArray
+
+
+def motor_arrays(models: Models) -> MotorArrays:
+    """What the laws need of actuator models; other effects than these five are what the observer is for.
+
+    Raises:
+        ParamsError: a drive that takes no voltage, or a model without rotor inertia.
+    """
+    rows = []
+    for model in model_list(models):
+        if model.drive.kind != "voltage":
+            raise ParamsError(f"joint {model.joint!r}: expected a voltage drive, got {model.drive.kind}")
+        if not model.inertia > 0.0:
+            raise ParamsError(f"joint {model.joint!r}: expected rotor_inertia > 0 in the model")
+        known = {value.key: value.parameters for value in model.effects}
+        damping = known.get("viscous", {}).get("viscous", 0.0)
+        dry = known.get("coulomb", {}).get("coulomb", 0.0)
+        soft = known.get("elasticity", {}).get("compliance", 0.0)
+        limit = known.get("saturation", {}).get("limit", np.inf)
+        rows.append((1.0 / model.drive.gain, damping, model.inertia, dry, soft, limit))
+    return MotorArrays(*np.array(rows).T)
+
+
+def observer_weights(motor: MotorArrays, delay: int, step: int, dt: float, length: int) -> FloatArray:
+    """Weights (length, 3, n) on [voltage, angle, torque] whose sum is the Coulomb friction over the last step.
+
+    Faraji et al. (2015), eq. 3, inverted for the friction, each term its mean over the same `step` ticks, so that
+    nothing in it is older than the rest: with u[j] = v[j - D] what the motor felt after tick j, w[j] = (theta[j] -
+    theta[j-1])/dt,
+
+        tau_co = 1/n sum_j { u[j-1]/K - F_v w[j] - J (w[j+1] - w[j-1])/(2 dt) - (tau[j] + tau[j-1])/2 },
+        j = k - n ... k - 1     (the difference for theta'' needs the sample after)
+
+    Args:
+        motor: The model; F_v holds the back-EMF.
+        delay: D, ticks.
+        step: n, ticks.
+        dt: Period [s].
+        length: Rows of the memory, its last one of tick k.
+    """
+    box = np.full(step, 1.0 / step)
+    speed = (padded(box, length, 1) - padded(box, length, 2)) / dt
+    ahead, behind = padded(box, length), padded(box, length, 2)
+    shifted = (padded(box, length, 1) - padded(box, length, 3)) / dt
+    rate = ((ahead - behind) / dt - shifted) / (2.0 * dt)
+    torque = 0.5 * (padded(box, length, 1) + padded(box, length, 2))
+    volts = padded(box, length, delay + 2)
+    out = np.zeros((length, 3, motor.inertia.size))
+    out[:, MemoryRow.VOLTAGE] = volts[:, None] * motor.torque_per_volt
+    out[:, MemoryRow.ANGLE] = -speed[:, None] * motor.damping - rate[:, None] * motor.inertia
+    out[:, MemoryRow.TORQUE] = -torque[:, None]
+    return out
+
 
 _LAW = Kernel("series_elastic", "law")
 _FRICTION = ("pi", "observer", "last_step_friction", "momentum_observer")

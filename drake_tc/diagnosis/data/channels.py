@@ -7,10 +7,8 @@ import numpy as np
 
 from drake_tc.diagnosis.notes import LogRemark, RunNote
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.channels import grid_step
-from drake_tc.logs.common_rate import at_common_period
-from drake_tc.logs.distinct_notes import concerns
-from drake_tc.logs.record import Run
+from drake_tc.logs.channels import at_common_period, grid_step
+from drake_tc.logs.record import Run, concerns
 from drake_tc.types import FloatArray, IntArray
 
 SHORTEST = 40

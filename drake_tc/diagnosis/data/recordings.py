@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from drake_tc.actuation.position_loop import PositionLoop
-from drake_tc.actuation.recorded_run import Link, Recording
+from drake_tc.actuation.recorded_run import Link, PositionLoop, Recording
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run

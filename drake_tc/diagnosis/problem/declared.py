@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit

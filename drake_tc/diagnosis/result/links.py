@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.problem.shared.causes import LINK_PARAMETERS_ID, PAYLOAD_ID, Cause
-from drake_tc.identification.base_parameters import base_combinations
+from drake_tc.identification.regression import base_combinations
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray, IntArray
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
-from drake_tc.config.utf8_names import utf8_name
+from drake_tc.config.files import utf8_name
 from drake_tc.diagnosis.notes import TorqueAsEffort
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from drake_tc.config.utf8_names import utf8_name
+from drake_tc.config.files import utf8_name
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.data.samples import one_clock
 from drake_tc.diagnosis.result.joint_result import JointResult

@@ -10,10 +10,60 @@ sensors within tolerance are treated alike (`drake_tc.diagnosis.problem.sensor_e
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
+from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.types import FloatArray
+
+Parameters = Mapping[str, Mapping[str, Estimate]]
+
+
+def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:
+    """The parameters with wider intervals, which end at the bounds of the parameters.
+
+    Args:
+        parameters: Of the fit, by effect and name.
+        fitted: One joint's fit.
+        spread: Covariance that its own intervals do not know of, (k + s, k + s) of its beta and its shape parameters,
+            or (k, k) of its beta alone.
+    """
+    size = fitted.beta.size
+    point = np.concatenate([fitted.beta, shape_places(fitted.terms)[1]])
+    named = physical_parameters(fitted, fitted.beta, point[size:])
+    slopes: dict[tuple[str, str], FloatArray] = {
+        (key, name): np.zeros(point.size) for key in named for name in named[key]
+    }
+    for k in range(point.size):
+        step = 1e-6 * abs(point[k]) + 1e-12
+        changed_point = point.copy()
+        changed_point[k] += step
+        changed = physical_parameters(fitted, changed_point[:size], changed_point[size:])
+        for (key, name), slope in slopes.items():
+            slope[k] = (changed[key][name] - named[key][name]) / step
+    bounds = {(t.effect.key, p.name): (p.lower, p.upper) for t in fitted.terms for p in t.effect.parameters}
+    bounds["drive", "gain"] = (0.0, np.inf)
+    flat, unbounded = np.zeros(point.size), (-np.inf, np.inf)
+    return {
+        key: {
+            name: _wider(e, slopes.get((key, name), flat), spread, bounds.get((key, name), unbounded))
+            for name, e in group.items()
+        }
+        for key, group in parameters.items()
+    }
+
+
+def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray, bounds: tuple[float, float]) -> Estimate:
+    slope = slope[: len(spread)]
+    more = float(norm.ppf(0.975)) ** 2 * max(float(slope @ spread @ slope), 0.0)
+    low, high = (abs(estimate.value - end) for end in estimate.ci95)
+    ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))
+    return replace(estimate, ci95=(max(float(ends[0]), bounds[0]), min(float(ends[1]), bounds[1])))
 
 
 def robot_gains(joints: Mapping[str, JointResult], sigma: Mapping[str, float]) -> dict[tuple[str, str], float]:

@@ -16,6 +16,7 @@ from drake_tc.diagnosis.priors import (
     ALTERNATIVE,
     CAUSE_CONTRIBUTION,
     COMMON,
+    GAIN_ERROR,
     MOST_EFFECTS,
     NAMED_FLOORS,
     UNIFORM,
@@ -50,7 +51,7 @@ class Causes:
     def of(cls, fit: RobotFit) -> "Causes":
         """With the prior of what a cause contributes to the joint where it does most.
 
-        That of a delay is uniform over its range.
+        That of a delay is uniform over its range, and no gain is off by more than some `GAIN_ERROR`.
         """
         most, squares, age = np.zeros(fit.delta.size), [], 0.0
         for joint in fit.joints.values():
@@ -66,6 +67,8 @@ class Causes:
         for cause in fit.runs.every_cause:
             if cause.id == "delay":
                 wide[cause.columns] = UNIFORM * 2.0 * DELAY_RANGE.upper
+            if cause.id == "ft_gain":
+                wide[cause.columns] = np.minimum(wide[cause.columns], GAIN_ERROR)
         return cls(
             fit.runs.every_cause, np.where(most > 1e-9 * most.max(initial=0.0), wide, 0.0), age, np.array(squares)
         )

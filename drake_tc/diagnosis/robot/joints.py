@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from drake_tc.diagnosis.model import JointModel, SharedColumns
 from drake_tc.diagnosis.priors import NEGLIGIBLE
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.problem.shared.causes import Cause
-from drake_tc.diagnosis.robot.messages import Belief, Message, belief, message, residual_at
+from drake_tc.diagnosis.robot.messages import Belief, Message, belief, message, message_of_both, residual_at
 from drake_tc.diagnosis.robot.runs import RobotRuns
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import find
 from drake_tc.types import FloatArray, IntArray
 
@@ -49,6 +51,7 @@ class RobotJoint:
         columns: (N, P) [N m] of all parameters, in the training and the held-out rows.
         evidence: Under the noise that the set leaves. best: the set.
         message: What it says of all P parameters.
+        at: (P,) the estimate at which its loads are.
         decision: Of its search; None before one.
     """
 
@@ -57,7 +60,17 @@ class RobotJoint:
     evidence: Evidence
     best: Scored
     message: Message
+    at: FloatArray
     decision: Decided | None = None
+
+    def moved_floors(self, delta: FloatArray) -> float:
+        """RMS of what its load at delta (P,) differs from that on which it rests, over the noise floor."""
+        return rms(self.columns[0] @ (delta - self.at)) * self.evidence.model.train.gain / self.prepared.floor
+
+    @cached_property
+    def message_of_both(self) -> Message:
+        """The message of the training and the held-out rows."""
+        return message_of_both(self.evidence, self.best, self.columns).moved(-self.at)
 
     @property
     def asked(self) -> frozenset[str]:
@@ -102,9 +115,14 @@ class RobotFit:
 
     def held_out(self, shared: Shared) -> dict[str, FloatArray]:
         """By joint, the residual (N,) of the held-out rows [effort] where these parameters alone are not 0."""
-        step = -self.delta
-        step[shared.places] += shared.belief(self.messages).mean
-        return {name: residual_at(j.evidence, j.best, j.columns, step) for name, j in self.joints.items()}
+        delta = np.zeros_like(self.delta)
+        delta[shared.places] = shared.belief(self.messages).mean
+        return {name: residual_at(j.evidence, j.best, j.columns, delta - j.at) for name, j in self.joints.items()}
+
+    def predictive(self, shared: Shared) -> float:
+        """Log p(held-out rows | training rows) of all joints where these parameters alone are not 0, and a constant."""
+        both = shared.belief([joint.message_of_both for joint in self.joints.values()])
+        return both.log_evidence - shared.belief(self.messages).log_evidence
 
     @property
     def rows(self) -> int:
@@ -140,7 +158,7 @@ def declared_fit(
         start = Evidence(model)
         evidence = start.tempered(model.declared) if tempered else start.heard(model.declared)
         best = evidence.score(model.declared)
-        joints[name] = RobotJoint(prepared, columns, evidence, best, _told(evidence, best, columns[0], delta))
+        joints[name] = RobotJoint(prepared, columns, evidence, best, _told(evidence, best, columns[0], delta), delta)
     return RobotFit(runs, shared, delta, joints)
 
 
@@ -157,8 +175,19 @@ def searched_fit(before: RobotFit, delta: FloatArray, names: Sequence[str]) -> R
         decision = decided(find(Evidence(model).heard(model.declared, spread=False), asked.usable))
         evidence = decision.found.evidence
         told = _told(evidence, decision.best, columns[0], delta)
-        joints[name] = RobotJoint(prepared, columns, evidence, decision.best, told, decision)
+        joints[name] = RobotJoint(prepared, columns, evidence, decision.best, told, delta, decision)
     return RobotFit(before.runs, shared, delta, joints)
+
+
+def tempered(fit: RobotFit) -> RobotFit:
+    """The same sets where rows count alike, as many of them as are independent."""
+    joints = {}
+    for name, joint in fit.joints.items():
+        evidence = joint.evidence.tempered(joint.best.terms)
+        best = evidence.refined(evidence.score(joint.best.terms))
+        told = _told(evidence, best, joint.columns[0], joint.at)
+        joints[name] = replace(joint, evidence=evidence, best=best, message=told)
+    return replace(fit, joints=joints)
 
 
 def _told(evidence: Evidence, best: Scored, columns: FloatArray, delta: FloatArray) -> Message:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.evidence import Evidence, Scored, placed
 from drake_tc.diagnosis.linear import Prior, Products, log_determinant
 from drake_tc.diagnosis.model import Split
 from drake_tc.diagnosis.problem.parameters import shape_places
@@ -100,6 +100,26 @@ def message(evidence: Evidence, scored: Scored, columns: FloatArray) -> Message:
     constant = alone.odds(scored.terms, scored.posterior) - scored.posterior.log_evidence
     told = integrated(products, prior, _held(scored, prior), scored.posterior.variance)
     return replace(told, constant=told.constant + constant)
+
+
+def message_of_both(evidence: Evidence, scored: Scored, columns: tuple[FloatArray, FloatArray]) -> Message:
+    """The same of training and held-out rows together, without the constants that do not depend on s.
+
+    Coefficients of single runs are each run's own.
+    """
+    alone = _alone(evidence)
+    model, size = alone.model, columns[0].shape[1]
+    (train, prior), (held, more) = (
+        _products(alone, split, scored, each) for split, each in zip((model.train, model.held), columns, strict=True)
+    )
+    runs = [sum(b.values.shape[1] for b in model.of_runs(s, alone.spread)) for s in (model.train, model.held)]
+    common, shapes = prior.mean.size - runs[0] - scored.shapes, np.arange(scored.shapes)
+    own = prior.mean.size + runs[1]
+    shared, places = own + np.arange(size), np.arange(prior.mean.size)
+    of_held = np.concatenate([places[:common], prior.mean.size + np.arange(runs[1]), common + runs[0] + shapes, shared])
+    both = placed(train, np.concatenate([places, shared]), own + size) + placed(held, of_held, own + size)
+    joined = Prior.stacked([prior, more.part(slice(common, common + runs[1]))])
+    return integrated(both, joined, _held(scored, joined), scored.posterior.variance)
 
 
 def _alone(evidence: Evidence) -> Evidence:

@@ -18,13 +18,15 @@ from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.result.run_errors import run_errors
 from drake_tc.diagnosis.result.set_up import SetUpCheck
 from drake_tc.diagnosis.result.shared_effects import body_parameters
-from drake_tc.diagnosis.result.widening import robot_gains
+from drake_tc.diagnosis.result.widening import robot_gains, widened
 from drake_tc.diagnosis.robot.causes import NAMES, Causes, Named
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.estimation.robot_loads import RobotLogs
+from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray
 
@@ -60,6 +62,8 @@ def robot_result(
         made = joint_result(joint.decision, asked, runs.rig, name, runs.options, executor=executor)
         joints[name] = _with_baseline(made, before.joints[name]) if fit.shared.places.size else made
         joints[name] = replace(joints[name], links_fitted=logs.links is not None)
+        if name in runs.rig.drive_gain:
+            joints[name] = _with_uncertain_gain(joints[name], _gain_tolerance(runs.rig))
     train_after, held_after = runs.at(fit.moved())
     sigma = {n: rms(j.evidence.residual(j.evidence.model.train, j.best)) / j.best.b[0] for n, j in fit.joints.items()}
     return RobotResult(
@@ -69,9 +73,23 @@ def robot_result(
         held_after=held_after,
         train_after=train_after,
         robot_gains=robot_gains(joints, sigma),
-        links=None if logs.links is None else _links(logs.links, fit),
+        links=None if logs.links is None else _links(logs.links, fit, _gain_tolerance(runs.rig)),
         set_up=set_up,
     )
+
+
+def _gain_tolerance(rig: Rig) -> float:
+    """Standard deviation of the common relative error of the declared drive gains."""
+    load = next(iter(rig.load.values()))
+    return load.gain_tolerance if isinstance(load, RobotLoad) else 0.0
+
+
+def _with_uncertain_gain(result: JointResult, tolerance: float) -> JointResult:
+    """The joint's result with intervals that know how far its declared gain, and all torques with it, may be off."""
+    beta = result.final.beta
+    final = widened(result.final_parameters, result.final, tolerance**2 * np.outer(beta, beta))
+    effects = tuple(replace(e, parameters=final[e.key]) for e in result.effects)
+    return replace(result, final_parameters=final, effects=effects)
 
 
 def _with_baseline(result: JointResult, before: RobotJoint) -> JointResult:
@@ -177,13 +195,13 @@ def _parameters(fit: RobotFit, cause: Cause) -> dict[str, Estimate]:
     }
 
 
-def _links(model: LinkModel, fit: RobotFit) -> FittedLinks:
+def _links(model: LinkModel, fit: RobotFit, gain_tolerance: float) -> FittedLinks:
     """The links' parameters as all joints together tell them."""
     told = fit.belief()
     seen = [joint.columns[0] for joint in fit.joints.values()]
     return links_of(
         model,
         fit.runs.every_cause,
-        LinkPosterior(fit.shared.places, told.mean, told.covariance, fit.shared.deviation, CRITICAL, 0.0),
+        LinkPosterior(fit.shared.places, told.mean, told.covariance, fit.shared.deviation, CRITICAL, gain_tolerance),
         np.concatenate([c[:: max(1, len(c) // SEEN)] for c in seen]),
     )

@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import NAMED_FLOORS
+from drake_tc.diagnosis.priors import FALLS, NAMED_FLOORS
 from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.problem.shared.momentum import momenta_over
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
 from drake_tc.diagnosis.robot.causes import Causes, Named, most_probable
 from drake_tc.diagnosis.robot.encoders import in_time, with_encoders
-from drake_tc.diagnosis.robot.joints import RobotFit, Shared, declared_fit, searched_fit
+from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint, Shared, declared_fit, searched_fit, tempered
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS, RobotRuns
-from drake_tc.diagnosis.robot.told import held_out_gain, robot_result
+from drake_tc.diagnosis.robot.told import robot_result
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.set_up.find import check_set_up
@@ -35,6 +35,7 @@ from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import link_model
+from drake_tc.types import FloatArray
 
 PASSES = 4
 """Of choosing causes under the noise that the last ones leave."""
@@ -132,14 +133,10 @@ def _answer(logs: RobotLogs, before: RobotFit) -> _Answer:
     for _ in range(OFFSETS if any(c.id == "encoder_offset" for c in named.causes) else 0):
         fit, causes, named = _at_offsets(logs, fit, named)
     fit = searched(fit)
-    again = most_probable(fit, causes)
-    if _keys(again) - _keys(named) or _keys(named) - _keys(again):
+    again = most_probable(tempered(fit), causes)
+    if _keys(again) != _keys(named):
         fit, named = searched(replace(fit, shared=causes.shared(again.causes))), again
-    worse = [
-        c
-        for c in named.causes
-        if not _is_encoder(c) and held_out_gain(fit, causes, named.causes, _rest(named, c))[0] < 0.0
-    ]
+    worse = [c for c in named.causes if not _is_encoder(c) and _falls(fit, causes, named, c) > FALLS]
     if worse:
         named = replace(named, causes=tuple(c for c in named.causes if c not in worse))
         fit = searched(replace(fit, shared=causes.shared(named.causes)))
@@ -161,6 +158,12 @@ def _alone(start: RobotFit, fit: RobotFit, causes: Causes, named: Named) -> Robo
     ]
     others = {name: joint for name, joint in fit.joints.items() if name not in names}
     return searched(replace(start, joints=dict(start.joints) | others), names) if names else start
+
+
+def _falls(fit: RobotFit, causes: Causes, named: Named, cause: Cause) -> float:
+    """Log predictive density of all held-out rows without a cause less that with it."""
+    rest = causes.shared(_rest(named, cause))
+    return fit.predictive(rest) - fit.predictive(causes.shared(named.causes))
 
 
 def _same(causes: Causes, cause: Cause) -> Cause:
@@ -213,16 +216,24 @@ def _with_hold(runs: RobotRuns) -> RobotFit:
 
 
 def with_causes(before: RobotFit, causes: Causes) -> tuple[RobotFit, Causes, Named]:
-    """The most probable causes beside the declared models, each pass under the noise that the last ones leave."""
+    """The most probable causes beside the declared models, each pass under what the last ones leave.
+
+    Rows count alike, as many of them as what is left has independent ones: a whitened residual trusts the fastest parts
+    of a log, in which filters, clocks and sensors are worst, and causes that scale all torques together differ by next
+    to nothing else. Where so few rows name nothing, the whitened residual may, and is asked again in this way.
+    """
     named, fit = most_probable(before, causes), before
-    for _ in range(PASSES):
-        fit = replace(fit, shared=causes.shared(named.causes))
-        fit = declared_fit(fit.runs, fit.shared, fit.moved(), fit)
+    if not named.causes:
+        heard = declared_fit(fit.runs, fit.shared, fit.moved(), fit)
+        named = most_probable(heard, causes)
+    for _ in range(PASSES if named.causes else 0):
+        shared = replace(fit, shared=causes.shared(named.causes))
+        fit = declared_fit(shared.runs, shared.shared, shared.moved(), shared, tempered=True)
         again = most_probable(fit, causes)
         if _keys(again) == _keys(named):
             return fit, causes, again
         named = again
-    return fit, causes, named
+    return replace(fit, shared=causes.shared(named.causes)), causes, named
 
 
 def _in_time(logs: RobotLogs, fit: RobotFit, late: Cause, delay: float) -> tuple[RobotFit, Causes, Named]:
@@ -253,11 +264,17 @@ def _at_offsets(logs: RobotLogs, fit: RobotFit, named: Named) -> tuple[RobotFit,
 def searched(fit: RobotFit, names: Sequence[str] = ()) -> RobotFit:
     """All joints, or these, with the sets of effects that they lack."""
     for _ in range(SWEEPS):
-        before = fit.sets
-        fit = searched_fit(fit, fit.moved(), names or fit.runs.rig.joints)
-        if fit.sets == before or not fit.shared.places.size:
+        delta = fit.moved()
+        left = [name for name in names or fit.joints if _is_open(fit.joints[name], delta)]
+        if not left:
             break
+        fit = searched_fit(fit, delta, left)
     return fit
+
+
+def _is_open(joint: RobotJoint, delta: FloatArray) -> bool:
+    """Whether a joint was not searched, or on a load that misses one by which an effect could be named."""
+    return joint.decision is None or joint.moved_floors(delta) >= NAMED_FLOORS
 
 
 def _set_up(logs: RobotLogs, before: RobotFit) -> SetUpCheck | None:

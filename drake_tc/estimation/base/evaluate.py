@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import ParamsError, RigError
-from drake_tc.estimation.base.chain import FootCentreEstimator
-from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator
 from drake_tc.estimation.base.log import BaseTrack, TrackError, run_log, track_error
 from drake_tc.estimation.base.read_log import read_base_log, timing_notes
 from drake_tc.estimation.base.rig import BaseRig

@@ -24,14 +24,13 @@ from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import ContactSpec
-from drake_tc.gravity import GRAVITY
-from drake_tc.robot.mounts import ForceTorqueMount, Mount
+from drake_tc.robot.fields import ForceTorqueMount, Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 
 class BaseKinematics:

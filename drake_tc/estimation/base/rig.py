@@ -31,13 +31,12 @@ from pydantic import BeforeValidator, WithJsonSchema
 
 from drake_tc.config.keys import FileName, Keys, Name, Names, Number, Triple, key, saying
 from drake_tc.config.quoted import quoted
-from drake_tc.config.records import record_keys
-from drake_tc.config.validation import validated
+from drake_tc.config.records import record_keys, validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError, RigError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec, Point2
 from drake_tc.robot.document import PoseKeys
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.config.records import Unbounded, check_choices, unbounded_fields
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 
 Point2 = tuple[float, float]
 Ground = Literal["unknown", "level"]

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.experiments.check.run import CheckResult, JointCheck
 from drake_tc.experiments.check.visibility import Visibility
 

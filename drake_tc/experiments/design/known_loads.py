@@ -18,9 +18,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.solve import MARGIN
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig
+from drake_tc.types import GRAVITY
 
 MOST_LOADS = 6
 """Loads among which a design chooses."""

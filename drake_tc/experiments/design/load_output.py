@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.experiments.design.drake_output import drake_trajectory
 from drake_tc.experiments.design.known_loads import MOST_LOADS, declaring, hang_angle
 from drake_tc.experiments.design.load_result import LoadDesign, LoadRun

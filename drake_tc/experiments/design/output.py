@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.experiments.design.drake_output import drake_trajectory
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign

@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import InformationCriterion
-from drake_tc.identification.base_parameters import independent_columns
+from drake_tc.identification.regression import independent_columns
 from drake_tc.robot.link_parameters import LinkModel
 from drake_tc.types import FloatArray, IntArray
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.config.json_values import json_value
+from drake_tc.config.quoted import json_value
 from drake_tc.experiments.rehearsal.run import Rehearsal, half_power
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page

@@ -11,12 +11,11 @@ from typing import Any
 
 import pandas as pd
 
-from drake_tc.config.is_file import is_folder
+from drake_tc.config.files import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.cut import is_cut, whole_bag
 from drake_tc.logs.bags.joined import joined
-from drake_tc.logs.bags.messages import EXTRACT, Row
-from drake_tc.logs.bags.streams import Kind, Stream, complete
+from drake_tc.logs.bags.messages import EXTRACT, Kind, Row, Stream, complete
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 """Files that hold bags; a folder with `metadata.yaml` is one, too."""

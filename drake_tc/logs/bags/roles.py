@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from drake_tc.logs.bags.streams import Kind, Stream
+from drake_tc.logs.bags.messages import Kind, Stream
 
 OTHERS = (
     *("leader", "teleop", "teleoperation"),

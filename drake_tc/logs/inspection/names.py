@@ -5,8 +5,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from drake_tc.logs.unit_names import at_the_end, is_unit, unit_named
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME, at_the_end, is_unit, unit_named
 
 DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
 """Names of a voltage that is stated as a share of the supply voltage."""

@@ -1,4 +1,9 @@
-"""The rig file's key `declared`: the effects that the user already models, with values where they are known."""
+"""The rig file's key `declared`: the effects that the user already models, with values where they are known.
+
+Effects of the library that a rig file may declare; `logs` must not import the library, so a test compares the two.
+
+Effects of other packages are known by their names in `drake_tc.extensions.EFFECTS`.
+"""
 
 import re
 from collections.abc import Mapping
@@ -6,12 +11,25 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.keys import saying
-from drake_tc.config.quoted import quoted
+from drake_tc.config.quoted import did_you_mean, quoted
 from drake_tc.extensions import EFFECTS
-from drake_tc.logs.effect_ids import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.simulator_files.read import ENDINGS
+
+EFFECT_IDS = (
+    *("viscous", "coulomb", "rotor_inertia", "stribeck", "quadratic_viscous", "load_dependent_friction"),
+    *("asymmetric_friction", "presliding_hysteresis", "position_dependent_friction", "thermal_friction"),
+    *("torque_ripple", "cable_spring", "backlash", "elasticity", "deadzone", "saturation", "servo_integrator"),
+    *("velocity_sign_switch", "delay", "current_lag", "payload", "torque_sensor_bias", "torque_sensor_gain"),
+    *("torque_sensor_drift", "effort_bias", "encoder_offset", "encoder_eccentricity", "encoder_ripple"),
+    *("directional_efficiency", "position_dependent_load", "supply_sag", "winding_temperature", "servo_gain"),
+    "static_friction",
+    *("load_stribeck", "drive_compression", "winding_heat", "load_tilt", "gain_ripple"),
+    *("saturation.servo", "current_lag.command"),
+)
+
+ROBOT_CAUSES = ("link_mass", "link_com", "ft_bias", "ft_gain", "imu_bias")
+"""Causes that no single joint owns; they can be found, but not declared."""
 
 
 def _known_effect(name: str) -> str:

@@ -1,20 +1,92 @@
-"""The rig file's top level."""
+"""The rig file's top level.
 
-from collections.abc import Mapping
-from typing import Annotated, Literal, TypeAlias, get_args
+Which samples of a log may be used: the conditions of a rig file's key `valid`.
 
+The rig file as a whole: read it, and its JSON schema.
+"""
+
+import operator
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeAlias, get_args
+
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from drake_tc.config.did_you_mean import did_you_mean
 from drake_tc.config.joint_units import JointType
 from drake_tc.config.keys import Keys, Number, PositiveNumber, key, one_of, saying
-from drake_tc.config.quoted import quoted
-from drake_tc.logs.rig_document.by_joint import EntryOrByJoint, PlainOrByJoint, joints_of
-from drake_tc.logs.rig_document.columns import ColumnName, LogColumn, Unit, canonical_columns, check_units
-from drake_tc.logs.rig_document.declared import DeclaredEntry
+from drake_tc.config.page import json_schema
+from drake_tc.config.quoted import did_you_mean, quoted
+from drake_tc.config.records import validated
+from drake_tc.errors import RigError
+from drake_tc.extensions import EFFECTS
+from drake_tc.logs.rig_document.by_joint import (
+    ColumnName,
+    EntryOrByJoint,
+    LogColumn,
+    PlainOrByJoint,
+    Unit,
+    canonical_columns,
+    check_units,
+    joints_of,
+)
+from drake_tc.logs.rig_document.declared import EFFECT_IDS, DeclaredEntry
 from drake_tc.logs.rig_document.loads import LoadEntry
 from drake_tc.logs.rig_document.sensors import SensorsKeys, sorted_by_owner
-from drake_tc.logs.valid import Condition
+from drake_tc.types import BoolArray, FloatArray
+
+COMPARISONS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+_CONDITION = re.compile(r"(?P<column>.*\S)\s*(?P<sign>[<>=!]=|[<>])\s*(?P<limit>\S+)")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A column, and what its values are compared with.
+
+    Attributes:
+        column: Name in the log.
+        sign: One of `COMPARISONS`.
+        limit: In the unit of the column in the log.
+    """
+
+    column: str
+    sign: str = "!="
+    limit: float = 0.0
+
+    @staticmethod
+    def of(text: str) -> "Condition":
+        """From `COLUMN`, whose samples are valid where it is neither 0 nor missing, or `COLUMN < NUMBER`.
+
+        Raises:
+            ValueError: No number follows the comparison; says what was expected.
+        """
+        found = _CONDITION.fullmatch(text.strip())
+        if found is None:
+            return Condition(text.strip())
+        try:
+            limit = float(found["limit"])
+        except ValueError:
+            signs = ", ".join(COMPARISONS)
+            raise ValueError(f"expected a column, or a column, one of {signs}, and a number, got {text!r}") from None
+        return Condition(found["column"], found["sign"], limit)
+
+    @property
+    def text(self) -> str:
+        """As a rig file says it."""
+        return self.column if (self.sign, self.limit) == ("!=", 0.0) else f"{self.column} {self.sign} {self.limit!r}"
+
+    def holds(self, values: FloatArray) -> BoolArray:
+        """(T,) where the condition holds; it does not where a value is missing."""
+        return np.asarray(COMPARISONS[self.sign](values, self.limit) & np.isfinite(values), dtype=np.bool_)
+
 
 DriveKind: TypeAlias = Literal["position_servo", "current", "voltage", "torque"]
 Type = Annotated[JointType, one_of(get_args(JointType))]
@@ -43,23 +115,20 @@ class RigDocument(Keys):
         absent="no robot",
     )
     drive: PlainOrByJoint[Drive] = key(
-        "What the drive is commanded with. This decides which column is the command, and the unit of the effort: "
-        "`position_servo` (`position_command`, rad), `current` (`current`, A), `voltage` (`voltage`, V) or `torque` "
-        "(`torque_command`, N·m).",
+        "What the drive is commanded with: `position_servo` (column `position_command`, effort in rad), `current` "
+        "(`current`, A), `voltage` (`voltage`, V) or `torque` (`torque_command`, N·m).",
         example="position_servo",
         default=...,
         expected=f"one of {', '.join(get_args(DriveKind))}",
     )
     joint_type: PlainOrByJoint[Type] | None = key(
-        "Whether the joint turns (`revolute`) or slides (`prismatic`). The units of a prismatic joint are m, N, N·s/m "
-        "and kg in place of rad, N·m, N·m·s/rad and kg m², and its `torque` is the force along the axis.",
+        "Whether the joint turns (`revolute`) or slides (`prismatic`).",
         example="prismatic",
         absent="that of the URDF, with the key `robot`; `prismatic` where `units` has a unit such as mm or N for the "
         "joint; else `revolute`",
     )
     columns: dict[str, ColumnName] | None = key(
-        "Canonical column: name of the column in the log. A canonical name without a joint stands for all joints if "
-        "the name in the log contains `<joint>`: `current: <joint>/effort`.",
+        "Canonical column: name of the column in the log.",
         example={"time": "t", "position": "q_meas"},
         absent="the canonical names",
     )
@@ -76,8 +145,7 @@ class RigDocument(Keys):
     )
     declared: EntryOrByJoint[DeclaredEntry] | None = key(
         "Effects that you already model: a list of ids, id: value, or a file (URDF, MJCF, or a parameter file of BAM) "
-        "that has them, relative to the rig file. A declared effect is part of the model before "
-        "and is not searched for. Viscous and Coulomb friction are always declared.",
+        "relative to the rig file. They are part of the model before and are not searched for.",
         example={"rotor_inertia": 0.31, "stribeck": None},
         absent="viscous and Coulomb friction alone",
     )
@@ -87,10 +155,9 @@ class RigDocument(Keys):
         absent="a column `enabled` or `<joint>/enabled` of the log, where there is one",
     )
     valid: LogColumn | list[LogColumn] | None = key(
-        "Which samples may be used: the name of a column in the log that is 0 (or false) where they may not, or a "
-        "comparison of a column with a number in the column's own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, "
-        "all conditions must hold. A missing value does not hold. Use it for samples in which something acts that no "
-        "model knows, such as a hand or a table.",
+        "Which samples may be used: a column of the log that is 0 (or false) where they may not, or a comparison of a "
+        "column with a number in its own unit (`<`, `<=`, `>`, `>=`, `==`, `!=`). Of a list, all must hold. A missing "
+        "value does not hold. Use it to leave out a hand or a table that touches the joint.",
         example="tip_height > 0.02",
         absent="all samples",
     )
@@ -98,15 +165,14 @@ class RigDocument(Keys):
         "Known limit of the drive's effort.", unit="rad, A, V or N·m", example=12.0, absent="not known"
     )
     drive_gain: NumberOrByJoint | None = key(
-        "Gain of the drive as the maker states it: the effort for 1 N·m. A gain that the logs contradict is reported "
-        "as the effect `servo_gain`.",
+        "Gain of the drive as the maker states it: the effort for 1 N·m.",
         unit="rad, A, V or N·m for 1 N·m",
         example=0.08,
         absent="identified from the logs; 1 is expected of a torque drive",
     )
     torque_constant: NumberOrByJoint | None = key(
-        "Torque constant of the motor of a current drive, before the gear; with `gear_ratio` an alternative to "
-        "`drive_gain`, which is then 1/(torque_constant · gear_ratio). Losses of the gear are not part of it.",
+        "Torque constant of the motor of a current drive, before the gear and without its losses; with `gear_ratio` an "
+        "alternative to `drive_gain`.",
         unit="N·m/A",
         example=0.07,
         absent="identified from the logs",
@@ -119,8 +185,7 @@ class RigDocument(Keys):
         absent="required with `torque_constant`",
     )
     proportional_gain: NumberOrByJoint | None = key(
-        "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`, which "
-        "is then 1/proportional_gain.",
+        "Gain of a position servo from its position error to the joint's torque; an alternative to `drive_gain`.",
         unit="N·m/rad",
         example=20.0,
         absent="identified from the logs",
@@ -134,9 +199,8 @@ class RigDocument(Keys):
         absent="not known; the viscous friction holds it",
     )
     command_hold: bool | None = key(
-        "Whether the recorded command, current or voltage acts unchanged until the next sample (true), as one that is "
-        "written once a cycle, or whether the samples are points of a continuous curve (false), as those of a measured "
-        "current are. A held one is half a period late on average.",
+        "Whether the recorded command, current or voltage acts unchanged until the next sample (true), or the samples "
+        "are points of a continuous curve (false), as those of a measured current are.",
         example=True,
         absent="true where the training runs confirm it; for a position servo only if it is logged at 250 Hz or slower",
     )
@@ -241,3 +305,31 @@ class RigDocument(Keys):
     def joint_names(self) -> tuple[str, ...]:
         """The joints, in the order of the file."""
         return (self.joint,) if self.joint is not None else tuple(self.joints or ())
+
+
+HINT = "`drake-tc schema rig --page` explains every key"
+
+
+def read_document(source: str, document: object) -> RigDocument:
+    """The checked document.
+
+    Raises:
+        RigError: The first thing that is wrong in it; one line.
+    """
+    return validated(RigDocument, document, source, RigError, HINT)
+
+
+def rig_schema() -> dict[str, Any]:
+    """The schema of a rig file; it has `joint`, `joints` or `robot`."""
+    schema = json_schema(RigDocument, "drake_tc rig file")
+    _add_installed_effects(schema)
+    joints = [{"required": [name]} for name in ("joint", "joints", "robot")]
+    return {**schema, "anyOf": joints}
+
+
+def _add_installed_effects(value: Any) -> None:
+    """Let the schema know the effects of other packages that are installed here."""
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _add_installed_effects(each)
+    if isinstance(value, dict) and value.get("enum") == list(EFFECT_IDS):
+        value["enum"] = [*EFFECT_IDS, *EFFECTS.names()]

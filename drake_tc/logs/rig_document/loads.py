@@ -111,9 +111,8 @@ class ModelLoad(Keys):
         absent="1 (100 %)",
     )
     drive_gain_tolerance: Ratio | None = key(
-        "With `robot: fitted`: how far the declared drive gains may be off all together, as a standard deviation "
-        "divided by the gain. They fix the scale of all torques. The gains are held; the intervals of masses, payloads "
-        "and friction contain this uncertainty.",
+        "With `robot: fitted`: how far the declared drive gains, which fix the scale of all torques, may be off all "
+        "together, as a standard deviation divided by the gain. The gains are held; the intervals contain it.",
         unit="-",
         example="5 %",
         absent="0 (the declared gains are exact)",
@@ -126,8 +125,8 @@ class ModelLoad(Keys):
         absent="no log",
     )
     payload_link: str | None = key(
-        "The link that carries the unknown load. It is moved by one of the robot's joints; a load on a link that is "
-        "welded to it counts as carried by it. A robot with several outermost links needs this key.",
+        "The link that carries the unknown load: one that is moved by a joint. A robot with several outermost links "
+        "needs this key.",
         example="wrist_3_link",
         absent="the robot's only outermost link",
     )

@@ -1,7 +1,6 @@
 """Several stages of a loop in one Drake system: the same numbers in a fraction of the time."""
 
-from drake_tc.loops.fused.fuse import fuse, fused_stages
-from drake_tc.loops.fused.stage_values import StageValues
+from drake_tc.loops.fused.fuse import StageValues, fuse, fused_stages
 from drake_tc.loops.fused.system import FusedStages
 
 __all__ = ["FusedStages", "StageValues", "fuse", "fused_stages"]

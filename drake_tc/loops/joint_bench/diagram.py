@@ -24,8 +24,7 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.gravity import GRAVITY
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 JOINT = "joint"
 

@@ -18,8 +18,8 @@ from drake_tc.identification.excitation import Motion, MotionLimits, growing_sin
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.joint_bench.diagram import JOINT, make_plant
+from drake_tc.loops.recording import add_log
 from drake_tc.loops.series_elastic.scenario import SeaScenario
-from drake_tc.loops.signal_log import add_log
 from drake_tc.sensing.corruption import corrupt
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray

@@ -10,9 +10,8 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from drake_tc.errors import SimulationError
-from drake_tc.loops.advancing import Progress
 from drake_tc.loops.joint_bench.diagram import JOINT
-from drake_tc.loops.recording import Recording, write_log, write_rig
+from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.types import FloatArray

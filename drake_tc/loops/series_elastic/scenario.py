@@ -1,4 +1,7 @@
-"""An experiment on one series-elastic joint as data: motor, link, hand, sensors, torque law, reference."""
+"""An experiment on one series-elastic joint as data: motor, link, hand, sensors, torque law, reference.
+
+A series-elastic joint as a linear analysis takes it, and the diagram at a moment of its scenario.
+"""
 
 import math
 from collections.abc import Mapping
@@ -12,8 +15,7 @@ from drake_tc.actuation.recorded_run import Link
 from drake_tc.config.records import check_choices
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.base import ScenarioBase
-from drake_tc.loops.scenarios.checks import check_run
+from drake_tc.loops.scenarios.base import ScenarioBase, check_run
 from drake_tc.sensing.spec import MOST_TICKS, SensorSpec
 
 
@@ -211,3 +213,10 @@ def spring_compliance(model: ActuatorModel) -> float:
         if value.key == "elasticity":
             return value.parameters["compliance"]
     raise ParamsError(f"joint {model.joint!r}: expected an elasticity in its model, the series spring, got none")
+
+
+def sliding_sea(scenario: SeaScenario) -> SeaScenario:
+    """The scenario without dry friction, in motor and model, and with sensors that are late but otherwise perfect."""
+    sensors = scenario.sensors
+    late = {name: SensorSpec(latency=getattr(sensors, name).latency) for name in vars(sensors)}
+    return replace(scenario, effects={**scenario.effects, "coulomb": {}}, sensors=SeaSensors(**late))

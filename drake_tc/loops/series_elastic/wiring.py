@@ -20,10 +20,10 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import actuated_joints, add_actuators
 from drake_tc.control.series_elastic.control import SeriesElasticControl
+from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance
-from drake_tc.loops.wired_loop import WiredLoop
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 

@@ -1,17 +1,25 @@
-"""What a scenario comes to before anything is wired: robot, actuators, gains."""
+"""What a scenario comes to before anything is wired: robot, actuators, gains.
 
-from dataclasses import replace
+`LoopDesign`: what a torque loop is wired from, of a scenario or of a diagram of the user's own.
+
+`sliding_scenario`: its drives in sliding, where friction is linear, which is what a linear analysis takes.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
-from drake_tc.actuation.model_file import models_of_joints
+from drake_tc.actuation.model_file import models_of_joints, save_models
+from drake_tc.actuation.wiring import sliding
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ModelFactors
-from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.spec import base_source
+from drake_tc.loops.torque.references import posture
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
 from drake_tc.robot.robot import Robot, load_robot
+from drake_tc.types import FloatArray
 
 
 def loop_robot(scenario: Scenario) -> Robot:
@@ -70,3 +78,71 @@ def torque_gains(scenario: Scenario, robot: Robot) -> TorqueGains:
     k6, k7, kp, ki = (np.array(spec.of(name, robot.joints)) for name in ("k6", "k7", "kp", "ki"))
     kf = np.tile(np.broadcast_to(np.asarray(spec.kf, dtype=np.float64), 6), len(robot.force_torque))
     return TorqueGains.from_servo(actuator_models(scenario, robot, controller=True), k6, k7, kp, ki=ki, kf=kf)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopDesign:
+    """What a torque loop is wired from.
+
+    Attributes:
+        robot: Of the plant.
+        spec: How the loop is controlled.
+        actuators: (n) models of the simulated drives, in the order of the robot's joints.
+        models: (n) what the controller takes the drives for.
+        gains: Feedback gains.
+        posture: (n,) where the motion rests [rad].
+
+    Example:
+        >>> scenario = TORQUE_LOOP.scenario("brisk_swing")
+        >>> LoopDesign.of_scenario(scenario).gains.size
+        6
+    """
+
+    robot: Robot
+    spec: TorqueLoopSpec
+    actuators: tuple[ActuatorModel, ...]
+    models: tuple[ActuatorModel, ...]
+    gains: TorqueGains
+    posture: FloatArray
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> "LoopDesign":
+        """A scenario's.
+
+        Raises:
+            ParamsError: a file that cannot be read, or a joint or gain that is not possible.
+        """
+        robot = loop_robot(scenario)
+        return cls(
+            robot=robot,
+            spec=scenario,
+            actuators=tuple(actuator_models(scenario, robot).values()),
+            models=tuple(actuator_models(scenario, robot, controller=True).values()),
+            gains=torque_gains(scenario, robot),
+            posture=posture(scenario.motion, robot),
+        )
+
+
+def sliding_scenario(scenario: Scenario, folder: Path, direction: float = 0.0) -> Scenario:
+    """The scenario with drives, true and assumed, that hold only what is linear in sliding.
+
+    The inverse of a dead zone in the controller's model is constant there as the dead zone itself is.
+
+    Args:
+        scenario: Whose drives.
+        folder: Takes the two model files; must exist for as long as the scenario is used.
+        direction: Of the sliding, 1 or -1; 0 takes the mean gain of drives that switch with it.
+
+    Raises:
+        ParamsError: drives that cannot be read.
+    """
+    robot = loop_robot(scenario)
+    plain = replace(scenario, model_factors=ModelFactors())
+
+    def saved(name: str, *, controller: bool) -> str:
+        models = actuator_models(plain, robot, controller=controller)
+        path = str((folder / f"sliding_{name}.yaml").resolve())
+        save_models(sliding(models, direction), path)
+        return path
+
+    return replace(scenario, actuators=saved("actuators", controller=False), model=saved("model", controller=True))

@@ -1,16 +1,113 @@
-"""Run a torque loop; a solver that fails or a state that leaves all bounds says which and when."""
+"""Run a torque loop; a solver that fails or a state that leaves all bounds says which and when.
 
-from collections.abc import Callable
+A recorded run of the torque loop, and its log and rig file as `close-loop` reads them.
+
+What a simulation comes to: tracking by joint, faults by time, and the files that are written.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context
 
-from drake_tc.errors import SimulationError
-from drake_tc.loops.advancing import Progress
+from drake_tc.actuation.free_run import simulated_inertia
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.errors import LogError, SimulationError
+from drake_tc.estimation.off_line import OffLineFilter, SensorLog, TorqueLog, estimate_log, wrench_bias
+from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.logs.rig import COMMAND_COLUMN
+from drake_tc.loops.recording import Progress, Recording, write_log, write_rig
 from drake_tc.loops.torque.loop import Loop, build_loop
-from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray, IntArray
+
+IMU_AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TorqueRecording(Recording):
+    """A run of the torque loop.
+
+    Attributes:
+        robot: Whose.
+        models: Joint to the simulated actuator.
+        plant_step: Of plant and actuators [s], for the rig file.
+    """
+
+    robot: Robot
+    models: Mapping[str, ActuatorModel]
+    plant_step: float = 1e-3
+
+    @property
+    def size(self) -> int:
+        """Number of joints n."""
+        return len(self.robot.joints)
+
+    @property
+    def position(self) -> FloatArray:
+        """True joint positions (T, n) [rad]."""
+        return self["joint_state"][:, : self.size]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """True joint velocities (T, n) [rad/s]."""
+        return self["joint_state"][:, self.size :]
+
+    @property
+    def tracking_error(self) -> FloatArray:
+        """q_d - q (T, n) [rad], of the true positions."""
+        return np.asarray(self["reference"][:, : self.size] - self.position)
+
+
+def log_columns(recording: TorqueRecording, torque: FloatArray | None = None) -> dict[str, FloatArray]:
+    """Canonical columns of what the robot's own sensors saw, and the commands.
+
+    Args:
+        recording: The simulation.
+        torque: (T, n) link-side torques to write [N m]; None leaves them out.
+    """
+    columns: dict[str, FloatArray] = {"time": recording.time}
+    for i, joint in enumerate(recording.robot.joints):
+        kind = recording.models[joint].drive.kind
+        columns[f"{joint}/position"] = recording["encoder"][:, i]
+        columns[f"{joint}/{COMMAND_COLUMN[kind]}"] = recording["command"][:, i]
+        if torque is not None:
+            columns[f"{joint}/torque"] = torque[:, i]
+    imus, wrenches = (
+        [mount.name for mount in mounts] for mounts in (recording.robot.imu, recording.robot.force_torque)
+    )
+    for prefix, signal, names, axes in (("imu", "imu", imus, IMU_AXES), ("ft", "force_torque", wrenches, WRENCH_AXES)):
+        if signal in recording.signals:
+            for i, name in enumerate(names):
+                for j, axis in enumerate(axes):
+                    columns[f"{prefix}_{name}/{axis}"] = recording[signal][:, 6 * i + j]
+    return columns
+
+
+def rig_of(recording: TorqueRecording, *, torque: bool = True) -> dict[str, Any]:
+    """The rig file of such a log: joints, drives, known rotor inertias as the simulated log has them.
+
+    Args:
+        recording: The simulation.
+        torque: Whether the log has torque columns; without them the load is unknown.
+    """
+    joints = list(recording.robot.joints)
+    drives = {joint: recording.models[joint].drive.kind for joint in joints}
+    step = recording.plant_step
+    inertia = {joint: {"rotor_inertia": simulated_inertia(recording.models[joint], step)} for joint in joints}
+    same = set(drives.values())
+    return {
+        "joints": joints,
+        "drive": same.pop() if len(same) == 1 else drives,
+        "load": "torque" if torque else "unknown",
+        "declared": inertia,
+    }
+
 
 RUNAWAY_SPEED = 100.0
 """A joint that is faster [rad/s] has run away: no geared joint gets there."""
@@ -87,3 +184,99 @@ def _runaway(loop: Loop, context: Context) -> SimulationError:
         f"system 'plant' ran away by t = {at:.3f} s: {names[worst]} is {speeds[worst]:.3g}, beyond"
         f" {RUNAWAY_SPEED:g} rad/s; the loop is unstable, or plant_step {loop.scenario.plant_step:g} s too large"
     )
+
+
+SETTLED = 0.7
+"""Tracking is evaluated from here on [s]: the guard has let go of the start."""
+ZEROED = (0.05, 0.5)
+"""The F/T sensors are zeroed within these times [s]."""
+
+
+def summarise(recording: TorqueRecording) -> dict[str, Any]:
+    """Tracking errors [rad], largest torque of each joint's drive [N m], and faults, as plain data.
+
+    Errors are evaluated from `SETTLED` on, or over the second half of a run that is shorter than twice that.
+    """
+    late = recording.time >= min(SETTLED, 0.5 * recording.time[-1])
+    error, torque = recording.tracking_error[late], np.abs(recording["actuation"])
+    joints = [
+        {
+            "joint": joint,
+            "rms_error": float(np.sqrt(np.mean(error[:, i] ** 2))),
+            "max_error": float(np.abs(error[:, i]).max()),
+            "max_torque": float(torque[:, i].max()),
+        }
+        for i, joint in enumerate(recording.robot.joints)
+    ]
+    return {
+        "robot": recording.robot.name,
+        "duration": float(recording.time[-1]),
+        "real_time_factor": recording.real_time_factor,
+        "joints": joints,
+        "faults": recording.raised_flags(),
+    }
+
+
+def estimated(recording: TorqueRecording, window: int = 41) -> TorqueLog:
+    """Link-side torques and contact wrenches from the log's own sensors, without delay.
+
+    Source: Del Prete et al., 2016, Algorithm 1.
+
+    The F/T sensors are zeroed between 0.05 s and a tenth of the run, at most 0.5 s, when nothing touches the robot; a
+    run of less than half a second has no such span, and its F/T biases stay in. A robot without IMU is taken to have a
+    base at rest.
+
+    Args:
+        recording: The simulation.
+        window: Of the filters [samples].
+
+    Raises:
+        LogError: a log with lost samples, or one shorter than the window, from which nothing can be estimated.
+        ParamsError: a floating robot without IMU, or a window that is no window.
+    """
+    robot, samples = recording.robot, recording.time.size
+    if samples < window:
+        raise LogError(f"torque column: expected at least {window} samples; the log has {samples}")
+    model = _torque_model(robot)
+    period = float(recording.time[1] - recording.time[0])
+    wrench = recording["force_torque"] if robot.force_torque else np.zeros((samples, 0))
+    log = SensorLog(recording["encoder"], recording["imu"][:, :6] if robot.imu else None, wrench, period)
+    filters = OffLineFilter.of(window)
+    still = slice(round(ZEROED[0] / period), min(round(ZEROED[1] / period), samples // 10))
+    zero = robot.force_torque and still.stop > still.start
+    return estimate_log(model, log, filters, wrench_bias(model, log, still, filters) if zero else None)
+
+
+def _torque_model(robot: Robot) -> TorqueModel:
+    if not robot.fixed_base:
+        return TorqueModel(robot)
+    return TorqueModel(robot, base="imu" if robot.imu else "fixed", angular_acceleration="zero")
+
+
+def write_results(
+    recording: TorqueRecording, folder: Path, ending: str, tell: Callable[[str], None] | None = None
+) -> list[Path]:
+    """Write `log.ENDING` and `rig.yaml`, which `close-loop` reads.
+
+    A log with lost samples, or one too short, has no torque columns; its rig file then says that the load is unknown.
+
+    Args:
+        recording: The simulation.
+        folder: Made where it is not there.
+        ending: csv, parquet or npz.
+        tell: Told why the torque is left out, where it is.
+
+    Returns:
+        The files.
+
+    Raises:
+        LogError: a file that cannot be written.
+    """
+    try:
+        torque = estimated(recording).torque
+    except LogError as error:
+        torque = None
+        if tell:
+            tell(f"no torque columns in the log: {error}")
+    log = write_log(log_columns(recording, torque), folder / f"log.{ending}")
+    return [log, write_rig(rig_of(recording, torque=torque is not None), folder / "rig.yaml")]

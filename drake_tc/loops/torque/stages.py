@@ -1,25 +1,190 @@
-"""The stages between reference and guard, each a system, wired for one robot."""
+"""The stages between reference and guard, each a system, wired for one robot.
+
+`TorqueLoopBuilder`: what the stages of the torque loop share while it is being wired.
+
+Ports of the torque loop made of others: zeroed F/T readings, the base's motion without delay.
+
+The stages that undo delay and disturbance: model filter, disturbance observer, delay predictor.
+"""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
+from pydrake.systems.primitives import Adder, ConstantVectorSource, Demultiplexer, MatrixGain
 
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
+from drake_tc.estimation.delay_predictor import DelayPredictor
+from drake_tc.estimation.disturbance_observer import DisturbanceObserver, ObserverSpec
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import BaseSource, TorqueModel
 from drake_tc.estimation.wrench_tare import WrenchTare
-from drake_tc.loops.ports import first_imu, picked
-from drake_tc.loops.torque.builder import TorqueLoopBuilder
-from drake_tc.loops.torque.observer import connect_observer, prediction
-from drake_tc.loops.torque.ports import base_now, zeroed
-from drake_tc.loops.torque.spec import sensor_suite
+from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked
+from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source, sensor_suite
 from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.robot import Robot
+from drake_tc.sensing.suite import SensorSuite
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+
+
+@dataclass
+class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
+    """The torque loop under construction.
+
+    Attributes:
+        robot, sensors: Of the loop.
+        models: The drives as the controller takes them, in the order of the joints.
+        gains: Feedback gains.
+        force_reference: (6k) f_d at the contacts; None: no contact force is commanded.
+        free: Whether nothing may touch the robot: a contact wrench is then a fault.
+    """
+
+    robot: Robot = field(kw_only=True)
+    sensors: SensorSuite = field(kw_only=True)
+    models: list[ActuatorModel] = field(kw_only=True)
+    gains: TorqueGains = field(kw_only=True)
+    force_reference: OutputPort | None = None
+    free: bool = False
+
+    @property
+    def base_from(self) -> BaseSource:
+        """Where the motion of the base comes from."""
+        return base_source(self.scenario, self.robot)
+
+    @property
+    def controller_robot(self) -> Robot:
+        """The robot as estimator and controller take it: with `base_from: fixed` a floating base counts as fixed."""
+        return replace(self.robot, fixed_base=True) if self.base_from == "fixed" else self.robot
+
+
+def zeroed(parts: TorqueLoopBuilder, name: str, wrench: OutputPort) -> OutputPort:
+    """F/T readings less the bias that the tare has found, by blocks of Drake's own: no call into Python."""
+    builder, size = parts.builder, wrench.size()
+    if not builder.HasSubsystemNamed("wrench_correction"):
+        less: Any = -np.eye(size, size + 1)  # of the tare's [bias; count]
+        gain = builder.AddNamedSystem("wrench_correction", MatrixGain(less))
+        builder.Connect(builder.GetSubsystemByName("wrench_tare").GetOutputPort("memory"), gain.get_input_port())
+    total = builder.AddNamedSystem(name, Adder(2, size))
+    builder.Connect(wrench, total.get_input_port(0))
+    builder.Connect(builder.GetSubsystemByName("wrench_correction").get_output_port(0), total.get_input_port(1))
+    port: OutputPort = total.get_output_port()
+    return port
+
+
+def base_now(parts: TorqueLoopBuilder) -> OutputPort:
+    """The IMU and its derivative at the end of the window: without delay, with twice the noise and more."""
+    if parts.builder.HasSubsystemNamed("base_now"):
+        made: OutputPort = parts.builder.GetSubsystemByName("base_now").GetOutputPort("imu_estimate")
+        return made
+    window, order = parts.scenario.filters.window, parts.scenario.filters.encoder_order
+    smooth = SavitzkyGolayFilter(6, window, order, parts.scenario.dt, window - 1)
+    imu: Any = parts.sensors.imu
+    parts.add("base_predictor", smooth, signal=first_imu(parts.builder, imu.GetOutputPort("reading")))
+    requested = {"imu_estimate": list(range(12))}
+    return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), requested)["imu_estimate"]
+
+
+def prediction(
+    parts: TorqueLoopBuilder, delayed: Mapping[str, OutputPort]
+) -> tuple[dict[str, OutputPort], DisturbanceObserver | None]:
+    """What is known of the joints now, for inverse dynamics and torque control.
+
+    Args:
+        parts: Of the loop.
+        delayed: `joint_estimate`, `estimated_torque` and `position` as filters, estimator and encoders have them.
+
+    Returns:
+        The same ports, predicted where the scenario has a predictor, with `disturbance` where it has an observer; and
+        the observer, which both need, to be connected later.
+    """
+    scenario, builder = parts.scenario, parts.builder
+    if scenario.predictor is None and scenario.observer is None:
+        return dict(delayed), None
+    n, dt = len(parts.robot.joints), scenario.dt
+    spec = scenario.observer or ObserverSpec()
+    forward = scenario.compensation.acceleration == "reference"
+    system = DisturbanceObserver(
+        parts.controller_robot, parts.models, spec, dt, rotor_inertia=scenario.rotor_inertia, fed_forward=forward
+    )
+    observer = parts.add("disturbance_observer", system)
+    parts.signals["disturbance"] = observer.GetOutputPort("disturbance")
+    known = dict(delayed)
+    if scenario.observer is not None:
+        known["disturbance"] = observer.GetOutputPort("compensation")
+    if scenario.predictor is not None:
+        wires = {name: observer.GetOutputPort(name) for name in ("link_torque", "motion", "fault")} | dict(delayed)
+        predictor = parts.add("delay_predictor", DelayPredictor(n, scenario.predictor, dt), **wires)
+        smooth = SavitzkyGolayFilter(n, scenario.filters.window, scenario.filters.encoder_order, dt)
+        parts.add("model_filter", smooth, signal=predictor.GetOutputPort("model_torque"))
+        builder.Connect(smooth.GetOutputPort("value"), predictor.GetInputPort("delayed_model_torque"))
+        known |= {name: predictor.GetOutputPort(name) for name in delayed}
+        parts.signals["predicted_torque"] = predictor.GetOutputPort("estimated_torque")
+    return known, observer
+
+
+def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> JointTorqueEstimator:
+    """A torque estimate of this tick, from raw readings (the F/T sensors zeroed) and the observer's motion."""
+    builder = parts.builder
+    delayed: Any = builder.GetSubsystemByName("torque_estimator")
+    wires = {"joint_estimate": observer.GetOutputPort("motion")}
+    if parts.base_from == "imu":
+        wires["imu_estimate"] = base_now(parts)
+    if parts.sensors.force_torque is not None:
+        wires["wrench_estimate"] = parts.sensors.force_torque.GetOutputPort("reading")
+        if builder.HasSubsystemNamed("wrench_tare"):
+            wires["wrench_estimate"] = zeroed(parts, "live_wrench", wires["wrench_estimate"])
+    return parts.add("live_torque", JointTorqueEstimator(delayed.model), **wires)  # type: ignore[no-any-return]
+
+
+def connect_observer(
+    parts: TorqueLoopBuilder,
+    observer: DisturbanceObserver,
+    delayed: Mapping[str, OutputPort],
+    known: Mapping[str, OutputPort],
+    reference: OutputPort,
+    sent: OutputPort,
+) -> None:
+    """Wire the observer to what is made behind it: it reads all of it for its next state only.
+
+    Args:
+        parts: Of the loop.
+        observer: From `prediction`.
+        delayed: As there.
+        known: From there.
+        reference: Desired motion.
+        sent: What leaves the guard.
+    """
+    n, builder, scenario = len(parts.robot.joints), parts.builder, parts.scenario
+    spec = scenario.observer or ObserverSpec()
+    feedforward = parts.output("inverse_dynamics", "feedforward_torque")
+    wires = dict(delayed) | {name: parts.output("torque_control", name) for name in ("commanded_torque", "command")}
+    estimated = scenario.compensation.velocity == "estimate"
+    wires["compensated_motion"] = known["joint_estimate"] if estimated else reference
+    wires |= {"feedforward_torque": feedforward, "reference": reference, "sent_command": sent}
+    split = builder.AddNamedSystem("reference_acceleration", Demultiplexer([2 * n, n]))
+    builder.Connect(reference, split.get_input_port())
+    wires["delayed_reference"] = parts.join("model_signals", [feedforward, split.get_output_port(1)])
+    estimator: Any = builder.GetSubsystemByName("torque_estimator")
+    if spec.torque == "live":
+        wires["joint_estimate"] = observer.GetOutputPort("motion")
+        estimator = live_torque(parts, observer)
+        wires["estimated_torque"] = estimator.GetOutputPort("estimated_torque")
+    else:
+        filters = scenario.filters
+        at = None if spec.delay is None else filters.window - 1 - spec.delay / scenario.dt
+        smooth = SavitzkyGolayFilter(2 * n, filters.window, filters.encoder_order, scenario.dt, at)
+        parts.add("reference_filter", smooth, signal=wires["delayed_reference"])
+        wires["delayed_reference"] = smooth.GetOutputPort("value")
+    wires["torque_fault"] = estimator.GetOutputPort("fault")
+    for name, port in wires.items():
+        builder.Connect(port, observer.GetInputPort(name))
 
 
 def servo_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPort:

@@ -25,12 +25,11 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
+from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.plant import require_live_ports
-from drake_tc.loops.torque.builder import TorqueLoopBuilder
-from drake_tc.loops.torque.design import LoopDesign
-from drake_tc.loops.torque.spec import TorqueLoopSpec, base_source, sensor_suite
-from drake_tc.loops.torque.stages import servo_command, torque_command
-from drake_tc.loops.wired_loop import WiredLoop
+from drake_tc.loops.torque.parts import LoopDesign
+from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source, sensor_suite
+from drake_tc.loops.torque.stages import TorqueLoopBuilder, servo_command, torque_command
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite, add_sensors
 

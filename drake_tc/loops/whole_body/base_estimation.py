@@ -11,15 +11,15 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.gravity import GRAVITY
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.ports import first_imu, picked
+from drake_tc.loops.loop_builder import first_imu, picked
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import Start
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.contacts import Contact
+from drake_tc.types import GRAVITY
 
 
 def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:

@@ -2,29 +2,82 @@
 
 torque --> torque_control --> guard --> actuators --> plant
 ^ torque estimate           (position servos, friction, dead zones)
+
+How the joints will move if the controller has its way: what the drives' friction is compensated for.
 """
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import OutputPort
+from pydrake.systems.framework import Context, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.wiring import add_actuators
+from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.guard import CommandGuard
-from drake_tc.control.guard_law import GuardSpec
+from drake_tc.control.guard import CommandGuard, GuardSpec
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
-from drake_tc.loops.whole_body.desired_motion import DesiredMotion
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite
+from drake_tc.tsid.model import TsidModel
+from drake_tc.types import Call, FloatArray
+
+
+class DesiredMotion(LeafSystem):
+    """The motion of the joints that the controller's accelerations lead to, half a period ahead.
+
+    Inputs:
+        estimated_state (nq + nv): [q; v] as the controller knows it.
+        acceleration (nv): of the controller.
+    Output:
+        reference (3n): [q; qdot + qddot period/2; qddot] in the robot's order; follows both inputs at once, no state.
+    """
+
+    def __init__(self, model: TsidModel, period: float) -> None:
+        """Declare the ports.
+
+        Args:
+            model: Of the controller.
+            period: Of the controller [s].
+        """
+        super().__init__()
+        self._model, self._ahead = model, 0.5 * period
+        self._state: Any = self.DeclareVectorInputPort("estimated_state", model.nq + model.nv)
+        self._acceleration: Any = self.DeclareVectorInputPort("acceleration", model.nv)
+        tickets = {self._state.ticket(), self._acceleration.ticket()}
+        self.DeclareVectorOutputPort("reference", 3 * model.n, self._write, tickets)
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        names = ("estimated_state", "acceleration")
+
+        def bind(arrays: Arrays) -> tuple[Call, None]:
+            (state, acceleration), out = (arrays.inputs[name] for name in names), arrays.out
+
+            def outputs(time: float) -> None:
+                out[:] = self._reference(state, acceleration)
+
+            return outputs, None
+
+        ports = places({"reference": slice(3 * self._model.n)})
+        return ArrayStage(3 * self._model.n, ports, bind, frozenset(names))
+
+    def _reference(self, state: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """(3n,) the output."""
+        model = self._model
+        own = acceleration[model.actuated]
+        velocity = state[model.nq + model.actuated] + self._ahead * own
+        return np.concatenate((state[model.positions], velocity, own))
+
+    def _write(self, context: Context, vector: Any) -> None:
+        vector.set_value(self._reference(self._state.Eval(context), self._acceleration.Eval(context)))
 
 
 def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:

@@ -1,7 +1,12 @@
-"""A floor, walls, tables, and what touches them: spheres at the corners of contacts, or soft layers of spheres."""
+"""A floor, walls, tables, and what touches them: spheres at the corners of contacts, or soft layers of spheres.
 
+The floor, soft soles and what else the robot may lean on, as data.
+"""
+
+import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
@@ -9,9 +14,99 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import ContactModel, CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.whole_body.ground_spec import Approximation, GroundSpec
+from drake_tc.loops.scenarios.parts import ObjectSpec
 from drake_tc.tsid.contacts import Contact
 from drake_tc.types import FloatArray
+
+Approximation = Literal["lagged", "sap", "similar"]
+"""How Drake's discrete plant solves for contact forces; `python -m tests.benchmarks floor` compares them."""
+APPROXIMATIONS: tuple[Approximation, ...] = get_args(Approximation)
+LONG = 0.1
+"""The largest sphere under a sole, and how far soles may reach beyond what the controller takes for them [m]."""
+
+
+@dataclass(frozen=True)
+class SoleSpec:
+    """A soft layer under each sole, that lets the foot sink, tilt and roll: springs in a grid, on a rigid floor.
+
+    Each of nx ny points carries k/(nx ny) of its depth and never pulls. At rest under a force F, c [m] off the middle
+    of a sole of 2a x 2b, the foot sinks by F/k and tilts by F c/(k r^2), r^2 = a^2 (nx + 1)/(3 (nx - 1)) along x and
+    the like along y, as long as all points touch: |c| < r^2/a. Farther out it rolls onto its edge.
+
+    Attributes:
+        stiffness: Stiffness k of a whole sole [N/m]; E A/h for a layer of modulus E, area A and thickness h.
+        points: Number of contact points along x and y of the sole, the outermost at its corners; a point foot has one.
+        dissipation: Hunt and Crossley dissipation [s/m]: under a load F the damping is F times this value. "sap" uses a
+            relaxation time instead.
+    """
+
+    stiffness: float
+    points: tuple[int, ...] = (5, 3)
+    dissipation: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.stiffness < math.inf:
+            raise ParamsError(f"ground.sole.stiffness: expected a positive number [N/m], got {self.stiffness:g}")
+        if len(self.points) != 2 or min(self.points) < 2:
+            raise ParamsError(f"ground.sole.points: expected two numbers, 2 or more each, got {list(self.points)}")
+        if not 0.0 <= self.dissipation < math.inf:
+            raise ParamsError(f"ground.sole.dissipation: expected a finite number >= 0, got {self.dissipation:g}")
+
+
+@dataclass(frozen=True)
+class GroundSpec:
+    """The floor z = 0 and how soles and points touch it: a sphere at each corner, point contact.
+
+    Attributes:
+        friction: Coulomb friction coefficient of the pair of surfaces.
+        stiffness: Stiffness of each sphere [N/m]; None: as stiff as the step allows.
+        dissipation: Hunt and Crossley dissipation [s/m].
+        radius: Radius of the spheres [m], at most `LONG`.
+        margin: Distance by which the soles are larger than the controller assumes [m], at most `LONG`; negative:
+            smaller.
+        approximation: How the discrete plant solves for contact forces. None: "sap" for hard soles, which stand best
+            on it, and "lagged" for soft ones, which rock and slide best on it (`python -m tests.benchmarks floor`).
+        stiction_tolerance: Speed v_s [m/s] of the regularised friction mu f_n v/sqrt(v^2 + v_s^2): a sticking foot
+            creeps more slowly than this. Used by "lagged" and "similar"; "sap" has a tolerance of its own.
+        sole: Soft layer under each sole in place of the spheres at the corners; None: no layer.
+        supports: Boxes beside the floor that are as hard as the floor, for example a wall or a table.
+    """
+
+    friction: float = 0.8
+    stiffness: float | None = None
+    dissipation: float = 1.0
+    radius: float = 0.01
+    margin: float = 0.005
+    approximation: Approximation | None = None
+    stiction_tolerance: float = 1e-5
+    sole: SoleSpec | None = None
+    supports: tuple[ObjectSpec, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.friction < math.inf and 0.0 <= self.dissipation < math.inf):
+            raise ParamsError("ground: expected finite friction and dissipation >= 0")
+        if not 0.0 < self.radius <= LONG:
+            raise ParamsError(f"ground.radius: expected a length above 0, {LONG:g} m at most, got {self.radius:g}")
+        if not -LONG <= self.margin <= LONG:
+            raise ParamsError(f"ground.margin: expected a length of {-LONG:g} to {LONG:g} m, got {self.margin:g}")
+        if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
+            raise ParamsError(f"ground.stiffness: expected a positive number [N/m], got {self.stiffness:g}")
+        if self.stiffness is not None and self.sole is not None:
+            raise ParamsError("ground: expected either stiffness, of hard soles, or sole, got both")
+        if not 0.0 < self.stiction_tolerance < math.inf:
+            raise ParamsError(
+                f"ground.stiction_tolerance: expected a positive speed [m/s], got {self.stiction_tolerance:g}"
+            )
+        if self.approximation is not None and self.approximation not in APPROXIMATIONS:
+            raise ParamsError(
+                f"ground.approximation: expected one of {', '.join(APPROXIMATIONS)}, got {self.approximation!r}"
+            )
+
+    @property
+    def solver(self) -> Approximation:
+        """The approximation that is used."""
+        return self.approximation or ("sap" if self.sole is None else "lagged")
+
 
 WIDE, THICK = 20.0, 1.0
 """The floor is the top of a block [m]."""

@@ -1,20 +1,30 @@
-"""Run a diagram around robust TSID, and what the run leaves behind."""
+"""Run a diagram around robust TSID, and what the run leaves behind.
+
+What a simulation of robust TSID comes to: how the tasks were followed, how safe it was, what gave way.
+
+Which limits the simulated robot itself broke: its true contact wrenches, torques, positions and velocities.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydrake.systems.framework import Context
+from scipy.ndimage import uniform_filter1d
 from threadpoolctl import threadpool_limits
 
 from drake_tc.errors import SimulationError
-from drake_tc.loops.advancing import Progress
-from drake_tc.loops.recording import Recording
+from drake_tc.loops.recording import Progress, Recording, write_log
 from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
+from drake_tc.loops.whole_body.references import POSITION, contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.law import Law, Status
-from drake_tc.types import FloatArray
+from drake_tc.tsid.limits.wrench_cone import WrenchCones
+from drake_tc.types import BoolArray, FloatArray
 
 FALLEN = 0.6
 """Share of its first height above the floor below which the base counts as fallen."""
@@ -95,3 +105,182 @@ def _height(loop: TsidLoop, context: Context) -> float:
     plant: Any = loop.plant
     body = plant.GetBodyByName(loop.robot.base)
     return float(plant.EvalBodyPoseInWorld(plant.GetMyContextFromRoot(context), body).translation()[2])
+
+
+def task_errors(recording: TsidRecording, every: int = 10) -> dict[str, FloatArray]:
+    """Desired minus true place (S, 3) [m] of the centre of mass and of every frame that is followed, by task.
+
+    Args:
+        recording: Of the run.
+        every: One sample in so many is looked at.
+    """
+    law, nq = recording.law, recording.law.model.nq
+    scratch, rest = law.model.create_scratch(), law.starting_terms()
+    followed = {task.name: (task, POSITION[type(task)][0]) for task in law.tasks if type(task) in POSITION}
+    desired: dict[str, list[FloatArray]] = {name: [] for name in followed}
+    found: dict[str, list[FloatArray]] = {name: [] for name in followed}
+    sources = {name: task_source(law, name, spec) for name, spec in recording.scenario.motion.items()}
+    contexts = {name: source.CreateDefaultContext() for name, source in sources.items()}
+    for instant, state in zip(recording.time[::every], recording["state"][::every], strict=True):
+        terms = law.model.terms(scratch, state[:nq], state[nq:])
+        for name, (task, place) in followed.items():
+            reference = task.rest(rest)
+            if name in sources:
+                contexts[name].SetTime(instant)
+                reference = np.asarray(sources[name].get_output_port().Eval(contexts[name]))
+            desired[name].append(reference[place : place + 3])
+            found[name].append(task.rest(terms)[place : place + 3])
+    return {name: np.array(desired[name]) - np.array(found[name]) for name in followed}
+
+
+def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:
+    """Errors, torques, probabilities and faults as plain data."""
+    robot = recording.law.model.robot
+    largest = np.abs(recording["torque"]).max(axis=0)
+    efforts = joint_limits(robot).effort
+    distances = {name: np.linalg.norm(error, axis=1) for name, error in task_errors(recording).items()}
+    p_ind = recording.status(Status.P_IND)
+    return {
+        "robot": robot.name,
+        "duration": float(recording.time[-1]),
+        "real_time_factor": recording.real_time_factor,
+        "joints": [
+            {"joint": joint, "max_torque": float(torque), "share": float(torque / effort)}
+            for joint, torque, effort in zip(robot.joints, largest, efforts, strict=True)
+        ],
+        "tasks": [
+            {"task": name, "rms_error": float(np.sqrt(np.mean(d**2))), "max_error": float(d.max())}
+            for name, d in distances.items()
+        ],
+        "p_ind": {"median": float(np.median(p_ind)), "min": float(p_ind.min())},
+        "fell": recording.fell,
+        "faults": _faults(recording),
+        "flags": recording.raised_flags(),
+    }
+
+
+def _faults(recording: TsidRecording) -> list[dict[str, Any]]:
+    """Each limit that gave way, or the lack of any answer: its name, when first, for how many ticks."""
+    fallback = recording.status(Status.FALLBACK) > 0.0
+    which = recording.status(Status.LIMIT).astype(int)
+    found = []
+    for limit in np.unique(which[fallback]):
+        times = recording.time[fallback & (which == limit)]
+        name = recording.constraints[limit] if limit >= 0 else "no answer"
+        found.append({"name": name, "first": float(times[0]), "ticks": int(times.size)})
+    return found
+
+
+def write_tsid(
+    recording: TsidRecording, folder: Path, ending: str, tell: Callable[[str], None] | None = None
+) -> list[Path]:
+    """Write `log.ENDING`: torques by joint, contact forces, status and state, one row a tick.
+
+    Raises:
+        LogError: a file that cannot be written.
+    """
+    model = recording.law.model
+    columns = {"time": recording.time}
+    for i, joint in enumerate(model.robot.joints):
+        columns[f"{joint}/position"] = recording["state"][:, model.positions[i]]
+        columns[f"{joint}/velocity"] = recording["state"][:, model.nq + model.actuated[i]]
+        columns[f"{joint}/torque"] = recording["applied_torque"][:, i]
+        columns[f"{joint}/torque_desired"] = recording["torque"][:, i]
+    first = 0
+    for contact in model.contacts:
+        for axis in ("fx", "fy", "fz", "tx", "ty", "tz")[: contact.size]:
+            columns[f"{contact.name}/{axis}_desired"] = recording["contact_force"][:, first]
+            first += 1
+    for part in Status:
+        columns[f"status/{part.name.lower()}"] = recording.status(part)
+    return [write_log(columns, folder / f"log.{ending}")]
+
+
+def contact_wrenches(recording: TsidRecording, every: int = 1) -> FloatArray:
+    """(S, K) true forces of all contacts, in their `axes` [N, N m]: what J^T f = (generalized contact forces) leaves.
+
+    The robot touches the floor with its contacts alone, so f is exact where J has full row rank, and of least norm
+    else. Contacts that the controller lifts may touch as well, so all of them count.
+
+    Args:
+        recording: Of the run.
+        every: One sample in so many.
+    """
+    model = recording.law.model
+    scratch = model.create_scratch()
+    found = []
+    for state, force in zip(recording["state"][::every], recording["contact"][::every], strict=True):
+        terms = model.terms(scratch, state[: model.nq], state[model.nq :])
+        found.append(np.linalg.lstsq(terms.contact_jacobian.T, force, rcond=None)[0])
+    return np.array(found)
+
+
+def contact_misses(recording: TsidRecording, every: int = 1, window: int = 1) -> FloatArray:
+    """(S,) by how much the worst row of all cones is missed by the true wrenches [N, N m]; negative: none is.
+
+    The cones are the controller's, "inner" ones where it has none. A contact counts while the scenario does not lift
+    it.
+
+    Args:
+        recording: Of the run.
+        every: One sample in so many.
+        window: Wrenches are means of so many samples around each.
+    """
+    law, model = recording.law, recording.law.model
+    wrenches = contact_wrenches(recording, every if window == 1 else 1)
+    if window > 1:
+        wrenches = uniform_filter1d(wrenches, window, axis=0, mode="nearest")[::every]
+    cones = next((limit for limit in law.limits if isinstance(limit, WrenchCones)), WrenchCones(model.contacts))
+    scratch, worst = model.create_scratch(), []
+    carrying = _carrying(recording)[::every].tolist()
+    for state, wrench, active in zip(recording["state"][::every], wrenches, carrying, strict=True):
+        terms = model.terms(scratch, state[: model.nq], state[model.nq :], tuple(active))
+        rows, force = cones.rows(terms), wrench[terms.contacts.entries]
+        value = force if rows.matrix.force is None else rows.matrix.force @ force
+        worst.append(np.maximum(rows.lower - value, value - rows.upper).max(initial=-np.inf))
+    return np.array(worst)
+
+
+def _carrying(recording: TsidRecording) -> BoolArray:
+    """(T, contacts) which the scenario does not lift."""
+    scenario, law = recording.scenario, recording.law
+    source = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
+    context, found = source.CreateDefaultContext(), []
+    for instant in recording.time:
+        context.SetTime(instant)
+        found.append(np.asarray(source.get_output_port().Eval(context)) > 0.5)
+    return np.array(found)
+
+
+def joint_misses(recording: TsidRecording) -> dict[str, FloatArray]:
+    """(T,) each: by how much the worst joint misses its limit; negative: none does.
+
+    "torque": what the joints got, against the effort limits [N m]; "position", "velocity" [rad, rad/s].
+
+    Args:
+        recording: Of the run.
+    """
+    model = recording.law.model
+    limits = joint_limits(model.robot)
+    position = recording["state"][:, model.positions]
+    velocity = recording["state"][:, model.nq + model.actuated]
+    return {
+        "torque": (np.abs(recording["applied_torque"]) - limits.effort).max(axis=1),
+        "position": np.maximum(position - limits.upper, limits.lower - position).max(axis=1),
+        "velocity": (np.abs(velocity) - limits.velocity).max(axis=1),
+    }
+
+
+def worst_misses(recording: TsidRecording, every: int = 1, since: float = 0.1) -> dict[str, float]:
+    """By how much each kind of limit was missed at worst, in its rows' unit; 0 or negative: never.
+
+    "contact": see `contact_misses`; "torque", "position", "velocity": see `joint_misses`.
+
+    Args:
+        recording: Of the run.
+        every: One sample in so many is looked at for contacts.
+        since: Contacts count from here on [s]: the soles start above the floor, without load.
+    """
+    contact = contact_misses(recording, every)[recording.time[::every] >= since]
+    joints = {name: float(missed.max()) for name, missed in joint_misses(recording).items()}
+    return {"contact": float(contact.max(initial=-np.inf)), **joints}

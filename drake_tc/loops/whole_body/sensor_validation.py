@@ -27,7 +27,7 @@ from drake_tc.array_stage import Arrays, ArrayStage
 from drake_tc.control.sensor_loss_stop import SensorLossStop
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import COPY_AFTER, KernelCall
-from drake_tc.loops.ports import first_imu, picked
+from drake_tc.loops.loop_builder import first_imu, picked
 from drake_tc.loops.whole_body.base_estimation import sensor_of
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, controller_springs

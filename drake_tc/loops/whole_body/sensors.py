@@ -11,8 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.loop_builder import LoopBuilder
-from drake_tc.loops.ports import first_imu
+from drake_tc.loops.loop_builder import LoopBuilder, first_imu
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.sensing.suite import SENSORS, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
 from drake_tc.tsid.law import Law

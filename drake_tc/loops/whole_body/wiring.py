@@ -4,21 +4,27 @@
 
 `state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints. The loop of
 Faraji, Colasanto and Ijspeert (2015) is `state: base_estimator` with `torque: series_elastic`.
+
+Torques that err: e ~ N(0, Sigma), drawn anew every `period`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder, TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_values import Models, model_list
-from drake_tc.control.stopping_reference import StoppingReference
+from drake_tc.control.reference_source import StoppingReference
+from drake_tc.errors import ParamsError
+from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.fused import FusedStages, StageValues
 from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.scenarios.base import SEEDS
 from drake_tc.loops.whole_body.base_estimation import base_state
 from drake_tc.loops.whole_body.drives import add_drives
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
@@ -31,11 +37,60 @@ from drake_tc.loops.whole_body.series_elastic_drives import (
     control_springs,
     link_position,
 )
-from drake_tc.loops.whole_body.torque_noise import TorqueNoise
-from drake_tc.loops.wired_loop import WiredLoop
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.types import FloatArray
+
+
+class TorqueNoise(LeafSystem):
+    """A torque error e = scale L zeta, zeta ~ N(0, I), L L^T = Sigma; held for `period`.
+
+    Output:
+        torque_error (n): e[k] [N m]; follows the state alone.
+    State: e (n), k.  e[k], zeta[k] a function of (seed, k): the stream is counter-based, so it has no memory.
+    """
+
+    def __init__(self, error: TorqueError, period: float, seed: int, scale: float = 1.0) -> None:
+        """Declare the port.
+
+        Args:
+            error: Sigma.
+            period: How long a draw lasts [s].
+            seed: Of the draws, from 0 to 2^64 - 1.
+            scale: On e.
+
+        Raises:
+            ParamsError: a period that is not positive, or a seed that is not possible.
+        """
+        super().__init__()
+        if not (np.isfinite(period) and period > 0.0):
+            raise ParamsError(f"torque noise: expected a positive period [s], got {period!r}")
+        if not 0 <= seed < SEEDS:
+            raise ParamsError(f"torque noise: expected a seed from 0 to 2^64 - 1, got {seed}")
+        self._root, self._seed = scale * error.root, seed
+        first: Any = self._draw(0)
+        now = self.DeclareDiscreteState(first)
+        zero: Any = np.zeros(1)
+        count = self.DeclareDiscreteState(zero)
+        self._now, self._count = int(now), int(count)
+        self.DeclareStateOutputPort("torque_error", now)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, period, self._update)
+
+    def _draw(self, tick: int) -> FloatArray:
+        """e[k]."""
+        key = np.array([self._seed, tick], dtype=np.uint64)
+        zeta = np.random.Generator(np.random.Philox(key=key)).standard_normal(self._root.shape[1])
+        return np.asarray(self._root.dot(zeta))
+
+    def _update(self, context: Any, values: DiscreteValues) -> None:
+        """The next e."""
+        new: Any = values
+        tick = int(context.get_discrete_state(self._count).value()[0]) + 1
+        new.set_value(self._now, self._draw(tick))
+        new.set_value(self._count, np.array([float(tick)]))
+
 
 OUTPUTS = ("torque", "acceleration", "contact_force", "status")
 """Ports of the controller that are signals of the loop."""

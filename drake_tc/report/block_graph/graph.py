@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from pydrake.systems.framework import Diagram
 
 from drake_tc.report.block_graph.data import GraphData
-from drake_tc.report.block_graph.dot import dot
-from drake_tc.report.block_graph.mermaid import mermaid
 from drake_tc.report.block_graph.read import read_diagram
 from drake_tc.report.block_graph.svg import svg
-from drake_tc.report.block_graph.to_json import graph_json
+from drake_tc.report.block_graph.text_formats import dot, graph_json, mermaid
 from drake_tc.report.block_graph.view import view
 
 

@@ -6,10 +6,8 @@ from html import escape
 from importlib.resources import files
 from itertools import pairwise
 
-from drake_tc.report.block_graph.frame import LABEL
 from drake_tc.report.block_graph.layout import Drawing, ShaftEffect, Wire, layout
-from drake_tc.report.block_graph.place import EDGE, NOTE, PIN, TITLE
-from drake_tc.report.block_graph.text import text_width
+from drake_tc.report.block_graph.place import EDGE, LABEL, NOTE, PIN, TITLE, text_width
 from drake_tc.report.block_graph.view import View
 
 MARGIN = 18.0

@@ -2,8 +2,7 @@
 
 from typing import Protocol
 
-from drake_tc.tsid.rows import LimitRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import LimitRows, Terms
 
 
 class Limit(Protocol):

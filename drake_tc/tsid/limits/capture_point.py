@@ -6,11 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.gravity import GRAVITY
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.rows import LimitRows, Parts
-from drake_tc.tsid.terms import Terms
-from drake_tc.types import FloatArray
+from drake_tc.tsid.rows import LimitRows, Parts, Terms
+from drake_tc.types import GRAVITY, FloatArray
 
 LEAST_HEIGHT = 0.01
 """Of the centre of mass above its contacts; lower ones count as this [m]."""

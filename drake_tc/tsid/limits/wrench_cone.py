@@ -9,9 +9,8 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.contacts import ActiveContacts, Contact
-from drake_tc.tsid.rows import LimitRows, Parts
+from drake_tc.tsid.rows import LimitRows, Parts, Terms
 from drake_tc.tsid.tables import Entry
-from drake_tc.tsid.terms import Terms
 from drake_tc.types import FloatArray
 
 Pyramid = Literal["inner", "outer"]

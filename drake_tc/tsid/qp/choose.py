@@ -14,8 +14,6 @@ DEFAULT = "daqp"
 SOLVERS = {
     "daqp": ("drake_tc.tsid.qp.daqp", "Daqp"),
     "quadprog": ("drake_tc.tsid.qp.quadprog", "Quadprog"),
-    "proxqp": ("drake_tc.tsid.qp.proxqp", "ProxQp"),
-    "piqp": ("drake_tc.tsid.qp.piqp", "Piqp"),
 }
 """Module and class of each solver from PyPI."""
 PROGRAM = "program"

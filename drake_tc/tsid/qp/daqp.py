@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from daqp import solve  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-from drake_tc.tsid.qp.common import is_usable, keeps_rows, unsolved, usable_start
+from drake_tc.tsid.qp.common import is_usable, keeps_rows, solve_scaled, unsolved, usable_start
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
-from drake_tc.tsid.qp.proximal import solve_scaled
 
 _SENSE = np.array([0, 1, 3], dtype=np.int32)
 """DAQP's `sense` of rows that do not push, push from above, and (last, so at -1) from below."""

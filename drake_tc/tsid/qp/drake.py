@@ -15,9 +15,8 @@ from pydrake.solvers import (
 )
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.qp.common import refused, unsolved, usable_start
+from drake_tc.tsid.qp.common import refused, scaled, unsolved, usable_start
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
-from drake_tc.tsid.qp.scaling import scaled
 
 _TIGHT = 1e-14
 _SOLVERS: dict[str, tuple[Any, dict[str, Any]]] = {

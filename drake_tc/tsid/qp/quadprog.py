@@ -3,9 +3,8 @@
 import numpy as np
 from quadprog import solve_qp  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-from drake_tc.tsid.qp.common import refused, unsolved
+from drake_tc.tsid.qp.common import refused, solve_scaled, unsolved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
-from drake_tc.tsid.qp.proximal import solve_scaled
 
 
 class Quadprog:

@@ -8,8 +8,7 @@ from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.active_set import FREE
 from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, SolverMeans
-from drake_tc.tsid.robust.null_space import null_basis
-from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
+from drake_tc.tsid.robust.scaled import ScaledProblem, nothing, null_basis
 
 MET = 1e-6
 """How near to R_min an active constraint is met, of R_min."""

@@ -8,18 +8,15 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.polytope import LeastSquares, Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
-from drake_tc.tsid.robust.active_set import FREE
+from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
 from drake_tc.tsid.robust.bound import in_null_space, within_risk
-from drake_tc.tsid.robust.box import size_of_risk
 from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, SolverMeans
-from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.robust.rectangle import rectangle
-from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
-from drake_tc.tsid.robust.solution import RobustSolution, Start
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.scaled import ScaledProblem, scaled, size_of_risk
+from drake_tc.tsid.rows import LeastSquares, Polytope
 
 _EVALUATED = Kernel("scaling", "evaluated")
 

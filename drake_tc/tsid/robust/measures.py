@@ -11,11 +11,9 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
-from drake_tc.tsid.robust.box import box_risk, box_rows, box_size
-from drake_tc.tsid.robust.budget import Spending
-from drake_tc.tsid.robust.convex import plain
-from drake_tc.tsid.robust.newton import Minimum, minimise
-from drake_tc.tsid.robust.scaled import ScaledProblem, nothing
+from drake_tc.tsid.robust.convex import Minimum, minimise, plain
+from drake_tc.tsid.robust.options import Spending
+from drake_tc.tsid.robust.scaled import ScaledProblem, box_risk, box_rows, box_size, nothing
 from drake_tc.types import FloatArray
 
 _SHRUNK = Kernel("scaling", "shrunk")

@@ -9,16 +9,14 @@ import math
 
 import numpy as np
 
-from drake_tc.tsid.polytope import Polytope
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
-from drake_tc.tsid.robust.budget import Budget
-from drake_tc.tsid.robust.individual import certain_miss
+from drake_tc.tsid.robust.convex import Minimum, minimise
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, box, minimum_of
-from drake_tc.tsid.robust.newton import Minimum, minimise
-from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, nothing, scaled
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import Budget, TorqueError
+from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, certain_miss, nothing, scaled
+from drake_tc.tsid.rows import Polytope
 from drake_tc.types import FloatArray
 
 SMALL = 1e-9

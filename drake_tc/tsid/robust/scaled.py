@@ -1,12 +1,26 @@
-"""A reduced problem in units of its own uncertainty: torques over sigma, rows over sigma_G."""
+"""A reduced problem in units of its own uncertainty: torques over sigma, rows over sigma_G.
 
+R_ind = -log p_ind: every side of every row by itself; see `drake_tc.kernels.programs`.
+
+Source: Del Prete and Mansard, 2015, eq. 7 and 13.
+
+Directions in which a cost does not change.
+
+p_box: the largest box tau +- s sigma inside the polytope, by a quadratic program.
+
+Source: Del Prete and Mansard, 2015, eq. 17.
+"""
+
+import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgeqp3, dorgqr
+from scipy.special import erfcinv
 
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.tsid.polytope import LeastSquares, Polytope
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.rows import LeastSquares, Polytope
 from drake_tc.types import FloatArray, IntArray
 
 _SCALED = Kernel("scaling", "scaled")
@@ -90,3 +104,87 @@ def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> Scaled
 def nothing(n: int) -> LeastSquares:
     """A cost that is 0."""
     return LeastSquares(np.zeros((0, n)), np.zeros(0))
+
+
+_EVALUATED = Kernel("scaling", "evaluated")
+
+
+def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
+    """Product of the probabilities of the single sides (eq. 7); 0 where a row that does not err is violated.
+
+    Exact where no row has two sides and the rows are orthogonal in the metric of Sigma.
+    """
+    problem = scaled(nothing(error.joints), polytope, error)
+    limits, cost = problem.limits, problem.cost
+    rows = limits.matrix, limits.lower, limits.upper, problem.certain
+    return float(_EVALUATED(torque / problem.scale, problem.scale, *rows, cost.matrix, cost.target)[2])
+
+
+def certain_miss(rows: Rows, certain: IntArray, x: FloatArray, tolerance: float = FEASIBLE) -> bool:
+    """Whether a row that does not err (1 in certain) is missed at x."""
+    if not certain.any():
+        return False
+    sure = certain > 0
+    return Rows(rows.matrix[sure], rows.lower[sure], rows.upper[sure]).miss(x) > tolerance
+
+
+_HAS_ONE_MINIMISER = Kernel("problem", "has_one_minimiser")
+RANK = 1e-10
+"""Relative to the longest: a row of D, less what the rows before it span, that is shorter adds no direction."""
+
+
+def null_basis(matrix: FloatArray, tolerance: float = RANK) -> FloatArray:
+    """(n, n - rank) orthonormal basis of {x: D x = 0}, by QR of D^T with column pivoting."""
+    rows, n = matrix.shape
+    if rows == 0:
+        return np.eye(n)
+    if tolerance <= RANK and _HAS_ONE_MINIMISER(np.ascontiguousarray(matrix)):
+        return np.zeros((n, 0))
+    factors, _, tau, _, _ = dgeqp3(matrix.T)
+    pivots = np.abs(np.diagonal(factors))
+    rank = int(np.count_nonzero(pivots > tolerance * pivots.max(initial=0.0)))
+    square = np.zeros((n, n), order="F")
+    square[:, : len(pivots)] = factors[:, : len(pivots)]
+    basis: FloatArray = dorgqr(square, tau)[0][:, rank:]
+    return basis
+
+
+_PROGRAM, _SIZE = Kernel("scaling", "box_program"), Kernel("scaling", "box_size")
+_RISK = Kernel("scaling", "box_risk")
+
+
+def box_rows(problem: ScaledProblem) -> tuple[Rows, LeastSquares]:
+    """Rows over (x, s) of a box of half width s sigmas around x, and the cost, which s does not enter.
+
+    See `drake_tc.kernels.scaling.box_program`.
+    """
+    limits, cost = problem.limits, problem.cost
+    rows, lower, upper, priced = _PROGRAM(limits.matrix, limits.lower, limits.upper, problem.noise, cost.matrix)
+    return Rows(rows, lower, upper), LeastSquares(priced, cost.target)
+
+
+def box_size(problem: ScaledProblem, x: FloatArray) -> float:
+    """Largest s with x +- s inside; negative where x is outside, -inf where a row that does not err is missed."""
+    limits = problem.limits
+    size: float = _SIZE(x, limits.matrix, limits.lower, limits.upper, problem.noise, problem.certain)
+    return size
+
+
+def box_risk(size: float, axes: int) -> float:
+    """R_box = -log p_box of a box of half width `size` sigmas in `axes` independent directions; inf for none."""
+    risk: float = _RISK(float(size), axes)
+    return risk
+
+
+def size_of_risk(risk: float, axes: int) -> float:
+    """The half width whose R_box is `risk`; inverse of `box_risk`."""
+    return math.sqrt(2.0) * float(erfcinv(-math.expm1(-risk / max(axes, 1))))
+
+
+def p_box(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
+    """Probability that the error stays in the largest box |zeta_i| <= s around the torque: a lower bound of p.
+
+    e = L zeta as in `TorqueError`; with a diagonal Sigma the box is |e_i| <= s sigma_i. 0 outside the polytope.
+    """
+    problem = scaled(nothing(error.joints), polytope, error)
+    return math.exp(-box_risk(box_size(problem, torque / problem.scale), error.root.shape[1]))

@@ -7,8 +7,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.rows import TaskRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import TaskRows, Terms
 from drake_tc.types import FloatArray, IntArray
 
 Gains = float | Sequence[float] | FloatArray

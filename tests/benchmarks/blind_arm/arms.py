@@ -8,7 +8,7 @@ import yaml
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.robot.robot import Robot

@@ -13,7 +13,7 @@ import yaml
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.loops.recording import write_log
-from drake_tc.loops.torque.recording import log_columns
+from drake_tc.loops.torque.running import log_columns
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.sensing.suite import SensorSuiteSpec
 from tests.benchmarks.blind_leg.biases import SensorBiases, Tolerances, by_axis, declared_sensors

@@ -22,8 +22,8 @@ from pydrake.systems.primitives import LogVectorOutput
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.recording import TorqueRecording
 from drake_tc.loops.torque.references import table_source
+from drake_tc.loops.torque.running import TorqueRecording
 from drake_tc.robot.plant import add_robot, joint_limits, make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors

@@ -20,12 +20,12 @@ from drake_tc.experiments.design.load_output import LoadExperiment
 from drake_tc.experiments.design.load_result import LoadDesign
 from drake_tc.experiments.design.run import DesignOptions, JointDesign
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated
-from drake_tc.gravity import GRAVITY
 from drake_tc.joint_simulator.reference import LOG_PERIOD
 from drake_tc.joint_simulator.spec import RigSpec
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.logs.rig_writing import rig_document
 from drake_tc.report.figure_row import FigureRow
+from drake_tc.types import GRAVITY
 from tests.benchmarks.evidence.loop import (
     LAST_SECONDS,
     LIMITS,

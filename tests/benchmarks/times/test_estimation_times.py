@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import drake_tc.models
-from drake_tc.estimation.joint_torque import JointTorqueEstimator
-from drake_tc.estimation.momentum_residual import MomentumResidual
+from drake_tc.estimation.joint_torque import JointTorqueEstimator, MomentumResidual
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor

@@ -9,7 +9,7 @@ from tsid.problems import Setup, problem_at, state
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 
 from .machine import require
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from tsid.problems import SOLES, Setup, model, robot, state
 
-from drake_tc.tsid.limits.acceleration import AccelerationLimit
-from drake_tc.tsid.limits.torque import TorqueLimit
+from drake_tc.tsid.assembly import reduce
+from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
-from drake_tc.tsid.reduction import reduce
-from drake_tc.tsid.tasks.com import ComTask
+from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.posture import PostureTask
 

@@ -7,7 +7,7 @@ import pytest
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
-from drake_tc.actuation.compensation import Compensator
+from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from drake_tc.gravity import GRAVITY
 from drake_tc.logs.record import Run
+from drake_tc.types import GRAVITY
 
 from .. import pendulum_rig
 from ..pendulum_rig import Swing

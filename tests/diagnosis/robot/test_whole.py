@@ -10,6 +10,7 @@ from robot_files import write_robot
 
 from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.linear import Prior, Products, posterior
+from drake_tc.diagnosis.model import SharedColumns
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.robot.joints import Shared, declared_fit
@@ -77,3 +78,24 @@ def test_a_delay_moves_no_load_and_a_mass_moves_the_loads_of_the_joints_below(ar
     moved = arm.at(delta)[0][0]
     change = [np.ptp(moved.columns[f"{j}/torque"] - arm.train[0].columns[f"{j}/torque"]) for j in JOINTS]
     assert change[1] > 0.01 and change[2] > 0.01
+
+
+def test_the_predictive_density_of_one_joint_is_that_of_its_own_model(arm):
+    shared = Shared.within_tolerance(arm.every_cause)
+    fit = declared_fit(arm, shared, np.zeros(arm.width))
+    joint = fit.joints["lift"]
+    alone = replace(fit, joints={"lift": joint})
+    variance, terms = float(joint.best.posterior.variance), joint.best.terms
+    free = replace(joint.evidence.model, shared=None)
+    own = SharedColumns(
+        *(columns[:, shared.places] for columns in joint.columns),
+        Prior(np.zeros(shared.places.size), shared.deviation, np.zeros(shared.places.size, dtype=bool)),
+    )
+    expected = [
+        Evidence(model, joint.evidence.noise, joint.evidence.spread).predictive(terms, variance)
+        for model in (replace(free, shared=own), free)
+    ]
+    none = Shared(np.zeros(0, dtype=np.int64), np.zeros(0))
+    found = alone.predictive(shared) - alone.predictive(none)
+    assert abs(expected[0] - expected[1]) > 1.0
+    assert_allclose(found, expected[0] - expected[1], rtol=1e-3)  # jitter of the solver

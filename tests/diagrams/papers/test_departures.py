@@ -11,7 +11,7 @@ from drake_tc.diagrams.papers.departures import departures
 from drake_tc.diagrams.papers.expected_values import expectations, expected_file, on_record
 from drake_tc.diagrams.papers.record_reached import recorded_text
 from drake_tc.errors import ParamsError
-from drake_tc.report.reproduction import Expectation, OnRecord, reproduced_row
+from drake_tc.report.figure_row import Expectation, OnRecord, reproduced_row
 
 from .expected_files import expected_files
 

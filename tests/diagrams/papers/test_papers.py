@@ -21,7 +21,7 @@ from drake_tc.diagrams.papers.expected_values import expectations, expected_file
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry, reproductions
-from drake_tc.report.reproduction import Expectation, evaluated, reproduced_row, row_json
+from drake_tc.report.figure_row import Expectation, evaluated, reproduced_row, row_json
 from drake_tc.robot.plant import make_plant
 
 from .expected_files import expected_files

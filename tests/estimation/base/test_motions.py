@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.estimation.base.chain import FootCentreEstimator, FootCentreImuEstimator
-from drake_tc.estimation.base.estimator import CopEstimator
+from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.log import run_log, track_error
 
 from .constructed import REAL, Motion, construct, spec, walker

@@ -10,11 +10,11 @@ from scipy.optimize import brentq
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.log import run_log, track_error
-from drake_tc.estimation.base.soft_sole import soft_sole
 from drake_tc.estimation.base.spec import ContactSpec
+from drake_tc.estimation.base.velocity import soft_sole
 from drake_tc.kernels.base_options import HALF_PLANES
 from drake_tc.kernels.base_soles import shape_of
-from drake_tc.robot.mounts import Mount, Pose
+from drake_tc.robot.fields import Mount, Pose
 
 from .constructed import HALF, SOLE, Motion, construct, spec, walker
 

@@ -27,7 +27,7 @@ from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.kernels import base_state
 from drake_tc.kernels.base_kinematics import posture_of, turning
 from drake_tc.kernels.base_state import size_of
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.robot.plant import make_plant
 
 from .constructed import REAL, Motion, construct, spec, walker

@@ -10,7 +10,7 @@ from drake_tc.estimation.base.spec import ContactSpec, half_planes
 from drake_tc.estimation.base.velocity import rows_of, soles_of, solve_program
 from drake_tc.kernels.base_motion import write_program
 from drake_tc.kernels.base_velocity import UNSOLVED, VelocityProblem, into_sole, solve_velocity
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 
 SOLE = ((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05))
 HEXAGON = tuple((0.08 * np.cos(a), 0.05 * np.sin(a)) for a in np.arange(6) * np.pi / 3)

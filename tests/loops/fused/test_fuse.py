@@ -16,7 +16,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.spec import TorqueLoopSpec
+from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.robot import load_robot

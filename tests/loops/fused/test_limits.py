@@ -9,9 +9,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Gain, LogVectorOutput, MatrixGain, Sine
 
 from drake_tc.array_stage import Arrays
-from drake_tc.control.reference_source import ReferenceSource
+from drake_tc.control.reference_source import ReferenceSource, StoppingReference
 from drake_tc.control.references import PointToPoint
-from drake_tc.control.stopping_reference import StoppingReference
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused import StageValues, fuse
 from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec

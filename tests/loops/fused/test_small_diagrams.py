@@ -13,7 +13,7 @@ from drake_tc.array_stage import Arrays
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.fused import fuse
-from drake_tc.loops.fused.glue import computed
+from drake_tc.loops.fused.plan import computed
 from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 

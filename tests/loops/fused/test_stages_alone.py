@@ -7,11 +7,10 @@ import pytest
 from pydrake.systems.framework import PortDataType
 
 from drake_tc.array_stage import Arrays, ArrayStage, offered_stage
-from drake_tc.control.reference_source import ReferenceSource
+from drake_tc.control.reference_source import ReferenceSource, StoppingReference
 from drake_tc.control.references import PointToPoint
-from drake_tc.control.stopping_reference import StoppingReference
 from drake_tc.estimation.link_position import LinkPosition
-from drake_tc.loops.whole_body.desired_motion import DesiredMotion
+from drake_tc.loops.whole_body.drives import DesiredMotion
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec
 from drake_tc.tsid.configuration import load_law

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.free_run import simulate
-from drake_tc.actuation.half_step import model_to_simulate, simulated_inertia
+from drake_tc.actuation.free_run import model_to_simulate, simulate, simulated_inertia
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Recording
 from drake_tc.diagnosis.run import close_loop

@@ -5,7 +5,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.half_step import model_to_simulate
+from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, Recording
 from drake_tc.diagrams.joint_bench import SCENARIO_FILE, main

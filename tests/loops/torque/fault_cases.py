@@ -19,13 +19,11 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.recording import TorqueRecording
-from drake_tc.loops.torque.running import run_loop
-from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.spec import SENSORS
+from drake_tc.loops.torque.running import TorqueRecording, run_loop
+from drake_tc.loops.torque.scenario import SENSORS, Scenario
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.spec import SensorFault
 from drake_tc.types import BoolArray, FloatArray
 
 KINDS = ("frozen", "dropped_20ms", "dropped", "biased", "spikes", "nan")

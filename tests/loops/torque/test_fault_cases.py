@@ -8,7 +8,7 @@ import pytest
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.spec import SENSORS
+from drake_tc.loops.torque.scenario import SENSORS
 from drake_tc.registry import diagram_entry
 
 from .fault_cases import BIASES, CASES, FLAGGED_WITHIN, LATE, FaultCase, run_case
@@ -204,7 +204,7 @@ def test_a_sensor_that_comes_a_little_late_does_no_harm(situation, sensor, age):
 
 @pytest.mark.slow
 def test_a_late_force_that_no_flag_tells():
-    """The figures of diagrams/README.md; a monitor that told this fault would make this test fail."""
+    """A monitor that told this fault would make this test fail; see diagrams/README.md."""
     contact = outcome("contact", FaultCase("force_torque", LATE, 0.02))
     assert contact.flagged_after == np.inf and contact.finite
     assert np.abs(contact.recording["joint_torque"]).max() == pytest.approx(94.0, rel=0.2)

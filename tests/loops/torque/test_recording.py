@@ -10,9 +10,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log, write_rig
-from drake_tc.loops.torque.recording import log_columns, rig_of
-from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.summary import summarise, write_results
+from drake_tc.loops.torque.running import log_columns, rig_of, simulate_scenario, summarise, write_results
 from drake_tc.registry import diagram_entry
 
 

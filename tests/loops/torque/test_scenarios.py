@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.files import read_mapping, scenario_names
+from drake_tc.loops.scenarios.base import read_mapping, scenario_names
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario

@@ -1,7 +1,4 @@
-"""Why no flag compares the estimated torque with the actuator model's: a sound leg contradicts itself more.
-
-diagrams/README.md, "Sensor faults", quotes the figures.
-"""
+"""Why no flag compares the estimated torque with the actuator model's: a sound leg contradicts itself more."""
 
 import numpy as np
 import pytest

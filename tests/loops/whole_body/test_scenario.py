@@ -7,14 +7,13 @@ from hypothesis import strategies as st
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.references import contact_source
+from drake_tc.loops.whole_body.references import SpanSpec, contact_source
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import SpanSpec
-from drake_tc.loops.whole_body.torque_noise import TorqueNoise
+from drake_tc.loops.whole_body.wiring import TorqueNoise
 from drake_tc.registry import tsid_entry
-from drake_tc.robot.mounts import Mount
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.robust.torque_error import TorqueError
+from drake_tc.tsid.robust.options import TorqueError
 
 
 @pytest.mark.parametrize(

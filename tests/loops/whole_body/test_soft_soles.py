@@ -13,10 +13,10 @@ from pydrake.systems.framework import DiagramBuilder
 from scipy.optimize import root
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.whole_body.ground import add_ground, touching_points
+from drake_tc.loops.whole_body.ground import GroundSpec, SoleSpec, add_ground, touching_points
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, TsidScenario
-from drake_tc.robot.mounts import Mount
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Status
 

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.whole_body.references import task_source
+from drake_tc.loops.whole_body.references import KnotSpec, TurnSpec, task_source
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import KnotSpec, TsidScenario, TurnSpec
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import Status
 

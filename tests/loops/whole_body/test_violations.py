@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.loops.whole_body.running import TsidRecording
-from drake_tc.loops.whole_body.scenario import SpanSpec, TsidScenario
-from drake_tc.loops.whole_body.violations import contact_misses, contact_wrenches, joint_misses, worst_misses
+from drake_tc.loops.whole_body.references import SpanSpec
+from drake_tc.loops.whole_body.running import (
+    TsidRecording,
+    contact_misses,
+    contact_wrenches,
+    joint_misses,
+    worst_misses,
+)
+from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 

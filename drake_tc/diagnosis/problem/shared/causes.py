@@ -1,11 +1,12 @@
 """The causes that no single joint owns: their names, parameters and tolerances, and their columns over runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_tc.types import FloatArray
+from drake_tc.diagnosis.problem.shared.cause_columns import alignment_columns, gain_columns
+from drake_tc.types import BoolArray, FloatArray
 
 GRID_SECONDS = 0.01
 """Columns of motion that has passed filters of nine times that width are computed this often and interpolated."""
@@ -92,10 +93,16 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Columns over one stretch of a run: time (G,) since the start of the run [s] and values (G, n, P)."""
+    """Columns over one stretch of a run: time (G,) since the start of the run [s] and values (G, n, P).
+
+    Of F/T sensors also the time (T,) and the wrenches (T, 6k) from which the torques were computed. Gains and
+    alignments scale and turn these readings themselves: a coarser grid would leave what a contact changes faster.
+    """
 
     time: FloatArray
     values: FloatArray
+    read_at: FloatArray = field(default_factory=lambda: np.zeros(0))
+    wrenches: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,4 +128,16 @@ class CauseColumns:
             inside = (time >= piece.time[0] - 1e-9) & (time <= piece.time[-1] + GRID_SECONDS)
             for column in range(width):
                 out[inside, column] = np.interp(time[inside], piece.time, piece.values[:, j, column])
+            self._scale_readings(out, inside, piece, time)
         return out
+
+    def _scale_readings(self, out: FloatArray, inside: BoolArray, piece: Piece, time: FloatArray) -> None:
+        """Fill in the columns of gains and alignments of F/T sensors, whose biases' columns (T, 6) are there."""
+        known = {(c.id, c.where): c.columns for c in self.causes}
+        mounts = [where for name, where in known if name == "ft_bias"]
+        for k, where in enumerate(mounts):
+            wrench = piece.wrenches[:, 6 * k : 6 * k + 6]
+            read = np.stack([np.interp(time[inside], piece.read_at, axis) for axis in wrench.T], axis=1)
+            bias = out[inside, known["ft_bias", where]][:, None, :]
+            out[inside, known["ft_gain", where]] = gain_columns(bias, read)[:, 0]
+            out[inside, known["ft_alignment", where]] = alignment_columns(bias, read)[:, 0]

@@ -17,7 +17,6 @@ from drake_tc.diagnosis.problem.shared.payload import Payload, payload_of
 from drake_tc.diagnosis.problem.shared.robot_causes import encoders_alone, list_causes
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, filters_of, smoothed_motion, usable_stretches
-from drake_tc.filtering.savitzky_golay import smooth
 from drake_tc.filtering.window_choice import Window
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -101,13 +100,13 @@ def _piece(
     blocks += [cause_columns.com_columns(motion, link, i, slides) for i, link in enumerate(structure.links)]
     if encoders_alone(logs):
         blocks += [cause_columns.encoder_columns(logs.model, rows, offsets), *_bodies(logs, rows)]
-    wrench = smooth(sensors.wrench, filters.wrench.samples, filters.wrench.order, sensors.dt).value[::every]
     for k in range(len(logs.robot.force_torque)):
-        reading, own = cause_columns.reading_columns(motion, structure, k, slides), wrench[:, 6 * k : 6 * k + 6]
-        blocks += [reading, cause_columns.gain_columns(reading, own), cause_columns.alignment_columns(reading, own)]
+        reading = cause_columns.reading_columns(motion, structure, k, slides)
+        blocks += [reading, np.zeros((*reading.shape[:2], 2 + 3))]  # gains and alignment follow from the readings
     if logs.reads_imu:
         blocks += _imu(logs, structure, slides, rows, motion)
-    return Piece((run.time[part] - run.time[0])[::every], logs.at_motors(np.concatenate(blocks, axis=2)))
+    time = run.time[part] - run.time[0]
+    return Piece(time[::every], logs.at_motors(np.concatenate(blocks, axis=2)), time, sensors.wrench)
 
 
 def _bodies(logs: RobotLogs, rows: Sequence[Row]) -> list[FloatArray]:

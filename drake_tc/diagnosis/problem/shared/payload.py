@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.config.did_you_mean import did_you_mean
+from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig

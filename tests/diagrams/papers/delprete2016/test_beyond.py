@@ -16,7 +16,7 @@ from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.reproduction import evaluated
+from drake_tc.report.figure_row import evaluated
 
 ENTRY = diagram_entry("hrp2_leg")
 QUICK = (

@@ -17,12 +17,11 @@ from drake_tc.diagrams.papers.faraji2015.contacts import ONE_FOOT, THREE_CONTACT
 from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ObjectSpec
-from drake_tc.loops.whole_body.ground import add_ground
+from drake_tc.loops.whole_body.ground import GroundSpec, SoleSpec, add_ground
 from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import GroundSpec, SoleSpec, TsidScenario
-from drake_tc.loops.whole_body.violations import contact_wrenches
-from drake_tc.robot.mounts import Mount
+from drake_tc.loops.whole_body.running import contact_wrenches, simulate_tsid
+from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 
 FILE = Path(__file__).resolve().parents[4] / "diagrams" / "coman.scenario.yaml"

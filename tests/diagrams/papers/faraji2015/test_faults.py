@@ -10,14 +10,14 @@ from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_tc.control.reference_source import STOP_TIME, StoppingReference
 from drake_tc.control.sensor_loss_stop import LOSS_TIME, SensorLossStop
-from drake_tc.control.stopping_reference import STOP_TIME, StoppingReference
 from drake_tc.diagrams.papers.faraji2015 import faults as coman_faults
 from drake_tc.diagrams.papers.faraji2015.fault_cases import STARTS, cases
 from drake_tc.diagrams.papers.faraji2015.faults import FaultOutcome, outcome, reproduction, scenario_of
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import FALLIBLE, TsidScenario
-from drake_tc.sensing.fault import SensorFault
+from drake_tc.sensing.spec import SensorFault
 from drake_tc.sensor_validation.standing_feet import LOST
 from drake_tc.tsid.configuration import load_law
 

@@ -10,16 +10,15 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.analysis.stability_margins import margins
-from drake_tc.control.series_elastic.position import MotorPositionControl
+from drake_tc.control.series_elastic.control import MotorPositionControl
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015 import pushes
 from drake_tc.diagrams.papers.faraji2015.motions import vibration
 from drake_tc.errors import ParamsError
 from drake_tc.loops.surroundings import Pushes
-from drake_tc.loops.whole_body.chain_specs import BaseEstimationSpec, SpringDrivesSpec
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import simulate_tsid
-from drake_tc.loops.whole_body.scenario import TsidScenario
+from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, SpringDrivesSpec, TsidScenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 

@@ -6,7 +6,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, MatrixGain
 
 from drake_tc.loops import function_entry
-from drake_tc.report.reproduction import Expectation, Reproduction, reproduced_row
+from drake_tc.report.figure_row import Expectation, Reproduction, reproduced_row
 
 PERIOD, SHARE = 0.01, 0.1
 

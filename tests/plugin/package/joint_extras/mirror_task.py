@@ -6,8 +6,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import names, number
 from drake_tc.tsid.kinds import TaskKind
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.rows import Parts, TaskRows
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import Parts, TaskRows, Terms
 from drake_tc.types import FloatArray
 
 

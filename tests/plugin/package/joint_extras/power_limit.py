@@ -6,8 +6,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import number
 from drake_tc.tsid.kinds import LimitKind
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.rows import LimitRows, Parts
-from drake_tc.tsid.terms import Terms
+from drake_tc.tsid.rows import LimitRows, Parts, Terms
 
 
 class PowerLimit:

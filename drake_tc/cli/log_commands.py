@@ -1,0 +1,251 @@
+"""The commands on logs alone: `drake-tc inspect`, `import` and `check`.
+
+`drake-tc inspect`: what a log holds, and a rig file to start from.
+
+`drake-tc import`: recordings in another project's format to canonical logs and rig files.
+
+`drake-tc check`: what logs can and cannot show, before anything is fitted.
+"""
+
+import json
+import math
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from drake_tc.cli.out_files import Force, result_file, result_folder
+from drake_tc.cli.terminal import UnusedSeed, command_line, print_wide, progress_bar, say_next
+from drake_tc.config.files import is_folder, utf8_name
+from drake_tc.config.quoted import json_value
+from drake_tc.errors import LogError
+
+if TYPE_CHECKING:
+    from drake_tc.experiments.check.obstacles import Reasons
+    from drake_tc.experiments.check.run import CheckResult
+    from drake_tc.logs.inspection.inspect import Inspection
+
+
+def inspect_command(
+    log: Annotated[Path, typer.Argument(help="A log: CSV, Parquet, NPZ, MAT, JSON, LeRobot, MCAP or a ROS bag.")],
+    rig: Annotated[Path | None, typer.Option(help="Write a rig file to start from here.")] = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    seed: UnusedSeed = 0,
+) -> None:
+    """List a log's topics, columns, rates and gaps, and guess quantities and units with the reasons.
+
+    With --rig it writes a rig file with these guesses for `close-loop`. Check them, because a name can mislead.
+    """
+    from drake_tc.logs.inspection.inspect import inspect_log, trial
+
+    found = inspect_log(log)
+    problem = trial(found)
+    if rig is not None and found.rig:
+        with result_file(rig, "--rig", inputs=[log], force=force, error=LogError) as path:
+            path.write_text(_rig_text(found), encoding="utf-8")
+    if as_json:
+        print(json.dumps(json_value(_document(found, problem, rig if found.rig else None)), indent=1))
+    else:
+        _print(found)
+        for note in found.notes:
+            print(note)
+        if problem:
+            print(f"close-loop would refuse it: {problem}", file=sys.stderr)
+    if rig is not None and not found.rig:
+        raise LogError(f"{log}: no rig file was written: {found.notes[-1]}")
+    if not as_json:
+        if rig is not None:
+            print(rig)
+        if found.rig:
+            say_next(_after(log, rig))
+
+
+def _after(log: Path, rig: Path | None) -> str:
+    """What follows: writing a rig file, or checking what the logs can show with the one that was written."""
+    if rig is None:
+        return f"{command_line('inspect', log, '--rig', 'rig.yaml')} writes a rig file to start from"
+    return f"correct the guesses in the rig file, then {command_line('check', '--rig', rig, '--log', log)}"
+
+
+def _print(found: "Inspection") -> None:
+    timed = "no time" if math.isnan(found.rate) else f"{found.duration:.4g} s at {found.rate:.4g} Hz"
+    print(f"{found.path}: {found.rows} rows, {timed}{f', {found.gaps} gaps' if found.gaps else ''}")
+    if found.topics:
+        kinds = [
+            (t.name, t.kind, str(t.messages), _number(t.rate), "read" if t.read else "not read") for t in found.topics
+        ]
+        print_wide(("topic", "type", "messages", "rate [Hz]", ""), kinds, left=("topic", "type", ""))
+        print()
+    headings = ("column", "taken for", "unit", "from", "to", "step", "missing", "why")
+    rows = [
+        (
+            column.name,
+            column.canonical or "-",
+            column.unit or "-",
+            _number(column.low),
+            _number(column.high),
+            _number(column.step) if column.step else "-",
+            f"{100.0 * column.missing:.0f} %" if column.missing else "-",
+            column.why,
+        )
+        for column in found.columns
+    ]
+    print_wide(headings, rows, left=("column", "taken for", "unit", "why"))
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+def _rig_text(found: "Inspection") -> str:
+    import yaml
+
+    name = utf8_name(found.path)
+    head = f"# Suggested by drake-tc inspect from {name!r}: guesses from names and ranges; check them.\n"
+    head += f"# {found.comment}\n" if found.comment else ""
+    return head + yaml.safe_dump(dict(found.rig), sort_keys=False, allow_unicode=True)
+
+
+def _document(found: "Inspection", problem: str, rig: Path | None) -> dict[str, Any]:
+    keys = ("name", "canonical", "unit", "why", "low", "high", "step", "missing")
+    return {
+        "name": "inspect",
+        "log": str(found.path),
+        "rows": found.rows,
+        "rate": found.rate,
+        "duration": found.duration,
+        "gaps": found.gaps,
+        "topics": [asdict(topic) for topic in found.topics],
+        "columns": [{key: getattr(column, key) for key in keys} for column in found.columns],
+        "rig": dict(found.rig),
+        "rig_file": None if rig is None else str(rig),
+        "notes": list(found.notes),
+        "problem": problem or None,
+    }
+
+
+FORMATS = ("bam",)
+"""Formats that hold more than a table of signals; LeRobot data sets are read as logs, without an import."""
+
+
+def import_logs(
+    format_: Annotated[str, typer.Argument(metavar="FORMAT", help=f"Format: {', '.join(FORMATS)}.")],
+    src: Annotated[Path, typer.Argument(help="Folder of the recordings.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder to write logs and rig files to.")],
+    force: Force = False,
+    seed: UnusedSeed = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the paths of the rig files as JSON.")] = False,
+) -> None:
+    """Convert BAM servo recordings to Parquet logs with canonical columns, and write rig files that read them.
+
+    The command prints the paths of the rig files. It exits with 2 and one line on stderr when SRC cannot be used.
+    """
+    if format_ not in FORMATS:
+        raise LogError(f"import: no format {format_!r}; possible: {', '.join(FORMATS)}")
+    from drake_tc.logs.bam_runs import convert
+
+    typer.echo(f"reading {src} ...", err=True)
+    inputs = src.rglob("*") if is_folder(src) else ()
+    with result_folder(out, "--out", inputs=inputs, force=force, error=LogError) as folder:
+        rigs = [out / path.relative_to(folder) for path in convert(src, folder)]
+    if as_json:
+        typer.echo(json.dumps({"name": "import", "rigs": [str(rig) for rig in rigs]}, indent=1))
+        return
+    for rig in rigs:
+        typer.echo(str(rig))
+
+
+FILES = ("check.html", "check.json")
+WORDS = {"seen": "seen", "weakly": "weakly", "not_seen": "not seen", "not_separable": "not separable"}
+
+
+def check_command(
+    rig: Annotated[
+        Path, typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains.")
+    ],
+    log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None,
+    seed: UnusedSeed = 0,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the check as JSON.")] = False,
+) -> None:
+    """Print what logs contain, which missing effects they can show and how large these must be, and why not others.
+
+    It takes seconds, since nothing is searched for. `close-loop` on the same runs searches for the effects themselves.
+    """
+    from drake_tc.experiments.check.run import check_rig
+    from drake_tc.experiments.check.to_json import check_json
+
+    with progress_bar("check", quiet=as_json) as progress:
+        if out is None:
+            result = check_rig(rig, log, progress)
+        else:
+            with result_folder(out, "--out", names=FILES, inputs=[rig, *log], force=force, error=LogError) as folder:
+                result = check_rig(rig, log, progress)
+                write_check(result, folder)
+    if as_json:
+        print(json.dumps(check_json(result), indent=1))
+    else:
+        print_check(result)
+        if out is not None:
+            print(out / FILES[0])
+        fit = command_line("close-loop", "--rig", rig, *(word for each in log for word in ("--log", each)))
+        say_next(f"{fit} --holdout RUN --out FOLDER, with a run that is not among these")
+
+
+def write_check(result: "CheckResult", folder: Path) -> None:
+    """check.json and check.html in a folder."""
+    from drake_tc.experiments.check.page import check_page
+    from drake_tc.experiments.check.to_json import check_json
+
+    (folder / "check.json").write_text(json.dumps(check_json(result), indent=1) + "\n", encoding="utf-8")
+    (folder / "check.html").write_text(check_page(result), encoding="utf-8")
+
+
+def print_check(result: "CheckResult") -> None:
+    """Findings and the table of effects of every joint; what no joint can show comes once, at the end."""
+    from drake_tc.experiments.check.obstacles import shared_and_own
+
+    shared, own = shared_and_own({n: j.effects.effects for n, j in result.joints.items() if j.effects is not None})
+    for run in result.runs:
+        print(f"{run.name}: {run.seconds:.4g} s at {run.rate:.4g} Hz, {100.0 * run.usable:.0f} % usable")
+        for note in run.notes:
+            print(f"  {note}")
+    for name, joint in result.joints.items():
+        print(f"\n{name} ({joint.drive})")
+        if joint.effects is None:
+            print(f"  {joint.refusal}")
+            continue
+        for finding in joint.findings:
+            mark = {"good": " ", "note": "-", "warning": "!"}[finding.level]
+            print(f"  {mark} {finding.text}")
+        rows = [
+            (
+                each.key,
+                WORDS[each.status],
+                _positive(each.smallest),
+                each.size.unit,
+                each.why,
+            )
+            for each in joint.effects.effects
+            if not each.obstacle
+        ]
+        headings = ("effect", "these logs", "found from", "unit", "why")
+        print_wide(headings, rows, left=("effect", "these logs", "unit", "why"))
+        _print_reasons("Cannot be looked for", own[name])
+    print()
+    _print_reasons("Cannot be looked for in any joint", shared)
+
+
+def _print_reasons(title: str, reasons: "Reasons") -> None:
+    if reasons:
+        print(f"{title}:")
+    for reason, keys in reasons.items():
+        print(f"  {', '.join(keys)}: {reason}")
+
+
+def _positive(value: float) -> str:
+    return f"{value:.3g}" if 0.0 < value < float("inf") else "-"

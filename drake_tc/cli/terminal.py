@@ -1,0 +1,139 @@
+"""What the commands share on the terminal: progress on stderr, wide tables, the next command, common options."""
+
+import math
+import re
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from drake_tc.config.files import utf8_text
+from drake_tc.errors import ParamsError
+
+if TYPE_CHECKING:
+    from drake_tc.analysis.tracking_error import JointTask
+
+PAUSE = 10.0
+"""Between two lines of one stage where there is no terminal [s]."""
+
+
+def _silent(text: str, share: float) -> None:
+    """With --json nothing is told."""
+
+
+class _Lines:
+    """Progress as plain lines; texts that differ in their numbers alone are of one stage."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._stage, self._told = "", -math.inf
+
+    def report(self, text: str, share: float) -> None:
+        stage, now = re.sub(r"\d+(\.\d+)?", "#", text), time.monotonic()
+        if stage != self._stage or now - self._told >= PAUSE or share >= 1.0:
+            print(f"{self._title}: {text}", file=sys.stderr)
+            self._stage, self._told = stage, now
+
+
+@contextmanager
+def progress_bar(title: str, *, quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """Yield report(text, share in [0, 1]).
+
+    In a terminal it moves a bar; a narrow one keeps the text and drops the bar. Elsewhere it prints a line when a new
+    stage begins, another one of the same stage after `PAUSE` at the earliest, and the last one (a share of 1).
+    """
+    if quiet or not sys.stderr.isatty():
+        yield _silent if quiet else _Lines(title).report
+        return
+    console = Console(stderr=True)
+    columns = [SpinnerColumn(), TextColumn("{task.description}")]
+    if console.width > 60:
+        columns += [BarColumn(bar_width=24), TimeElapsedColumn()]
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda text, share: bar.update(task, description=f"{title}: {text}", completed=share)
+
+
+_NO_END = 10_000
+"""Columns of a console in which nothing is cut."""
+
+
+def print_wide(
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    left: Sequence[str] = (),
+    title: str = "",
+    file: TextIO | None = None,
+) -> None:
+    """Print a table, as wide as its cells are.
+
+    Args:
+        headings: Of the columns.
+        rows: Texts, one a column.
+        left: Headings of columns that stand to the left; the others to the right.
+        title: Above.
+        file: Where to; None: stdout.
+    """
+    file = file or sys.stdout
+    table = Table(box=None, padding=(0, 1), pad_edge=False, title=escape(title) or None, title_justify="left")
+    for heading in headings:
+        table.add_column(escape(heading), justify="left" if heading in left else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    endless = Console(file=file, width=_NO_END)
+    width = max(Console(file=file).width, endless.measure(table).maximum, len(title))
+    Console(file=file, highlight=False, width=width).print(table)
+
+
+def command_line(*words: object) -> str:
+    """A drake-tc command that a shell takes as it is; bytes of names that are not UTF-8 are replaced."""
+    return shlex.join(["drake-tc", *(utf8_text(str(word)) for word in words)])
+
+
+def say_next(text: str) -> None:
+    """Print what to run next."""
+    print(f"next: {text}", file=sys.stderr)
+
+
+UnusedSeed = Annotated[int, typer.Option("--seed", help="Accepted by every command; this one does not use it.")]
+
+
+@contextmanager
+def worker_executor(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+    """Processes of this machine, a Dask cluster where an address is given, or None for one worker: this process.
+
+    Raises:
+        ParamsError: nothing answers at the address, or Dask is not installed.
+    """
+    from drake_tc.analysis.sweep import processes, scheduler_executor
+
+    if scheduler is not None:
+        with scheduler_executor(scheduler) as executor:
+            yield executor
+    elif workers > 1:
+        with processes(workers) as executor:
+            yield executor
+    else:
+        yield None
+
+
+def tasks_of(tasks: Sequence["JointTask"], joints: Sequence[str] | None) -> list["JointTask"]:
+    """The tasks of some joints, of all where none is named.
+
+    Raises:
+        ParamsError: a joint that is not there.
+    """
+    names = [task.joint for task in tasks]
+    for joint in joints or []:
+        if joint not in names:
+            raise ParamsError(f"no joint {joint!r}; joints: {', '.join(names)}")
+    return [task for task in tasks if not joints or task.joint in joints]

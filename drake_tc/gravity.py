@@ -1,4 +1,0 @@
-"""The acceleration of gravity."""
-
-GRAVITY = 9.81
-"""Drake's own [m/s^2]."""

@@ -1,0 +1,314 @@
+"""Sections of the report beside those of the joints: export, links, refinement, causes that joints share.
+
+The model in another simulator: what is lost, and the errors of free runs side by side.
+
+The report's section on links whose inertial parameters were fitted.
+
+What the refinement on free runs did, as a reader sees it: one sentence, and the changed numbers.
+
+The report's section on causes that no single joint owns: what, where, by how much, and which joints say so.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from drake_tc.config.joint_units import TURNING, JointUnits
+from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.result.export_trial import ExportErrors, ExportTrial
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.links import FittedLinks
+from drake_tc.diagnosis.result.models import MODEL_FILE
+from drake_tc.diagnosis.result.refinement import Refinement, RefinementStatus
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.report.numbers import UNKNOWN, interval, percent, pretty_unit, scale_for, significant
+from drake_tc.report.tables import ErrorTable, error_table
+from drake_tc.report.words import joined, natural, title_of
+
+HOW = (
+    "Each model is driven by the recorded command alone, from the first sample on, under the recorded or known load. A"
+    " run that becomes unstable has no error."
+)
+"""What the errors of the table are."""
+
+
+def headings(rows: Sequence[ExportErrors], runner: str) -> tuple[str, ...]:
+    """Of the table of errors; the user's file has a column where it could be run.
+
+    Args:
+        rows: One a joint and run.
+        runner: What ran the export, such as "MuJoCo".
+    """
+    known = ("joint", "run", "our model, Drake", f"export, {runner}")
+    return (*known, f"your file, {runner}") if _has_original(rows) else known
+
+
+def cells(
+    rows: Sequence[ExportErrors], units: Mapping[str, JointUnits] = MappingProxyType({})
+) -> list[tuple[str, ...]]:
+    """Of the table of errors, those of one unit with one prefix.
+
+    Args:
+        rows: One a joint and run.
+        units: By joint, where one slides.
+    """
+    errors = [(row.model, row.export, row.original)[: 3 if _has_original(rows) else 2] for row in rows]
+    unit_of = [units.get(row.joint, JointUnits()).position for row in rows]
+    sizes: dict[str, float] = {}
+    for unit, each in zip(unit_of, errors, strict=True):
+        sizes[unit] = max([sizes.get(unit, 0.0), *(e for e in each if e is not None and math.isfinite(e))])
+    return [
+        (row.joint, row.run, *(UNKNOWN if e is None else scale_for(sizes[unit], unit).quantity(e) for e in each))
+        for row, unit, each in zip(rows, unit_of, errors, strict=True)
+    ]
+
+
+def export_section(trial: ExportTrial | None, units: Mapping[str, JointUnits]) -> dict[str, Any] | None:
+    """What the template shows; None where no export was tried."""
+    if trial is None:
+        return None
+    return {
+        "target": trial.target,
+        "command": f"drake-tc export {trial.model_file} --to {trial.to}",
+        "losses": trial.losses,
+        "headings": headings(trial.rows, trial.runner),
+        "rows": cells(trial.rows, units),
+        "how": HOW,
+    }
+
+
+def _has_original(rows: Sequence[ExportErrors]) -> bool:
+    return any(row.original is not None for row in rows)
+
+
+ROUNDING = 1e-12
+"""Share of the largest end of an interval below which a value of the robot file is rounding."""
+
+
+@dataclass(frozen=True)
+class LinkRow:
+    """One parameter as the template shows it: texts only.
+
+    Attributes:
+        name, declared, value, interval, unit: Of the parameter.
+        left: Share of the declared tolerance that is left; empty where there is none.
+    """
+
+    name: str
+    declared: str
+    value: str
+    interval: str
+    unit: str
+    left: str = ""
+
+
+@dataclass(frozen=True)
+class LinksSection:
+    """Rows by link, of the base parameters and of payloads by run; `summary` is the sentence before them."""
+
+    summary: str
+    links: Sequence[tuple[str, Sequence[LinkRow]]]
+    base: Sequence[LinkRow]
+    payloads: Sequence[tuple[str, Sequence[LinkRow]]]
+
+
+def links_section(links: FittedLinks | None, *, wrong_set_up: bool = False) -> LinksSection | None:
+    """The section; None where the links were not fitted."""
+    if links is None:
+        return None
+    by_link: dict[str, list[LinkRow]] = {}
+    for p in links.parameters:
+        row = _row(p.name, _declared(p.declared, p.estimate), p.estimate, percent(p.narrowed))
+        by_link.setdefault(p.link, []).append(row)
+    base = [_row(p.name, _declared(p.declared, p.estimate), p.estimate) for p in links.base]
+    payloads = [(run, [_row(n, "", e) for n, e in parameters.items()]) for run, parameters in links.payloads.items()]
+    return LinksSection(links_sentence(links, wrong_set_up=wrong_set_up), list(by_link.items()), base, payloads)
+
+
+def links_sentence(links: FittedLinks, *, wrong_set_up: bool = False) -> str:
+    """What was fitted, in one sentence."""
+    if wrong_set_up:
+        return (
+            "The links' inertial parameters were fitted with the wrong set-up; their values do not describe the robot."
+        )
+    apart = sum(not p.estimate.ci95[0] <= p.declared <= p.estimate.ci95[1] for p in links.base)
+    return (
+        f"The inertial parameters of {len({p.link for p in links.parameters})} links were fitted: "
+        f"{len(links.base)} base parameters. "
+        f"Base parameters whose value in the robot file lies outside the 95 % interval: {apart}."
+    )
+
+
+def payload_sentences(links: FittedLinks) -> Iterable[str]:
+    """For each log with an unknown payload, its mass."""
+    for run, parameters in links.payloads.items():
+        mass = parameters["m"]
+        value, spread = interval(mass.value, *mass.ci95)
+        yield f"Payload in {run}: {value} kg, 95 % interval {spread} kg."
+
+
+def _row(name: str, declared: str, estimate: Estimate, left: str = "") -> LinkRow:
+    value, spread = interval(estimate.value, *estimate.ci95)
+    return LinkRow(combination(name), declared, value, spread, pretty_unit(estimate.unit), left)
+
+
+def combination(name: str) -> str:
+    """A combination of parameters as an equation has it: equal coefficients are factored out, in the links' order.
+
+    `a/mx +0.2 c/m +0.2 b/m -1 d/mz` becomes `a mx + 0.2 (b m + c m) − d mz`.
+    """
+    first, *rest = re.split(r" (?=[+-]\d)", name)
+    by_factor: dict[str, list[str]] = {}
+    for term in rest:
+        factor, _, member = term.partition(" ")
+        by_factor.setdefault(factor, []).append(member.replace("/", " "))
+    shown = first.replace("/", " ")
+    for factor, members in by_factor.items():
+        sign, size = "−" if factor[0] == "-" else "+", factor[1:]
+        joined = " + ".join(sorted(members, key=natural))
+        if len(members) > 1 and (size != "1" or sign == "−"):
+            joined = f"({joined})"
+        shown += f" {sign} {joined}" if size == "1" else f" {sign} {size} {joined}"
+    return shown
+
+
+def _declared(value: float, estimate: Estimate) -> str:
+    """The robot file's value; what is left of it by rounding counts as zero."""
+    reach = max(abs(end) for end in (estimate.value, *estimate.ci95))
+    return "0" if abs(value) < ROUNDING * reach else significant(value)
+
+
+WHY_NOT: dict[RefinementStatus, str] = {
+    "accepted": "",
+    "no_gain": "the free runs do not improve by at least 5 %",
+    "worse_held_out": "the free runs of the held-out runs are less accurate with it",
+    "implausible": "the refined values are not physically possible",
+    "resolved": "the free runs already follow the position as closely as the encoder resolves it",
+    "nothing_to_simulate": "the joint cannot be simulated from these logs",
+    "nothing_to_refine": "no parameter of the model was estimated",
+}
+
+
+@dataclass(frozen=True)
+class RefinementSection:
+    """Text of the section.
+
+    Attributes:
+        sentence: What came of it.
+        parameters: (effect, parameter, equation error's value, output error's value, unit, at a bound).
+        balance: Sentence on the equation error under the refined numbers; "" where it is not known.
+    """
+
+    sentence: str
+    parameters: tuple[tuple[str, str, str, str, str, bool], ...]
+    balance: str
+
+
+def refinement_sentence(refinement: Refinement, units: JointUnits = TURNING) -> str:
+    """What came of the output error, in one or two sentences."""
+    train, left_out = (_fall(pair, units) for pair in (refinement.train, refinement.cross_validated))
+    runs = f" on the training runs, {left_out} on the runs left out in turn" if left_out else " on the training runs"
+    if refinement.accepted:
+        return f"Output error: {MODEL_FILE} follows the recorded position better; mean absolute error {train}{runs}."
+    why = f" ({refinement.why.rstrip('.')})" if refinement.why else ""
+    if refinement.status == "no_gain":
+        where = f"{left_out} on the runs left out in turn" if left_out else train
+        why = f" (mean absolute error {where})"
+    return f"Output error: there is no refined model, because {WHY_NOT[refinement.status]}{why}."
+
+
+def _fall(pair: tuple[float, float] | None, units: JointUnits) -> str:
+    """`20 mrad → 5 mrad`: with the model after, and refined."""
+    if pair is None:
+        return ""
+    scale = scale_for(max(pair), units.position)
+    return " → ".join(scale.quantity(value) for value in pair)
+
+
+def refinement_section(joint: JointResult) -> RefinementSection | None:
+    """The section of one joint; None where no free run was requested."""
+    found = joint.refinement
+    if found is None:
+        return None
+    parameters = tuple(
+        (
+            title_of(p.key),
+            p.name.replace("_", " "),
+            significant(p.equation_error, 4),
+            significant(p.output_error, 4),
+            pretty_unit(p.unit),
+            p.at_bound,
+        )
+        for p in found.parameters
+    )
+    return RefinementSection(refinement_sentence(found, joint.units), parameters, _balance(joint, found))
+
+
+def _balance(joint: JointResult, found: Refinement) -> str:
+    if found.error_heldout is None:
+        return ""
+    after, refined = joint.after.heldout, found.error_heldout
+    scale = scale_for(after, joint.unit)
+    return (
+        f"Equation error on the held-out runs: {scale.quantity(after)} with the model after, {scale.quantity(refined)} "
+        "with the refined numbers. The verdict, the effects and their intervals are those of the equation error."
+    )
+
+
+MEANING = {
+    "link_mass": "the difference between the mass of the link and that in the robot's model",
+    "link_com": "the offset of its centre of mass from that of the model, in the link's axes",
+    "encoder_offset": "the constant error of the encoder's reading: the zero of the joint is wrong",
+    "payload": "what the link carries beyond the robot's file, such as a tool: mass, and centre in the link's frame",
+    "ft_bias": "the constant offset of the sensor, in its own axes",
+    "ft_gain": "the relative error of the sensor's scale",
+    "imu_bias": "the constant offset of the IMU, in its own axes",
+    "delay": "the common delay from the command to the torque of every drive; it is part of each joint's model",
+}
+LATE_ENCODER = "the delay of the encoder's readings; the diagnosis compensates it"
+LEAST_GAIN = 0.01
+
+
+@dataclass(frozen=True)
+class SharedCard:
+    """One cause as the template shows it: texts only, and the width of each joint's bar [%]."""
+
+    id: str
+    title: str
+    where: str
+    meaning: str
+    gain: str
+    stability: str
+    parameters: Sequence[tuple[str, str, str, str]]
+    joints: Sequence[tuple[str, str, float, ErrorTable]]
+    indistinguishable: str
+
+
+def shared_section(result: CloseLoopResult) -> Sequence[SharedCard]:
+    """A card for each shared cause; none when there is none."""
+    return [_card(cause, result) for cause in result.shared]
+
+
+def _card(cause: SharedEffect, result: CloseLoopResult) -> SharedCard:
+    parameters = []
+    for name, value in cause.parameters.items():
+        shown, spread = interval(value.value, *value.ci95)
+        parameters.append((name.replace("_", " "), shown, spread, pretty_unit(value.unit)))
+    joints = [
+        (name, percent(gain) if gain > LEAST_GAIN else significant(0.0), 100.0 * max(gain, 0.0), error_table(joint))
+        for name, gain, joint in ((j.joint, cause.joints.get(j.joint, 0.0), j) for j in result.joints.values())
+    ]
+    return SharedCard(
+        id=cause.id,
+        title=cause.title,
+        where=cause.where,
+        meaning=LATE_ENCODER if cause.id == "delay" and cause.where in result.joints else MEANING[cause.id],
+        gain=percent(cause.heldout_gain),
+        stability=percent(cause.stability),
+        parameters=parameters,
+        joints=joints,
+        indistinguishable=joined([f"{title_of(name)} ({where})" for name, where in cause.indistinguishable]),
+    )
