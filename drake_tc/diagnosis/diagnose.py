@@ -16,7 +16,7 @@ from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel, Split, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import CANNOT_TELL, NAMED_FLOORS
+from drake_tc.diagnosis.priors import CANNOT_TELL, DISTORTED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -137,8 +137,11 @@ def decided(found: Found) -> Decided:
 
 
 def _resettled(evidence: Evidence, before: Scored, after: Scored) -> tuple[Evidence, Scored]:
-    """The evidence under the noise of a set and at its linearisation, where effects went."""
-    return (evidence, after) if after.ids == before.ids else settled(evidence, after)
+    """The evidence under the noise of a set and at its linearisation, where effects went and what is left is noise."""
+    if after.ids == before.ids:
+        return evidence, after
+    own, refined = settled(evidence, after)
+    return (own, refined) if own.distortion(refined) <= DISTORTED else (evidence, after)
 
 
 def joint_result(

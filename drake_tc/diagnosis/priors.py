@@ -12,7 +12,7 @@ UNCOMMON = -10.0
 """The same of an uncommon effect."""
 ORDER = 0.05
 """Log prior odds by which each effect of the library is less common than the one before it."""
-FALLS = 0.0
+FALLS = 3.0
 """Log predictive density of the held-out runs that an effect must cost before it does not hold."""
 
 CONTRIBUTION = 0.2
