@@ -108,8 +108,6 @@ PARTS = {
             "benchmarks/test_arm_rigs.py::*",
             "benchmarks/test_known_arms.py::*",
             "diagnosis/set_up/*",
-            "diagnosis/test_gear_with_backlash.py::*",
-            "diagnosis/test_unknown_load.py::*",
             "diagnosis/robot/test_current_offsets_of_makers_arms.py::*",
             "diagnosis/test_blind_mini.py::*",
             "diagnosis/test_shared_leg.py::*",

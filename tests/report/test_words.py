@@ -13,8 +13,7 @@ from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, Sh
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.withdrawal import Withdrawal
-from drake_tc.report.sentences.rejection import why_rejected
-from drake_tc.report.sentences.warnings import warnings
+from drake_tc.report.sentences.notes import warnings
 from drake_tc.report.words import (
     REASONS,
     VERDICTS,
@@ -27,6 +26,7 @@ from drake_tc.report.words import (
     structure_words,
     title_of,
     unexplained,
+    why_rejected,
 )
 
 QUIET = Unexplained(1.0, 1.2, False, 0.1, 0.0, False, ())
