@@ -21,6 +21,8 @@ WIDE = 12.0
 """Log odds by which the start of a set may be behind: what refining the shapes may gain."""
 CONTENDERS = 3
 """Sets of a pass that are compared each under its own noise."""
+FEW_ROWS = 200.0
+"""Independent rows below which a search does not see weak effects among some forty."""
 PASSES = 3
 SETTLING = 2
 SHAPES = 4
@@ -155,14 +157,14 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
 
     The noise of a model that lacks effects is too large, which hides weak ones, and the effort that it needs is wrong.
     So the search is repeated under the noise and the latent effort of its own result until the result stays the same.
-    It begins with as many rows as the residual of the declared model has independent ones, and with all rows: where an
-    effect that is missing makes this residual slow, the first alone would show nothing.
+    It begins with as many rows as the residual of the declared model has independent ones; where these are few, because
+    an effect that is missing makes this residual slow, with all rows too.
     """
     declared, first = evidence.model.declared, evidence
     best = evidence.score(declared)
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
-        starts = [evidence.tempered(declared), Evidence(evidence.model)] if number == 0 else [evidence]
+        starts = _first(evidence) if number == 0 else [evidence]
         before, pools = best.ids, [_pool(Sets(used, effects), best) for used in starts]
         pool = pools[-1]
         found = pool[0]
@@ -177,6 +179,12 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near))
+
+
+def _first(evidence: Evidence) -> list[Evidence]:
+    tempered = evidence.tempered(evidence.model.declared)
+    few = tempered.noise.share * evidence.model.train.rows.index.size < FEW_ROWS
+    return [tempered, Evidence(evidence.model)] if few else [tempered]
 
 
 def _pool(sets: Sets, best: Scored) -> list[Scored]:
