@@ -104,7 +104,6 @@ def folder(path, *, gain=2e-4, viscous=20.0, intervals=True, **changes):
         },
         "plausible": {"stribeck": {"stribeck_exponent": {"range": [0.5, 2.0], "source": "published"}}},
         "gain_identified": True,
-        "consistency": [],
         "rejected": rejected,
     }
     (path / "report.json").write_text(json.dumps({"schema": 1, "joints": {"knee": knee | changes}}))
@@ -153,14 +152,6 @@ def test_refined_numbers_are_as_uncertain_as_they_differ(tmp_path):
     assert found.parts == pytest.approx({"interval": 2.0 / 1.959964, "refinement": 3.0}, rel=1e-5)
     assert found.distribution.value == 23.0
     assert found.distribution.deviation == pytest.approx(math.hypot(2.0 / 1.959964, 3.0), rel=1e-5)
-
-
-def test_the_spread_between_runs_is_added(tmp_path):
-    runs = [{"part": name, "value": x, "ci95": [x - 0.196, x + 0.196]} for name, x in (("a", 18.0), ("b", 22.0))]
-    entry = {"effect": "viscous", "parameter": "viscous", "by": "run", "values": runs}
-    found = by_key(read_unit(folder(tmp_path, consistency=[entry | {"by": "load"}, entry])))["viscous", "viscous"]
-    assert found.parts["runs"] == pytest.approx(math.sqrt(8.0 - 0.1**2), rel=1e-3)
-    assert found.distribution.deviation == pytest.approx(math.hypot(found.parts["interval"], found.parts["runs"]))
 
 
 def test_doubts_of_the_report_are_told(tmp_path):

@@ -18,12 +18,9 @@ from drake_tc.effects.parameter import Parameter
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.ranges.distribution import (
-    CRITICAL,
     Distribution,
     deviation_of,
     distribution,
-    spread_between,
-    widened,
 )
 from drake_tc.types import FloatArray
 
@@ -69,7 +66,7 @@ class Estimated:
     Attributes:
         joint, effect, parameter, unit: Which; ("drive", "gain") is the drive gain K [effort/(N m)].
         distribution: Of its value.
-        parts: Standard deviations by what they come from: "interval", "refinement", "runs", "units".
+        parts: Standard deviations by what they come from: "interval", "refinement", "units".
     """
 
     joint: str
@@ -216,9 +213,6 @@ class _Joint:
                 held.append(NotShown(self.model.joint, *key, unit, lower, upper, why))
                 continue
             of = distribution(value, math.hypot(*parts.values()), lower, upper)
-            spread = self._between_runs(key)
-            if spread > 0.0:
-                of, parts = widened(of, spread), parts | {"runs": spread}
             found.append(Estimated(self.model.joint, *key, unit, of, parts))
         return tuple(found), held
 
@@ -278,16 +272,6 @@ class _Joint:
         low = low if low < math.inf else -math.inf  # a multiple of what no file tells
         return max(low, parameter.lower), min(high, parameter.upper)
 
-    def _between_runs(self, key: Key) -> float:
-        """Standard deviation of the parameter from run to run beyond the intervals of the runs."""
-        for entry in self.report.get("consistency", ()):
-            if entry["by"] == "run" and (entry["effect"], entry["parameter"]) == key:
-                pairs = [(float(each["value"]), _ends(each["ci95"])) for each in entry["values"]]
-                known = [(x, (high - low) / (2.0 * CRITICAL)) for x, (low, high) in pairs if math.isfinite(high - low)]
-                known = [(x, s) for x, s in known if s > 0.0]
-                return spread_between(*zip(*known, strict=True)) if len(known) > 1 else 0.0
-        return 0.0
-
     def other_effects(self) -> list[NotShown]:
         """Effects that the logs could not show, and those that were not found, with the size that would have been."""
         out = []
@@ -316,7 +300,7 @@ class _Joint:
     def correlation(self, estimated: tuple[Estimated, ...]) -> FloatArray | None:
         """(p, p) of the report, in the order of the parameters; None where it has none.
 
-        What the spread between runs and the refinement add is independent.
+        What the refinement adds is independent.
         """
         told = self.report.get("correlation")
         if told is None:
