@@ -113,8 +113,3 @@ def of_units(units: Sequence[Distribution]) -> Distribution:
     w = 1.0 / (s**2 + tau**2)
     deviation = float(np.sqrt(tau**2 + 1.0 / w.sum()))
     return distribution(float(w @ x / w.sum()), deviation, first.lower, first.upper)
-
-
-def widened(of: Distribution, more: float) -> Distribution:
-    """The distribution with an independent deviation `more` added to its own."""
-    return of if more == 0.0 else distribution(of.value, float(np.hypot(of.deviation, more)), of.lower, of.upper)
