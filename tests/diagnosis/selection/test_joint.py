@@ -18,7 +18,7 @@ from drake_tc.diagnosis.thresholds import JOINT
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import LIBRARY, effect
 from drake_tc.effects.obstacle import Obstacle
-from drake_tc.filtering.block_convolution import BlockConvolution
+from drake_tc.filtering.common_kernel import BlockConvolution
 
 from ..rigs import Joint, Problem, floor_of, problem
 
