@@ -5,7 +5,7 @@
     applied (table) ------------ torque on the link -------->|
 
 `drake_tc.loops.joint_bench.recording.record_bench` runs it as a rig that is being measured, and
-`python -m drake_tc.diagrams.joint_bench` writes such a record. `drake_tc.loops.joint_bench.free_run` drives the same
+`python -m drake_tc.diagrams.joint_bench` writes such a record. `drake_tc.loops.joint_bench.recording` drives the same
 diagram with a record.
 """
 

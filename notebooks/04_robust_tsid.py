@@ -36,6 +36,7 @@ from drake_tc.control.torque_uncertainty_file import (
     save_torque_uncertainty,
 )
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway, approximations
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.diagrams.papers.delprete2015.setup import PLAIN, ROBUST, SIGMA, W_COM, torque_error
 from drake_tc.diagrams.papers.delprete2015.simulation import solve_again
 from drake_tc.diagrams.papers.delprete2015.torque_safety import torque_safety
@@ -46,7 +47,6 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.infeasible import diagnose
 from drake_tc.tsid.law import Status
-from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.tick import problem_at

@@ -44,11 +44,11 @@ from drake_tc.diagrams.papers.faraji2015.motions import (
 )
 from drake_tc.diagrams.papers.faraji2015.pushes import LOOPS, OURS, STIFF, pushed, stands
 from drake_tc.diagrams.papers.faraji2015.sea_bode import lag_deg, measured
+from drake_tc.diagrams.papers.faraji2015.sea_excitation import Excitation, record_excitation
 from drake_tc.diagrams.papers.faraji2015.sea_held import friction_at, hand_torque
 from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
 from drake_tc.diagrams.papers.faraji2015.sea_motor import data_sheet, true_motor
 from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
-from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.running import simulate_sea
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario

@@ -32,7 +32,7 @@ FILES = (
 )
 """What the command writes; the refined model only where refining made free runs better, others with their options."""
 LOADED_BY_WORKERS = (
-    "drake_tc.loops.joint_bench.free_run",
+    "drake_tc.loops.joint_bench.recording",
     "drake_tc.identification.output_error",
     "drake_tc.diagnosis.selection.joint",
     "drake_tc.diagnosis.residual.structure",
@@ -125,7 +125,7 @@ def close_loop_command(
         from drake_tc.cli.close_loop_summary import print_summary
         from drake_tc.diagnosis.options import DiagnosisOptions
         from drake_tc.diagnosis.run import close_loop
-        from drake_tc.loops.joint_bench.free_run import rig_free_run
+        from drake_tc.loops.joint_bench.recording import rig_free_run
         from drake_tc.report.report_json import result_json
         from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
 

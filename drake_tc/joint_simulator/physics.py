@@ -17,7 +17,7 @@ from drake_tc.joint_simulator.reference import LOG_PERIOD, Motion, make_motion
 from drake_tc.joint_simulator.registry import TERMS, simulated_causes
 from drake_tc.joint_simulator.spec import BlindError, DivergedError, RigSpec
 from drake_tc.joint_simulator.terms import Stage, State, Term, build_terms
-from drake_tc.joint_simulator.terms_friction import step_bristle
+from drake_tc.joint_simulator.terms_joint import step_bristle
 from drake_tc.types import FloatArray, IntArray
 
 RIGID_STIFFNESS = 4e5  # [N m/rad], of a gear that has a gap but is otherwise stiff

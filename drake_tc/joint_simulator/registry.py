@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from drake_tc.joint_simulator import terms_drive as drive
-from drake_tc.joint_simulator import terms_friction as friction
+from drake_tc.joint_simulator import terms_joint as drive
+from drake_tc.joint_simulator import terms_joint as friction
 from drake_tc.joint_simulator import terms_load as load
 from drake_tc.joint_simulator import terms_load as outside
 from drake_tc.joint_simulator.spec import RigSpec

@@ -5,11 +5,9 @@ import math
 import numpy as np
 
 from drake_tc.kernels import base_state
-from drake_tc.kernels.base_attitude import attitude
-from drake_tc.kernels.base_imu import up_of
+from drake_tc.kernels.base_attitude import attitude, up_of
 from drake_tc.kernels.base_kinematics import Posture, external_wrench, posture_of
-from drake_tc.kernels.base_options import ROBOT, SAMPLE, options_of
-from drake_tc.kernels.base_sample import Sample, valid_sample
+from drake_tc.kernels.base_sample import ROBOT, SAMPLE, Sample, options_of, valid_sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory
 from drake_tc.kernels.compiling import FLAG, OUT_VECTOR, VECTOR, helper, kernel
 from drake_tc.kernels.vectors import cross, dot, levelled, product, times, times_transposed, turned

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_options import TRANSFORM
+from drake_tc.kernels.base_sample import TRANSFORM
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.dynamics import BODY_WIDTH, frame_motion, frame_pose, move
 from drake_tc.kernels.vectors import cross

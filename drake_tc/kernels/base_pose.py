@@ -23,14 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_attitude import Attitude
-from drake_tc.kernels.base_contacts import Loads
-from drake_tc.kernels.base_imu import filter_times
+from drake_tc.kernels.base_attitude import Attitude, filter_times
+from drake_tc.kernels.base_contacts import Loads, Sinking
 from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_motion import Motion
-from drake_tc.kernels.base_options import FLAT, Options
-from drake_tc.kernels.base_soles import Sinking
+from drake_tc.kernels.base_sample import FLAT, Options
 from drake_tc.kernels.base_state import GROUND, HELD_FOR, PAIRED, STARTED, YAW, Memory
+from drake_tc.kernels.base_velocity import Motion
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import product, remainder, times, turned
 from drake_tc.types import FloatArray

@@ -6,13 +6,10 @@ import numpy as np
 
 from drake_tc.kernels import base_state
 from drake_tc.kernels.base_attitude import LARGEST_BIAS, Attitude, attitude
-from drake_tc.kernels.base_contacts import Loads, find_loads
+from drake_tc.kernels.base_contacts import Loads, Sinking, find_loads, shown_vertical, sinking
 from drake_tc.kernels.base_kinematics import Posture, posture_of, turning
-from drake_tc.kernels.base_motion import Motion, find_motion, write_program
-from drake_tc.kernels.base_options import BREAK, FLAT, ROBOT, SAMPLE, Options, options_of
 from drake_tc.kernels.base_pose import Place, find_place
-from drake_tc.kernels.base_sample import Sample, valid_sample
-from drake_tc.kernels.base_soles import Sinking, shown_vertical, sinking
+from drake_tc.kernels.base_sample import BREAK, FLAT, ROBOT, SAMPLE, Options, Sample, options_of, valid_sample
 from drake_tc.kernels.base_state import (
     AIR_LOAD,
     AIRBORNE,
@@ -46,7 +43,7 @@ from drake_tc.kernels.base_state import (
     YAW_DRIFT,
     Memory,
 )
-from drake_tc.kernels.base_velocity import UNSOLVED
+from drake_tc.kernels.base_velocity import UNSOLVED, Motion, find_motion, write_program
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, VECTOR, helper, kernel
 from drake_tc.kernels.vectors import dot, product, times_transposed
 from drake_tc.types import FloatArray, IntArray

@@ -24,7 +24,7 @@ from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.equation import equations
 from drake_tc.report.numbers import Scale, fold, percent, scale_for, significant
-from drake_tc.report.rows import MOST_POINTS, Quantity, Rows, binned, evenly, frame, modulo, quantity, rows_of
+from drake_tc.report.rows import MOST_POINTS, Quantity, SplitRows, binned, evenly, frame, modulo, quantity, rows_of
 from drake_tc.report.svg import (
     BACKWARD,
     BACKWARD_DOT,
@@ -83,7 +83,7 @@ class Cloud:
     look: CloudLook = FULL_LOOK
 
 
-def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
+def cloud_svg(cloud: Cloud, against: Quantity, rows: SplitRows) -> str:
     """The panel as inline SVG."""
     x, y = against.values, cloud.residual * cloud.scale.factor
     floor = cloud.floor * cloud.scale.factor
@@ -123,7 +123,7 @@ def cloud_svg(cloud: Cloud, against: Quantity, rows: Rows) -> str:
         return to_svg(figure, said, cloud.look.pixels_per_inch)
 
 
-def _points(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, most: int) -> None:
+def _points(axes: Any, x: FloatArray, y: FloatArray, rows: SplitRows, most: int) -> None:
     kept = np.zeros(x.size, dtype=bool)
     kept[evenly(x.size, most)] = True
     groups: tuple[tuple[BoolArray, str, str, float], ...] = (
@@ -147,7 +147,7 @@ def _points(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, most: int) -> N
         )
 
 
-def _medians(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, *, split: bool) -> None:
+def _medians(axes: Any, x: FloatArray, y: FloatArray, rows: SplitRows, *, split: bool) -> None:
     steady = ~rows.reversal if (~rows.reversal).sum() > 50 else np.ones(x.size, dtype=bool)
     groups = [(steady, INK)]
     if split:
@@ -158,7 +158,7 @@ def _medians(axes: Any, x: FloatArray, y: FloatArray, rows: Rows, *, split: bool
         axes.plot(found.x, found.middle, color=colour, linewidth=1.5, zorder=3.0)
 
 
-def _prediction(axes: Any, x: FloatArray, line: FloatArray, rows: Rows) -> None:
+def _prediction(axes: Any, x: FloatArray, line: FloatArray, rows: SplitRows) -> None:
     for chosen in (rows.direction >= 0.0, rows.direction < 0.0):
         found = binned(x[chosen], line[chosen])
         axes.plot(found.x, found.middle, color=INK, linewidth=1.1, linestyle=(0, (5, 2)), zorder=4.0)
@@ -345,7 +345,7 @@ def residual_cards(
     return cards
 
 
-def _drawing(cloud: Cloud, against: Quantity, rows: Rows, executor: Executor | None) -> Callable[[], str]:
+def _drawing(cloud: Cloud, against: Quantity, rows: SplitRows, executor: Executor | None) -> Callable[[], str]:
     if executor is None:
         return partial(cloud_svg, cloud, against, rows)
     return executor.submit(cloud_svg, cloud, against, rows).result

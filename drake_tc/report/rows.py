@@ -54,18 +54,18 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Rows:
+class SplitRows:
     """Rows of one split: direction (N,) in {-1, 0, 1}, and whether a reversal is within 0.1 s (N,)."""
 
     direction: FloatArray
     reversal: BoolArray
 
 
-def rows_of(split: DataSplit) -> Rows:
+def rows_of(split: DataSplit) -> SplitRows:
     """Direction of motion and nearness to a reversal on the rows of `split`."""
     samples = split.samples
     direction = np.sign(samples.signals.direction[samples.rows])
-    return Rows(np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
+    return SplitRows(np.asarray(direction), near_reversal(samples, REVERSAL_SECONDS))
 
 
 def near_reversal(samples: Samples, seconds: float) -> BoolArray:

@@ -21,8 +21,6 @@ FASTEST = 20.0
 """Speed of a joint without a velocity limit [rad/s]."""
 STRONGEST = 100.0
 """Effort of a joint without an effort limit [N m]."""
-ENCODER_FLAGS = 3
-"""The first flags are the encoders'."""
 ENCODER_REPEATS = 20
 """No fewer identical readings of an encoder count as frozen, however long the tick."""
 REPEATS = 6

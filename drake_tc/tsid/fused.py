@@ -20,7 +20,7 @@ from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import BOX_DAMPING, EXACT
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.rectangle import WIDTH
-from drake_tc.tsid.robust.scaled import Rows, ScaledProblem
+from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows
 from drake_tc.tsid.rows import LeastSquares, Parts, Terms
 from drake_tc.tsid.tables import KIND, LIMIT_KINDS, ROWS, Tables, tables_of
 from drake_tc.tsid.tasks.base import Task
@@ -153,7 +153,7 @@ class FusedProblem:
             given, *self.arguments(contacts, written)
         )
         error = self._error
-        whole = Rows(rows, lower, upper, self._bounds)
+        whole = ScaledRows(rows, lower, upper, self._bounds)
         scaled = ScaledProblem(LeastSquares(cost, target), whole, certain, sure, noise, error.scale)
         return ProgramResult(code, AffineMap(motion, push), scaled, relaxed + written.relaxed)
 

@@ -56,7 +56,7 @@ class Tick(NamedTuple):
     error: Exception | None = None
 
 
-class Problem(NamedTuple):
+class TickProblem(NamedTuple):
     """What a tick solves.
 
     Attributes:
@@ -186,7 +186,7 @@ def _written(
     return fused.written_out(terms, references)
 
 
-def _solution(law: Law, problem: Problem, before: PreviousTick) -> RobustSolution:
+def _solution(law: Law, problem: TickProblem, before: PreviousTick) -> RobustSolution:
     reduced, form, solver = problem.reduced, law.formulation, law.solver
     if isinstance(solver, ProgramSolver):
         rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
@@ -198,13 +198,13 @@ def _solution(law: Law, problem: Problem, before: PreviousTick) -> RobustSolutio
 
 def problem_at(
     law: Law, scratch: Scratch, state: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
-) -> Problem:
+) -> TickProblem:
     """What a tick solves; arguments as in `solve_tick`."""
     model = law.model
     terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
     tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
     limits = [limit.rows(terms) for limit in law.limits]
-    return Problem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
+    return TickProblem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
 
 
 def _held(law: Law, terms: Terms) -> FloatArray | None:
@@ -227,7 +227,7 @@ def _packed(
     return Tick(torque, acceleration, force, status, start)
 
 
-def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: PreviousTick) -> Tick:
+def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before: PreviousTick) -> Tick:
     """The torque that misses least, or the safe one, where there is no solution."""
     terms, polytope = problem.terms, problem.reduced.polytope
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
@@ -247,7 +247,7 @@ def _given_way(law: Law, problem: Problem, solution: RobustSolution, before: Pre
     return tick if sound else lost_tick(law, before)
 
 
-def _relaxed(problem: Problem) -> int:
+def _relaxed(problem: TickProblem) -> int:
     return sum(rows.relaxed for rows in problem.limits)
 
 

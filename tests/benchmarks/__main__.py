@@ -517,7 +517,7 @@ def real_robots(data: Data, name: Sets = None, as_json: AsJson = False, seed: Un
 
 def _real_bam(data: Path, progress: Report) -> list[FigureRow]:
     from drake_tc.analysis.executors import processes
-    from drake_tc.loops.joint_bench.free_run import rig_free_run
+    from drake_tc.loops.joint_bench.recording import rig_free_run
     from tests.benchmarks.real_bam import real_bam_rows
 
     with processes(os.cpu_count() or 1) as pool:

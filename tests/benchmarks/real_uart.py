@@ -7,10 +7,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from drake_tc.identification.backlash_test import BacklashReport, Interval, analyse_backlash
 from drake_tc.logs.readers import read_table
 from drake_tc.logs.record import Run
 from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.backlash_bench import BacklashReport, Interval, analyse_backlash
 from tests.benchmarks.importers.uart_backlash import convert
 
 DATA_SET = "uart-servo-backlash"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.identification.backlash_test import BacklashReport
 from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.backlash_bench import BacklashReport
 from tests.benchmarks.real_uart import rows, stand_reports
 
 STEP = 360.0 / 4096.0

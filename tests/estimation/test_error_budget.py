@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.multibody.tree import JacobianWrtVariable
 
+from drake_tc.diagrams.papers.delprete2016.error_budget import Filters, Run, error_budget, imperfections
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.error_budget import Filters, Run, error_budget, imperfections
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import savgol_weights
 from drake_tc.robot.plant import make_plant

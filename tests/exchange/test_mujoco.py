@@ -13,7 +13,7 @@ from drake_tc.exchange.projection import project
 from drake_tc.exchange.target_run import RunInput, target_free_run
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
-from drake_tc.loops.joint_bench.free_run import rig_free_run
+from drake_tc.loops.joint_bench.recording import rig_free_run
 from drake_tc.simulator_files.terms import Ripple, StribeckPeak, Terms
 
 pytest.importorskip("mujoco")

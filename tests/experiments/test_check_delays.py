@@ -7,8 +7,7 @@ import pytest
 
 from drake_tc.experiments.check.consistency import LATE_VELOCITY
 from drake_tc.experiments.check.run import check_rig
-from drake_tc.joint_simulator.balance import clean_log
-from drake_tc.joint_simulator.measurement import measured, sample_clean
+from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.spec import RigSpec, Sensors
 from tests.benchmarks.blind.files import rig_yaml

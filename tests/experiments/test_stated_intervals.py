@@ -11,8 +11,7 @@ from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.rehearsal.twin_runs import integrated
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
-from drake_tc.joint_simulator.balance import clean_log
-from drake_tc.joint_simulator.measurement import measured
+from drake_tc.joint_simulator.measurement import clean_log, measured
 from drake_tc.joint_simulator.spec import RigSpec, Sensors
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.filtering.block_convolution import BlockConvolution
-from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.filtering.common_kernel import BlockConvolution, CommonKernel
 
 ROUNDING = 1e-12  # of signals of size 1 to 30: a few thousand rounding errors
 

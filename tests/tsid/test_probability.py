@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import ndtr, ndtri
 
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.probability import probability
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.rows import Polytope
 

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.optimize import linprog, minimize
 from scipy.special import erf, ndtr
 
-from drake_tc.tsid.probability import probability
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.robust.convex import rectangle

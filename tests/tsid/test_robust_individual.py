@@ -10,7 +10,7 @@ from pydrake.autodiffutils import InitializeAutoDiff
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import multivariate_normal
 
-from drake_tc.tsid.probability import probability
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.scaled import p_ind
 from drake_tc.tsid.rows import Polytope

@@ -10,7 +10,7 @@ from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.convex import minimise, plain
 from drake_tc.tsid.robust.options import Budget
-from drake_tc.tsid.robust.scaled import Rows, nothing, null_basis, scaled
+from drake_tc.tsid.robust.scaled import ScaledRows, nothing, null_basis, scaled
 from drake_tc.tsid.rows import LeastSquares
 
 from .robust_problems import random_problem
@@ -30,7 +30,7 @@ def test_risk_is_minimised_from_far_outside(seed, far):
     _, polytope, error = random_problem(seed, n=6, rows=10, near=4.0)
     problem = scaled(nothing(6), polytope, error)
     rows = problem.erring
-    free = Rows(rows.matrix, np.full(rows.lower.size, -np.inf), np.full(rows.lower.size, np.inf))
+    free = ScaledRows(rows.matrix, np.full(rows.lower.size, -np.inf), np.full(rows.lower.size, np.inf))
     objective = plain(nothing(6), free, risk=rows, weight=1.0)
     begin = far * np.random.default_rng(seed).normal(size=6)
     if far >= 60.0:
@@ -78,7 +78,7 @@ def test_step_is_that_of_another_solver(seed):
     rng = np.random.default_rng(seed)
     n, m = 7, 15
     cost = LeastSquares(rng.normal(size=(n, n)), 3.0 * rng.normal(size=n))
-    rows = Rows(rng.normal(size=(m, n)), -rng.uniform(0.0, 1.0, m), rng.uniform(0.0, 1.0, m))
+    rows = ScaledRows(rng.normal(size=(m, n)), -rng.uniform(0.0, 1.0, m), rng.uniform(0.0, 1.0, m))
     wrong = ActiveSet(np.array([1, 5]), np.array([1, -1]), np.zeros(2))
     program = plain(cost, rows, damping=0.1)
     hessian, gradient = program.at(np.zeros(n)).hessian, program.at(np.zeros(n)).gradient
@@ -102,8 +102,8 @@ def test_step_is_that_of_another_solver(seed):
 
 def test_flat_risk_ends():
     """Rows on one side only: R falls for ever, ever less."""
-    rows = Rows(np.eye(3), np.zeros(3), np.full(3, np.inf))
-    free = Rows(rows.matrix, np.full(3, -np.inf), np.full(3, np.inf))
+    rows = ScaledRows(np.eye(3), np.zeros(3), np.full(3, np.inf))
+    free = ScaledRows(rows.matrix, np.full(3, -np.inf), np.full(3, np.inf))
     objective = plain(nothing(3), free, risk=rows, weight=1.0)
     found = minimise(objective, QP, -50.0 * np.ones(3), accuracy=1e-8)
     assert found.converged

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import erfinv
 
-from drake_tc.tsid.probability import probability
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.robust.formulation import Formulation

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagrams.papers.delprete2015.com_move import Sway, tenths
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.diagrams.papers.delprete2015.reach import Goal
 from drake_tc.diagrams.papers.delprete2015.setup import torque_error
 from drake_tc.diagrams.papers.delprete2015.simulation import Moment
 from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES
-from drake_tc.tsid.probability import probability
 from drake_tc.tsid.robust.scaled import p_ind
 from drake_tc.types import FloatArray
 

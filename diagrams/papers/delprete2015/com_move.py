@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.control.trajectories import knot_trajectory
+from drake_tc.diagrams.papers.delprete2015.probability import probability
 from drake_tc.diagrams.papers.delprete2015.setup import (
     DT,
     KD_TASK,
@@ -29,7 +30,6 @@ from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES, TorqueS
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
-from drake_tc.tsid.probability import probability
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.rectangle import p_rect
 from drake_tc.tsid.robust.scaled import p_box, p_ind

@@ -11,13 +11,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from pydrake.systems.analysis import Simulator
 
 from drake_tc.analysis.release import release
 from drake_tc.analysis.sampled import open_loop
 from drake_tc.analysis.settled import speed_states
-from drake_tc.analysis.torque_loop.operating_point import settled
 from drake_tc.errors import SimulationError
-from drake_tc.loops.torque.loop import Loop
+from drake_tc.loops.torque.loop import Loop, build_loop
 from drake_tc.loops.torque.parts import sliding_scenario, torque_gains
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry
@@ -54,6 +54,30 @@ def standing() -> Scenario:
     force = {name: replace(spec, amplitude=(0.0,) * 6) for name, spec in scenario.force.items()}
     gains = replace(scenario.gains, kf=SETTLED_WITH)
     return replace(scenario, force=force, gains=gains, tare=0.1)
+
+
+def settled(scenario: Scenario, at: float) -> tuple[Loop, Any]:
+    """The scenario's loop with perfect sensors, and its context at a time, before the events of that tick.
+
+    Args:
+        scenario: What to build.
+        at: A multiple of dt by which filters are full and the guard has let go of the start [s].
+
+    Raises:
+        ParamsError: a scenario that cannot be built.
+        SimulationError: a solver failed on the way.
+    """
+    scenario = replace(scenario, sensors="perfect", duration=max(scenario.duration, at + 1.0))
+    loop = build_loop(scenario)
+    simulator = Simulator(loop.diagram)
+    context = simulator.get_mutable_context()
+    loop.start(context)
+    try:
+        simulator.Initialize()
+        simulator.AdvanceTo(round(at / scenario.dt) * scenario.dt)
+    except RuntimeError as error:
+        raise SimulationError(f"the way to the operating point failed: {' '.join(str(error).split())}") from error
+    return loop, context
 
 
 def contact_border() -> ContactBorder:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from drake_tc.diagrams.papers.delprete2016.error_budget import Run, error_budget
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.estimation.error_budget import Run, error_budget
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.running import TorqueRecording, estimated, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario

@@ -7,8 +7,8 @@ import numpy as np
 
 from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.diagrams.papers.expected_values import expectations
+from drake_tc.diagrams.papers.faraji2015.sea_excitation import Excitation, record_excitation
 from drake_tc.identification.motor_prior import UNKNOWNS, MotorFit, identify_motor
-from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated

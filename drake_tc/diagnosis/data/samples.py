@@ -11,8 +11,7 @@ from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.diagnosis.notes import RunNote
 from drake_tc.effects.base import DriveEffect, Effect, Shape, Signals
-from drake_tc.filtering.block_convolution import BlockConvolution
-from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.filtering.common_kernel import BlockConvolution, CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 HELD = 0.5

@@ -27,9 +27,9 @@ class OnKinematics(ABC):
         kinematics: Of the robot.
         num_joints, num_contacts: n, k.
         robot_tables: (between, places, constants, frames, frame_bodies) of `BaseKinematics`.
-        options: (27,) in the order of `drake_tc.kernels.base_options.Options`.
-        soles: (k, w) rows of the contacts, see `drake_tc.kernels.base_options`.
-        tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base_soles.shape_of`; zero of rigid ones.
+        options: (27,) in the order of `drake_tc.kernels.base_sample.Options`.
+        soles: (k, w) rows of the contacts, see `drake_tc.kernels.base_sample`.
+        tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base_contacts.shape_of`; zero of rigid ones.
     """
 
     def __init__(self, robot: Robot, spec: BaseEstimatorSpec) -> None:
@@ -83,7 +83,7 @@ class OnKinematics(ABC):
 
 
 def _options(spec: BaseEstimatorSpec, weight: float, *, any_soft: bool) -> FloatArray:
-    """(27,) in the order of `drake_tc.kernels.base_options.Options`."""
+    """(27,) in the order of `drake_tc.kernels.base_sample.Options`."""
     level, touchdown = spec.ground == "level", spec.reference == "touchdown"
     row = (
         spec.period, spec.imu_age, level, touchdown, spec.velocity_time, spec.contact_velocity, spec.cop_moment,

@@ -18,8 +18,7 @@ from drake_tc.experiments.check.joint import JointEffects, joint_effects
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated, on_clock
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.joint_simulator.balance import clean_log
-from drake_tc.joint_simulator.measurement import CLEAN_COLUMNS, coloured_noise, measured
+from drake_tc.joint_simulator.measurement import CLEAN_COLUMNS, clean_log, coloured_noise, measured
 from drake_tc.joint_simulator.physics import Record
 from drake_tc.joint_simulator.spec import Joint, RigSpec, Sensors
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form

@@ -1,16 +1,28 @@
-"""A joint bench as a rig that is being measured: what it is, and one recorded run of it."""
+"""A joint bench as a rig that is being measured: what it is, and one recorded run of it.
 
+Free run: the Drake diagram of a joint driven by a recorded command alone, next to what was recorded.
+
+The load is the recorded torque (rig with a torque column: the plant is the rotor) or the pendulum's own gravity and
+inertia (the plant carries them). No recorded motion enters after the first sample. The diagram runs the model of
+`model_to_simulate`, so that the run has the model's inertia at any step.
+
+Free run of a recorded run: from a rig's canonical columns to the Drake diagram and back.
+"""
+
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.recorded_run import Link
+from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, in_plant, plant_side, with_declared_inertia
+from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import COMMAND_COLUMN
-from drake_tc.loops.joint_bench.diagram import Rates, Table, build_bench, start_bench
+from drake_tc.logs.rig import COMMAND_COLUMN, Rig
+from drake_tc.loops.joint_bench.diagram import Bench, Rates, Table, build_bench, start_bench
 from drake_tc.loops.scenarios.base import ScenarioBase
 from drake_tc.types import FloatArray
 
@@ -112,3 +124,120 @@ def record_bench(
             columns[f"{model.joint}/{channel}"] = values[row]
     usable = np.zeros(time.size, dtype=np.int64)
     return Run(name, None, time, scenario.log_period, columns, usable)
+
+
+CHUNK = 0.25
+"""A run is checked for divergence this often [s]."""
+FINEST, COARSEST = 4e-4, 1e-3
+"""The steps that are worth their time [s]: a faster log is thinned, a slower one gets substeps."""
+RESOLUTION = 0.3
+"""Largest product of the step and a servo's angular frequency."""
+RUNAWAY = 10.0
+"""A run that leaves the recorded span by this factor has diverged."""
+
+
+def free_run(
+    model: ActuatorModel, recording: Recording, *, rotor_inertia: float | None = None, substeps: int | None = None
+) -> FloatArray:
+    """Position (T,) [rad], as the rig's encoder would have shown it; NaN from where the run has diverged.
+
+    Args:
+        model: The actuator; its sensor effects are taken off the recorded load and put on the simulated position.
+        recording: The run.
+        rotor_inertia: Declared J [kg m^2], for a model that does not list it.
+        substeps: Steps of plant and actuator in one sample; None chooses them by the rate of the log and the stiffness
+            of the servo, and simulates only every k-th sample of a log faster than `FINEST` (linear between them).
+
+    Raises:
+        ParamsError: nothing that has inertia, no load, or arrays that do not fit.
+    """
+    if substeps is not None and substeps < 1:
+        raise ParamsError(f"free run: expected at least 1 substep, got {substeps}")
+    model = with_declared_inertia(model, rotor_inertia)
+    side = plant_side(model, recording)
+    period = recording.period
+    if substeps is None:
+        stride = max(1, int(FINEST / period + 1e-9))
+        if stride > 1 and recording.time.size > stride:
+            thin = recording.thinned(stride)
+            rough = free_run(model, thin)
+            return np.asarray(np.interp(recording.time, thin.time, rough))
+        substeps = _substeps(model, recording, period)
+    bench = _bench(side, recording, period / substeps)
+    low, high = recording.position_span
+    limit = RUNAWAY * max(high - low, 1e-3)
+    start = (side.start, recording.initial_velocity)
+    return side.shown(_run(bench, start, (0.5 * (low + high), limit), side.signals.time))
+
+
+def _substeps(model: ActuatorModel, recording: Recording, period: float) -> int:
+    """Enough for `COARSEST`, and for a position servo's own oscillation."""
+    requested = period / COARSEST
+    if model.drive.kind == "position_servo":
+        inertia = model.inertia + (recording.pendulum.inertia if recording.pendulum else 0.0)
+        requested = max(requested, period / np.sqrt(model.drive.gain * inertia) / RESOLUTION)
+    return int(np.clip(np.ceil(requested - 1e-6), 1, 60))
+
+
+def _bench(side: PlantSide, recording: Recording, step: float) -> Bench:
+    """The diagram; where the load is recorded, it is what the gear passes, and the plant is the motor's side."""
+    time = side.signals.time
+    model = model_to_simulate(side.model, step)
+    rates = Rates(step, recording.period)
+    around = {"temperature": recording.temperature, "supply_voltage": recording.supply_voltage}
+    if recording.pendulum is not None:
+        applied = None if recording.load_torque is None else -side.load
+        table = Table(time, recording.command, applied=applied, **around)
+        return build_bench(model, recording.pendulum, table, rates, None)
+    table = Table(time, recording.command, applied=-side.load, load_torque=side.load, **around)
+    return build_bench(model, Link(inertia=1e-6 * side.model.inertia), table, rates, None)
+
+
+def _run(bench: Bench, start: tuple[float, float], bounds: tuple[float, float], time: FloatArray) -> FloatArray:
+    """Simulated position at `time`, NaN from the first sample out of centre +/- limit on."""
+    simulator = start_bench(bench, *start)
+    context = simulator.get_context()
+    centre, limit = bounds
+    position = np.full(time.size, np.nan)
+    end = 0.0
+    while end < time[-1]:
+        end = min(end + CHUNK, float(time[-1]))
+        try:
+            simulator.AdvanceTo(end)
+        except (RuntimeError, ArithmeticError, ValueError):  # numbers that ran away inside the chunk: seen below
+            break
+        angle = bench.plant.GetPositions(bench.plant.GetMyContextFromRoot(context))[0]
+        if not abs(angle - centre) <= limit:
+            break
+    log = np.asarray(bench.state_log.FindLog(context).data()[0])[: time.size]
+    position[: log.size] = log
+    lost = np.flatnonzero(~(np.abs(log - centre) <= limit))
+    if lost.size:
+        position[lost[0] :] = np.nan
+    return position
+
+
+LONGEST_STEP = 1.5e-3
+"""Logs on slower clocks are simulated in several steps a sample [s]; the command is held between them."""
+
+
+def rig_free_run(
+    model: ActuatorModel, rig: Rig, joint: str, run: Run, longest: float = LONGEST
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """(time, recorded, simulated position), (T,) each, over the longest usable stretch of `run` up to `longest` [s].
+
+    None where the model has no inertia that a free run could move, or where a load that is a curve over the position
+    meets an effect that depends on the load (`in_plant`). A diverged run is NaN from there on.
+    """
+    stretch = longest_stretch(run, longest)
+    if stretch is None:
+        return None
+    placed = in_plant(model, recording_of(rig, joint, run, stretch))
+    if placed is None:
+        return None
+    try:
+        simulated = free_run(*placed, substeps=max(1, math.ceil(run.period / LONGEST_STEP - 1e-9)))
+    except ParamsError:
+        return None
+    recorded = run.columns[f"{joint}/position"][stretch]
+    return np.asarray(run.time[stretch] - run.time[0]), recorded, simulated

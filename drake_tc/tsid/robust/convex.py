@@ -11,7 +11,7 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver, QuadraticProgram
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet, step_by_program
 from drake_tc.tsid.robust.options import Budget, Spending
-from drake_tc.tsid.robust.scaled import Rows
+from drake_tc.tsid.robust.scaled import ScaledRows
 from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray
 
@@ -89,19 +89,19 @@ class ConvexProgram(NamedTuple):
         """The objective at x (N,)."""
         return Value(*_DESCRIBED(*self.arguments(), x))
 
-    def rows(self) -> Rows:
+    def rows(self) -> ScaledRows:
         """The limits over all N variables, written out."""
         if self.kind == PLAIN:
-            return Rows(self.matrix, self.lower, self.upper, self.bounds)
-        return Rows(*_WRITTEN_OUT(*self.arguments(), self.lower, self.upper))
+            return ScaledRows(self.matrix, self.lower, self.upper, self.bounds)
+        return ScaledRows(*_WRITTEN_OUT(*self.arguments(), self.lower, self.upper))
 
 
 def plain(
     cost: LeastSquares,
-    limits: Rows,
+    limits: ScaledRows,
     *,
     linear: FloatArray | None = None,
-    risk: Rows | None = None,
+    risk: ScaledRows | None = None,
     weight: float = 0.0,
     damping: float = 0.0,
 ) -> ConvexProgram:
@@ -134,7 +134,7 @@ def plain(
 
 
 def rectangle(
-    cost: LeastSquares, limits: Rows, noise: FloatArray, held: FloatArray, width: float, weight: float
+    cost: LeastSquares, limits: ScaledRows, noise: FloatArray, held: FloatArray, width: float, weight: float
 ) -> ConvexProgram:
     """||D x - d||^2 + w R_rect over (x, a, b), its box inside limits (Del Prete and Mansard, 2015, eq. 15 and 16).
 

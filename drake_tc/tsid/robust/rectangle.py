@@ -15,7 +15,7 @@ from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.convex import Minimum, minimise
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, box, minimum_of
 from drake_tc.tsid.robust.options import Budget, TorqueError
-from drake_tc.tsid.robust.scaled import FEASIBLE, Rows, ScaledProblem, certain_miss, nothing, scaled
+from drake_tc.tsid.robust.scaled import FEASIBLE, ScaledProblem, ScaledRows, certain_miss, nothing, scaled
 from drake_tc.tsid.rows import Polytope
 from drake_tc.types import FloatArray
 
@@ -111,7 +111,7 @@ def _largest(problem: ScaledProblem, x: FloatArray, means: SolverMeans) -> Float
         if around.outcome is Outcome.SOLVED and around.inner is not None and around.inner[0] > SMALL:
             return np.concatenate((around.x, np.full(2 * axes, around.inner[0])))
     value = problem.limits.matrix @ x
-    rows = Rows(problem.noise, problem.limits.lower - value, problem.limits.upper - value)
+    rows = ScaledRows(problem.noise, problem.limits.lower - value, problem.limits.upper - value)
     beside = box(problem._replace(cost=nothing(axes), limits=rows), 1.0, Guess(np.zeros(axes)), means)
     if beside.outcome is not Outcome.SOLVED or beside.inner is None or not beside.inner[0] > SMALL:
         return None

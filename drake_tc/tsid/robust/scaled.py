@@ -29,7 +29,7 @@ FEASIBLE = 1e-6
 """In units of a row (one sigma): what a point may miss and still count as feasible."""
 
 
-class Rows(NamedTuple):
+class ScaledRows(NamedTuple):
     """lower <= A x <= upper; infinite where a side has no limit.
 
     Attributes:
@@ -48,10 +48,10 @@ class Rows(NamedTuple):
         value = self.matrix @ x
         return float(max((self.lower - value).max(initial=-np.inf), (value - self.upper).max(initial=-np.inf)))
 
-    def along(self, origin: FloatArray, basis: FloatArray) -> "Rows":
+    def along(self, origin: FloatArray, basis: FloatArray) -> "ScaledRows":
         """The same rows over y, with x = origin + basis y."""
         shift = self.matrix @ origin
-        return Rows(np.ascontiguousarray(self.matrix @ basis), self.lower - shift, self.upper - shift)
+        return ScaledRows(np.ascontiguousarray(self.matrix @ basis), self.lower - shift, self.upper - shift)
 
 
 class ScaledProblem(NamedTuple):
@@ -67,7 +67,7 @@ class ScaledProblem(NamedTuple):
     """
 
     cost: LeastSquares
-    limits: Rows
+    limits: ScaledRows
     certain: IntArray
     sure: int
     noise: FloatArray
@@ -81,13 +81,13 @@ class ScaledProblem(NamedTuple):
         return self._replace(cost=cost, limits=self.limits.along(origin, basis))
 
     @property
-    def erring(self) -> Rows:
+    def erring(self) -> ScaledRows:
         """The limits without those of the rows that do not err: what probabilities are about."""
         if not self.sure:
             return self.limits
         sure = self.certain > 0
         lower = np.where(sure, -np.inf, self.limits.lower)
-        return Rows(self.limits.matrix, lower, np.where(sure, np.inf, self.limits.upper))
+        return ScaledRows(self.limits.matrix, lower, np.where(sure, np.inf, self.limits.upper))
 
 
 def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> ScaledProblem:
@@ -97,7 +97,7 @@ def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> Scaled
     priced, rows, lower, upper, noise, certain, _, sure = _SCALED(
         np.ascontiguousarray(cost.matrix), matrix, *sides, error.scale, error.root, error.plain
     )
-    limits = Rows(rows, lower, upper, polytope.bounds)
+    limits = ScaledRows(rows, lower, upper, polytope.bounds)
     return ScaledProblem(LeastSquares(priced, target), limits, certain, sure, noise, error.scale)
 
 
@@ -120,12 +120,12 @@ def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
     return float(_EVALUATED(torque / problem.scale, problem.scale, *rows, cost.matrix, cost.target)[2])
 
 
-def certain_miss(rows: Rows, certain: IntArray, x: FloatArray, tolerance: float = FEASIBLE) -> bool:
+def certain_miss(rows: ScaledRows, certain: IntArray, x: FloatArray, tolerance: float = FEASIBLE) -> bool:
     """Whether a row that does not err (1 in certain) is missed at x."""
     if not certain.any():
         return False
     sure = certain > 0
-    return Rows(rows.matrix[sure], rows.lower[sure], rows.upper[sure]).miss(x) > tolerance
+    return ScaledRows(rows.matrix[sure], rows.lower[sure], rows.upper[sure]).miss(x) > tolerance
 
 
 _HAS_ONE_MINIMISER = Kernel("problem", "has_one_minimiser")
@@ -153,14 +153,14 @@ _PROGRAM, _SIZE = Kernel("scaling", "box_program"), Kernel("scaling", "box_size"
 _RISK = Kernel("scaling", "box_risk")
 
 
-def box_rows(problem: ScaledProblem) -> tuple[Rows, LeastSquares]:
+def box_rows(problem: ScaledProblem) -> tuple[ScaledRows, LeastSquares]:
     """Rows over (x, s) of a box of half width s sigmas around x, and the cost, which s does not enter.
 
     See `drake_tc.kernels.scaling.box_program`.
     """
     limits, cost = problem.limits, problem.cost
     rows, lower, upper, priced = _PROGRAM(limits.matrix, limits.lower, limits.upper, problem.noise, cost.matrix)
-    return Rows(rows, lower, upper), LeastSquares(priced, cost.target)
+    return ScaledRows(rows, lower, upper), LeastSquares(priced, cost.target)
 
 
 def box_size(problem: ScaledProblem, x: FloatArray) -> float:

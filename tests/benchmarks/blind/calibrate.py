@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.joint_simulator.amplitudes import AMPLITUDES
-from drake_tc.joint_simulator.balance import beyond_refit
+from drake_tc.joint_simulator.measurement import beyond_refit
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.spec import DivergedError, RigSpec
 

@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drake_tc.joint_simulator.balance import beyond_refit, clean_log, unmodelled_torque
-from drake_tc.joint_simulator.measurement import measured, sample_clean
+from drake_tc.joint_simulator.measurement import beyond_refit, clean_log, measured, sample_clean, unmodelled_torque
 from drake_tc.joint_simulator.physics import Record
 from drake_tc.joint_simulator.reference import run_generator
 from drake_tc.joint_simulator.registry import right_verdicts

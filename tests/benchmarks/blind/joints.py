@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_tc.joint_simulator.balance import GRAVITY
+from drake_tc.joint_simulator.measurement import GRAVITY
 from drake_tc.joint_simulator.spec import Drive, Joint
 
 

@@ -18,8 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import gaussian_filter1d
 
-from drake_tc.joint_simulator.balance import GRAVITY
-from drake_tc.joint_simulator.measurement import COMMAND_COLUMN
+from drake_tc.joint_simulator.measurement import COMMAND_COLUMN, GRAVITY
 from drake_tc.joint_simulator.spec import HELD_OUT, RigSpec
 from drake_tc.types import FloatArray
 

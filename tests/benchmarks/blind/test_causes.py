@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_tc.joint_simulator.amplitudes import AMPLITUDES
-from drake_tc.joint_simulator.balance import CleanLog, clean_log, unmodelled_torque
+from drake_tc.joint_simulator.measurement import CleanLog, clean_log, unmodelled_torque
 from drake_tc.joint_simulator.physics import Record, simulate
 from drake_tc.joint_simulator.registry import TERMS
 from tests.benchmarks.blind.calibrate import calibrate

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from drake_tc.joint_simulator.physics import Batch
 from drake_tc.joint_simulator.reference import Motion
-from drake_tc.joint_simulator.terms_friction import step_bristle
+from drake_tc.joint_simulator.terms_joint import step_bristle
 
 from .make import rig
 

@@ -9,8 +9,7 @@ import pytest
 import yaml
 from scipy.ndimage import gaussian_filter1d
 
-from drake_tc.joint_simulator.balance import clean_log, unmodelled_torque
-from drake_tc.joint_simulator.measurement import measured, sample_clean
+from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean, unmodelled_torque
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.reference import make_motion
 from drake_tc.joint_simulator.registry import right_verdicts

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from drake_tc.joint_simulator.balance import clean_log, unmodelled_torque
+from drake_tc.joint_simulator.measurement import clean_log, unmodelled_torque
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.reference import make_motion
 from drake_tc.joint_simulator.spec import BlindError, DivergedError

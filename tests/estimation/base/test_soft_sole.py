@@ -12,8 +12,8 @@ from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.log import run_log, track_error
 from drake_tc.estimation.base.spec import ContactSpec
 from drake_tc.estimation.base.velocity import soft_sole
-from drake_tc.kernels.base_options import HALF_PLANES
-from drake_tc.kernels.base_soles import shape_of
+from drake_tc.kernels.base_contacts import shape_of
+from drake_tc.kernels.base_sample import HALF_PLANES
 from drake_tc.robot.fields import Mount, Pose
 
 from .constructed import HALF, SOLE, Motion, construct, spec, walker

@@ -13,8 +13,7 @@ from drake_tc.effects.base import plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.free_run import free_run
-from drake_tc.loops.joint_bench.recording import BenchScenario, quantise, record_bench
+from drake_tc.loops.joint_bench.recording import BenchScenario, free_run, quantise, record_bench
 
 GAIN = 0.5
 BASE = (

@@ -11,6 +11,7 @@ from drake_tc.analysis.frequency_response import FrequencyResponse
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagrams.papers.faraji2015 import sea_bode, sea_held
+from drake_tc.diagrams.papers.faraji2015.sea_excitation import Excitation, record_excitation
 from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     MOMENTUM,
     OBSERVER,
@@ -23,7 +24,6 @@ from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths, identify_motor
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.loops.series_elastic.excitation import Excitation, record_excitation
 from drake_tc.loops.series_elastic.loop import build_sea
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.backlash_test import analyse_backlash, fit_drive_law
 from drake_tc.logs.record import Run
+from tests.benchmarks.backlash_bench import analyse_backlash, fit_drive_law
 
 STEP = 2.0 * np.pi / 4096.0
 DEGREE = np.pi / 180.0
