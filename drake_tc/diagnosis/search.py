@@ -12,7 +12,7 @@ from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.selection.shapes import ShapeScreen
+from drake_tc.diagnosis.shapes import ShapeScreen
 from drake_tc.effects.base import Effect
 from drake_tc.effects.plausibility import implausible
 from drake_tc.types import FloatArray

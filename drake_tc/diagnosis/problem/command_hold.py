@@ -15,7 +15,7 @@ from drake_tc.diagnosis.data.preparation import context_of
 from drake_tc.diagnosis.data.samples import HELD, Samples
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.problem.declared import declared_terms, fit_declared, known_taken_off
-from drake_tc.diagnosis.selection.comparison import better_share
+from drake_tc.diagnosis.problem.resampling import better_share
 from drake_tc.diagnosis.thresholds import CERTAINLY_BETTER, HELD_CERTAIN, HELD_FROM_PERIOD
 from drake_tc.effects.base import Effect
 from drake_tc.logs.loads import RobotLoad

@@ -18,7 +18,7 @@ import numpy as np
 from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.selection.comparison import effective_samples
+from drake_tc.diagnosis.problem.resampling import effective_samples
 from drake_tc.effects.base import Context, plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.problem import command_hold
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.selection.comparison import better_share
+from drake_tc.diagnosis.problem.resampling import better_share
 from drake_tc.diagnosis.thresholds import HELD_CERTAIN
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run

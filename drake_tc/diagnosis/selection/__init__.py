@@ -1,1 +1,0 @@
-"""Which effects are missing: screening, refinement, comparison, and when to stop."""
