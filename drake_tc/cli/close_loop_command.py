@@ -34,7 +34,7 @@ FILES = (
 LOADED_BY_WORKERS = (
     "drake_tc.loops.joint_bench.recording",
     "drake_tc.identification.output_error",
-    "drake_tc.diagnosis.selection.joint",
+    "drake_tc.diagnosis.diagnose",
     "drake_tc.diagnosis.residual.structure",
     "sklearn.ensemble",
     "drake_tc.report.residual_plots",
