@@ -149,7 +149,8 @@ class Evidence:
 
     def odds(self, terms: Sequence[Term], found: Posterior) -> float:
         """Log odds of a posterior of the terms: the determinants of whitening and drive, and the prior odds."""
-        jacobian = self.noise.share * self.model.train.log_jacobian(terms, float(np.sqrt(found.variance)))
+        b = found.beta[1 : 1 + sum(len(t.effect.coefficients) for t in terms)]
+        jacobian = self.noise.share * self.model.train.log_jacobian(terms, float(np.sqrt(found.variance)), b)
         return found.log_evidence - 0.5 * self._log_determinant + self.prior_odds(terms) + jacobian
 
     def tangents(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
@@ -307,9 +308,10 @@ class Evidence:
         more = self.design(self.model.held, terms)[1]
         joined = Prior.stacked([prior, more.part(slice(more.mean.size - own[1], None))])
         before, after = placed(train, first, size), placed(held, second, size)
-        jacobian = self.noise.share * self.model.held.log_jacobian(terms, float(np.sqrt(variance)))
-        both = posterior(before + after, joined, variance).log_evidence
-        return both - posterior(before, joined, variance).log_evidence + jacobian
+        both = posterior(before + after, joined, variance)
+        b = both.beta[1 : 1 + sum(len(t.effect.coefficients) for t in terms)]
+        jacobian = self.noise.share * self.model.held.log_jacobian(terms, float(np.sqrt(variance)), b)
+        return both.log_evidence - posterior(before, joined, variance).log_evidence + jacobian
 
     @property
     def _splits(self) -> tuple[Split, Split]:

@@ -36,6 +36,7 @@ from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_te
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.delay import Delay
+from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
@@ -159,12 +160,41 @@ class Split:
             self._kept[term.cache_key] = self.samples.reduce(needed + self._followed(u - act(u) - needed))
         return np.asarray(self._kept[term.cache_key])
 
-    def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
-        """Sum over the rows that count of log |du*/du|, at least as much as noise of this deviation tells.
+    def log_jacobian(self, terms: Sequence[Term], deviation: float, b: FloatArray) -> float:
+        """Sum over the rows that count of log |dr/du|, r = u* - sum b_k phi_k; b (k,) of the terms.
 
-        Where the drive does not pass the effort on, u is known up to its own range and nothing else. A filter counts by
-        the share of the residual's noise that it passes.
+        At least as much as noise of this deviation tells: where the drive does not pass the effort on, u is known up to
+        its own range and nothing else. A filter counts by the share of the residual's noise that it passes, and a
+        column of the effort by the share of it that the latent effort follows.
         """
+        scaled, at = np.ones(self.rows.index.size), 0
+        for term in terms:
+            size = len(term.effect.coefficients)
+            if term.shape.get(SCALED_AT, 0.0) > 0.0:
+                scaled = scaled - self._by_effort(term) @ b[at : at + size]
+            at += size
+        of_columns = float(np.sum(np.log(np.maximum(np.abs(scaled), PASSED_ON))))
+        return of_columns + self._of_drives(terms, deviation)
+
+    def _by_effort(self, term: Term) -> FloatArray:
+        """(n, k) dphi/du of a term's columns on the rows that count."""
+        key = ("by effort", *term.cache_key)
+        if key not in self._kept:
+            samples = self.clean.samples
+            step = 1e-3 * max(rms(samples.signals.effort[samples.rows]), 1e-12)
+            signals = replace(samples.signals, effort=samples.signals.effort + step)
+            moved = replace(samples, signals=signals).by_segment(term.effect, term.shape)
+            change = (moved - samples.by_segment(term.effect, term.shape)) / step
+            self._kept[key] = change[samples.rows][self.rows.index] * float(np.mean(self._follows()))
+        return np.asarray(self._kept[key])
+
+    def _follows(self) -> FloatArray:
+        """(F,) share of the residual that the latent effort follows, at the frequencies of the rows."""
+        pulse, _ = self.samples.pulse()
+        inside = np.fft.rfftfreq(2 * pulse.size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
+        return np.asarray(np.abs(np.fft.rfft(self.share, 2 * pulse.size))[inside])
+
+    def _of_drives(self, terms: Sequence[Term], deviation: float) -> float:
         filters = [t for t in drives(terms) if isinstance(t.effect, DriveEffect) and t.effect.filters]
         passed = 0.5 * self.rows.index.size * sum(self._passed(t) for t in filters)
         static = [t for t in drives(terms) if not is_filter(t)]
@@ -193,7 +223,7 @@ class Split:
                 np.fft.rfft(each, 2 * size)[inside]
                 for each in (pulse, effect.transform(pulse, piece, term.shape), effect.undone(pulse, piece, term.shape))
             )
-            follows = np.abs(np.fft.rfft(self.share, 2 * size))[inside]
+            follows = self._follows()
             of_effort = (1.0 - follows) * np.abs(1.0 - follows * (1.0 - late / noise)) ** 2
             of_need = follows * np.abs(1.0 - (1.0 - follows) * (1.0 - early / noise)) ** 2
             self._kept[key] = float(np.mean(np.log(of_effort + of_need)))

@@ -120,7 +120,7 @@ class Sets:
             square = products.square + share * float(offset @ offset - 2.0 * offset @ target)
             moved = Products(products.gram, products.moment - share * (design.T @ offset), square, products.rows)
             found = posterior(moved, prior, start=parent.posterior.variance)
-            jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)))
+            jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)), np.zeros(0))
             return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
         block = evidence.model._term(split, term)
         columns = evidence._white(split, ("term", *term.cache_key), block.values)
@@ -131,7 +131,9 @@ class Sets:
         moment = np.concatenate([products.moment, weighed.T @ target])
         joined = Products(gram, moment, products.square, products.rows)
         found = posterior(joined, Prior.stacked([prior, block.prior]), start=parent.posterior.variance)
-        return evidence.odds(parent.terms, found) + evidence.prior_odds([term])
+        own = found.beta[-len(term.effect.coefficients) :]
+        jacobian = evidence.noise.share * split.log_jacobian([term], float(np.sqrt(found.variance)), own)
+        return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
 
     def _parent(self, parent: Scored) -> tuple[FloatArray, Prior, Products]:
         """Whitened columns of a set, their prior and products; those of the last set are kept."""
@@ -201,11 +203,8 @@ def _contenders(pool: Sequence[Scored]) -> list[Scored]:
 
 def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:
     """The set with the fewest effects, then parameters, of all that the logs cannot tell from the most probable one."""
-    best = max(settled_sets, key=lambda pair: pair[0].rank(pair[1]))
-    undistorted, odds = best[0].rank(best[1])
-    near = [
-        (evidence, each) for evidence, each in settled_sets if evidence.rank(each) >= (undistorted, odds - ALTERNATIVE)
-    ]
+    odds = max(each.log_odds for _, each in settled_sets)
+    near = [(evidence, each) for evidence, each in settled_sets if each.log_odds >= odds - ALTERNATIVE]
     return min(near, key=lambda pair: (len(pair[1].terms), pair[1].coefficients + pair[1].shapes, -pair[1].log_odds))
 
 

@@ -226,7 +226,6 @@ WRONG: Mapping[str, str] = {
     "delay.command": "12.31 +- 0.04 ms for 12 ms: the interval leaves out the age of the command",
     "delay.torque_sensor": "6 ms, three sampling periods, are not named",
     "payload.sliding": "not named: what friction leaves at reversals counts as a wrong form of the model",
-    "thermal_friction": "not named with log odds of 900 more: its fit counts as distorted, that without it does not",
     "backlash": "not named: the fit counts as distorted, and rows that count alike do not show it",
     "elasticity": "0.57 mrad/(N*m) for 0.4: the fit counts as distorted, and that of rows that count alike is biased",
     "encoder_offset": "0.0205 rad for 0.01: the column has the stiffness of the declared fit",

@@ -24,9 +24,6 @@ def test_a_right_declared_gain_is_held_and_nothing_is_missing(drive):
     assert_allclose(found.final_parameters["drive"]["gain"].value, GAIN[drive], rtol=1e-6)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="below_floor: what the held drive gain, taken as free, takes over is taken off its contribution"
-)
 @pytest.mark.parametrize("drive", ["position_servo", "current"])
 def test_the_error_of_a_declared_gain_is_found(drive):
     found = diagnosed(drive, {"servo_gain": {"gain_error": 0.15}}, ["servo_gain"], drive_gain=GAIN[drive])

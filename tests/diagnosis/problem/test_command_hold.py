@@ -86,7 +86,7 @@ def test_all_rows_decide_where_those_around_reversals_leave_it_open(monkeypatch,
         return alike if build.keywords.get("both_sides") else everywhere
 
     monkeypatch.setattr(command_hold, "drop_by_hold", drops)
-    assert command_hold.command_is_held(partial(build_samples), rig_of(SERVO), JOINT, None, ()) is held
+    assert command_hold.command_is_held(partial(build_samples), rig_of(SERVO), JOINT, ()) is held
 
 
 def test_the_example_that_leans_does_lean():

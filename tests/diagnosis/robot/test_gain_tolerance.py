@@ -20,7 +20,7 @@ def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     robot = load_robot(write_robot(folder, URDF, JOINTS))
     paths = [record(folder, robot, f"run_{number}", number) for number in range(2)]
-    options = DiagnosisOptions(effects=(), assess_residual=False, engine="evidence", robots="evidence")
+    options = DiagnosisOptions(effects=(), assess_residual=False)
     out = []
     for more in ({}, {"drive_gain_tolerance": TOLERANCE}):
         rig = rig_file(folder, **(RIG | {"load": RIG["load"] | more}))
