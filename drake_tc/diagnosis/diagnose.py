@@ -249,17 +249,20 @@ def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Sco
 
 
 def contributions(evidence: Evidence, split: Split, scored: Scored) -> list[tuple[Term, float]]:
-    """RMS [effort] of what each asked effect adds that the other terms cannot take over; ages and a held gain stay."""
-    model, out = evidence.model, []
+    """RMS [effort] of what each asked effect adds that the other terms do not take over within their priors."""
+    model, out, noise = evidence.model, [], float(np.sqrt(scored.posterior.variance))
     for term in scored.terms:
         if model.is_declared(term.effect):
             continue
         rest = [t for t in scored.terms if t is not term]
-        free = [b.values for b in model.blocks(split, rest) if not b.prior.is_held]
-        columns = np.concatenate([*free, np.zeros((split.samples.rows.size, 1))], axis=1)
+        blocks = model.blocks(split, rest)
+        columns = np.concatenate([block.values for block in blocks], axis=1)
+        held = np.diag(noise / np.concatenate([block.prior.deviation for block in blocks]))
         whole = np.concatenate([block.values for block in model.blocks(split, scored.terms)], axis=1) @ scored.b
         added = whole - split.target(scored.terms) + split.target(rest)
-        out.append((term, rms(added - columns @ np.linalg.lstsq(columns, added, rcond=None)[0])))
+        known = np.concatenate([added, np.zeros(held.shape[0])])
+        taken = np.linalg.lstsq(np.concatenate([columns, held]), known, rcond=None)[0]
+        out.append((term, rms(added - columns @ taken)))
     return out
 
 

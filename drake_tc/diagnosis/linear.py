@@ -19,8 +19,6 @@ from drake_tc.types import BoolArray, FloatArray
 ROUNDS = 4
 """Of the fixed point for s^2, which contracts by the share of determined parameters, K/N."""
 JITTER = 1e-12
-HELD = 1e-5
-"""Relative standard deviation up to which a coefficient is held."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +28,6 @@ class Prior:
     mean: FloatArray
     deviation: FloatArray
     positive: BoolArray
-
-    @property
-    def is_held(self) -> bool:
-        """Whether all coefficients are held at their means."""
-        return bool(np.all(self.deviation <= HELD * np.abs(self.mean)))
 
     def held_at_zero(self, share: float) -> "Prior":
         """The same coefficients held at 0, up to a share of their standard deviations."""

@@ -39,6 +39,7 @@ from drake_tc.effects.delay import Delay
 from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
@@ -354,7 +355,8 @@ class JointModel:
         one, yes = np.ones(1), np.ones(1, dtype=bool)
         free = self.held_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
         if not free and self.held_gain is not None:
-            return Block(values, Prior(self.held_gain * one, HELD_GAIN * self.held_gain * one, yes))
+            known = max(HELD_GAIN, self.context.tolerances.get(TorqueSensorGain.id, 0.0))  # a sensor scales both
+            return Block(values, Prior(self.held_gain * one, known * self.held_gain * one, yes))
         size = max(rms(self.train.recorded.target), 1e-300)
         return Block(values, Prior(0.0 * one, DECLARED_CONTRIBUTION * self.scale / size * one, yes))
 
