@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
-from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, ORDER, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.diagnosis.root_mean_square import rms
@@ -283,9 +283,19 @@ class Evidence:
         return {channel: float(scored.posterior.beta[at + i]) for i, channel in enumerate(self.model.ages)}
 
     def relinearised(self, scored: Scored) -> JointModel:
-        """The joint linearised at a set: at the effort that it needs, and at its ages."""
-        gain = max(float(scored.b[0]), LEAST_GAIN * self.model.train.gain)
-        return self.model.relinearised(scored.terms, scored.b[1:] / gain, gain, self.ages(scored))
+        """The joint linearised at a set: at the effort that it needs, and at the ages that are not linear.
+
+        What an age does is linear where its curvature is far below the noise. To first order the ages of command and
+        inside and the viscous friction are often one sum; at needless ages, curvature would tell them apart.
+        """
+        gain, train = max(float(scored.b[0]), LEAST_GAIN * self.model.train.gain), self.model.train
+        noise = rms(self.residual(train, scored, runs=True))
+        bent = {
+            channel: age
+            for channel, age in self.ages(scored).items()
+            if channel in train.channels and train.curvature(channel, age) > LINEAR * noise
+        }
+        return self.model.relinearised(scored.terms, scored.b[1:] / gain, gain, bent)
 
     def residual(self, split: Split, scored: Scored, *, runs: bool = False) -> FloatArray:
         """(N,) recorded effort less the prediction on all rows [effort]; `runs`: with what differs from run to run."""

@@ -138,6 +138,12 @@ class Split:
         inside = s.run[:, None] == np.arange(len(s.runs))
         return tuple(np.where(inside, values[:, None], 0.0) for values in each)
 
+    def curvature(self, channel: str, age: float) -> float:
+        """RMS over the rows of f(a) - a df/da(0) of a channel [effort]."""
+        aged = self.channels[channel]
+        off = aged.change(self.samples, age) - age * aged.slope(self.samples, 0.0)
+        return rms(self.samples.reduce(_inside(off, self.samples)))
+
     @cached_property
     def _aged(self) -> dict[str, FloatArray]:
         """(N,) f(a) - a df/da of each channel at its age a."""
@@ -449,7 +455,7 @@ class JointModel:
     ) -> "JointModel":
         """The model linearised at a fit: `theta` (k,) of the terms, K, and the ages of the channels [s]."""
         beta, measured = np.concatenate([[1.0 / gain], theta]), self.context.load == "torque"
-        own = {channel: age for channel, age in ages.items() if channel != "rate" and channel not in stands_for(terms)}
+        own = {channel: age for channel, age in ages.items() if channel not in stands_for(terms)}
         train, held = (
             with_needed(split.recorded, terms, beta, measured=measured, ages=own) for split in (self.train, self.held)
         )

@@ -30,6 +30,8 @@ UNIFORM = 1.0 / np.sqrt(12.0)
 """Standard deviation of a uniform prior over its range: an age over one period, a shape over its plausible range."""
 AGE_PERIODS = (0.25, 0.4)
 """Mean and standard deviation of a channel's age over its period: an instant has 0, a hold or an average 1/2."""
+LINEAR = 0.1
+"""Curvature of what an age does over the noise, up to which it is linear in the age."""
 SERVO_LAG_S = (0.001, 0.001)
 """Mean and standard deviation of the lag inside a position servo (rate filter, tick, current loop) [s]."""
 DRIVE_LAG_S = (0.0, 0.0003)
