@@ -158,7 +158,7 @@ def joint_result(
     model, evidence = found.evidence.model, found.evidence
     context = model.context
     floor = rms(model.train.as_recorded(best.terms, np.full(model.train.samples.rows.size, decision.floor)))
-    declared = corrected(evidence, evidence.score(model.declared))
+    declared = corrected(evidence, evidence.refined(evidence.score(model.declared)))
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
     splits = (_split(evidence, model.train, declared, best), _split(evidence, model.held, declared, best))

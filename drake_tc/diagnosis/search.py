@@ -12,6 +12,7 @@ from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.shapes import ShapeScreen
 from drake_tc.effects.base import Effect
 from drake_tc.effects.plausibility import implausible
@@ -163,21 +164,23 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     an effect that is missing makes this residual slow, with all rows too.
     """
     declared, first = evidence.model.declared, evidence
-    best = evidence.score(declared)
+    best, sound = evidence.score(declared), list[tuple[Evidence, Scored]]()
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
         starts = _first(evidence) if number == 0 else [evidence]
         before, pools = best.ids, [_pool(Sets(used, effects), best) for used in starts]
         pool = pools[-1]
         found = pool[0]
-        evidence, best = simplest(
-            [settled(used, s) for used, each in zip(starts, pools, strict=True) for s in _contenders(each)]
-        )
+        tried = [settled(used, s) for used, each in zip(starts, pools, strict=True) for s in _contenders(each)]
+        evidence, best = simplest(tried)
+        sound += [pair for pair in tried if pair[0].distortion(pair[1]) <= DISTORTED]
         if number and best.ids == before:
             break
     if evidence.distortion(best) > DISTORTED:
         evidence, best, pool = _imperfect(first, effects)
         found = best
+        if sound and _better(first, simplest(sound)[1], best):
+            evidence, best = simplest(sound)
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near))
@@ -206,6 +209,14 @@ def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence,
     odds = max(each.log_odds for _, each in settled_sets)
     near = [(evidence, each) for evidence, each in settled_sets if each.log_odds >= odds - ALTERNATIVE]
     return min(near, key=lambda pair: (len(pair[1].terms), pair[1].coefficients + pair[1].shapes, -pair[1].log_odds))
+
+
+def _better(evidence: Evidence, one: Scored, other: Scored) -> bool:
+    """Whether a set is more probable than another where rows count alike, as many as the smaller residual has."""
+    plain, train = Evidence(evidence.model), evidence.model.train
+    left = {s: rms(plain.residual(train, plain.score(s.terms), runs=True)) for s in (one, other)}
+    judge = evidence.tempered(min(left, key=lambda s: left[s]).terms)
+    return judge.refined(judge.score(one.terms)).log_odds > judge.refined(judge.score(other.terms)).log_odds
 
 
 def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence, Scored, list[Scored]]:

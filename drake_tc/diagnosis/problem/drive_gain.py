@@ -18,11 +18,8 @@ from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import LOAD_EXPLAINS, NO_STIFFNESS
-from drake_tc.effects.base import EFFORT_UNIT, DriveKind
-from drake_tc.effects.context import LoadKind
+from drake_tc.effects.base import DriveKind
 from drake_tc.effects.servo_integrator import ServoIntegrator
-from drake_tc.errors import IdentificationError
-from drake_tc.logs.rig import COMMAND_COLUMN, Rig
 from drake_tc.types import FloatArray
 
 
@@ -71,28 +68,3 @@ def at_reverse_regression(columns: Columns, declared: Fit, drive: DriveKind) -> 
 def _fit_at(columns: Columns, gain: float, declared: Fit) -> Fit:
     """The declared model at a drive gain [effort/(N m)]."""
     return fit(columns.changed(declared_gain=gain), declared.terms)
-
-
-def not_identifiable(joint: str, drive: DriveKind, repair: str) -> IdentificationError:
-    """What is said where the torque does not rise with the effort; `repair` is that of `turned_column`."""
-    return IdentificationError(
-        f"joint {joint}: the torque does not rise with the effort (drive gain not identifiable, "
-        f"{EFFORT_UNIT[drive]}/(N*m)): the sign of the torque or of the {COMMAND_COLUMN[drive]} column is wrong, they "
-        f"belong to different joints, or an effect that is not declared exceeds the load; declare the effect, or "
-        f"{repair}"
-    )
-
-
-def turned_column(rig: Rig, joint: str, load_kind: LoadKind) -> str:
-    """The entry of the rig file that turns a column; a load that is computed has none of its own."""
-    command, units = COMMAND_COLUMN[rig.drive[joint]], rig.units_of(joint)
-    own = {f"{joint}/{command}": units.effort, f"{joint}/torque": units.torque, f"{joint}/position": units.position}
-    effort, torque, position = (f"{column}: {rig.opposite_unit(column, si)}" for column, si in own.items())
-    if load_kind == "torque":
-        return f"turn one of the columns with units: {{{torque}}} or units: {{{effort}}} in the rig file"
-    source = "pendulum" if load_kind == "pendulum" else "robot's model"
-    return (
-        f"the load is computed from the position and the {source}; reverse the {command} with units: "
-        f"{{{effort}}} in the rig file, or, if the position increases against the direction of the {source}, also the "
-        f"position with units: {{{effort}, {position}}}"
-    )
