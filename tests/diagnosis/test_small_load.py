@@ -42,9 +42,7 @@ def diagnosed(swing: Swing, load: Any, time_constant: float) -> JointResult:
     ("load", "time_constant"),
     [
         (PENDULUM, 0.02),
-        pytest.param(
-            "unknown", 0.02, marks=pytest.mark.xfail(strict=True, reason="presliding_hysteresis is named, gain of 3 %")
-        ),
+        ("unknown", 0.02),
         ("unknown", 0.3),
     ],
     ids=["pendulum", "unknown", "unknown, slow"],

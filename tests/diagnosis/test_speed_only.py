@@ -44,7 +44,6 @@ def test_an_effect_of_the_motion_is_found_and_those_of_the_position_are_left_out
     assert any("the velocity was integrated" in note for note in joint["notes"])
 
 
-@pytest.mark.xfail(strict=True, reason="with positions, torque_sensor_gain is named although nothing is missing")
 def test_the_declared_model_is_that_of_a_log_with_positions(tmp_path: Path):
     reports = [
         write_logs(tmp_path / "q", replace(JOINT, encoder_step=1e-5)).report(assess_residual=False),

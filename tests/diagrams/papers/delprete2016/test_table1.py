@@ -84,10 +84,10 @@ def test_closed_form_logs_give_back_both_coefficients(closed_form, declared):
 
 def test_the_gain_has_the_interval_that_close_loop_reports(closed_form, declared):
     gain, damping = drive_estimates(declared, closed_form)
-    reported = declared.baseline_parameters["drive"]["gain"]
+    reported = declared.final_parameters["drive"]["gain"]
     half = 0.5 * (reported.ci95[1] - reported.ci95[0])
     assert_allclose([gain.value, gain.half], [reported.value, half], rtol=0.02)  # other finite differences
-    viscous = declared.baseline_parameters["viscous"]["viscous"]
+    viscous = declared.final_parameters["viscous"]["viscous"]
     assert_allclose(damping.value, reported.value * viscous.value, rtol=1e-9)
     other = 0.5 * (viscous.ci95[1] - viscous.ci95[0]) / viscous.value
     relative = gain.half / gain.value  # of a product: between the difference and the sum, whatever the correlation
