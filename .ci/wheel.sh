@@ -6,7 +6,7 @@ python="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
 room="$(mktemp -d)"
 trap 'rm -rf "$room"' EXIT
 
-rm -rf build # what an older build left would go into the wheel
+rm -rf build drake_tc.egg-info # what an older build left would go into the wheel
 "$python" -m build --quiet --wheel --outdir "$room/dist" .
 "$python" -m venv "$room/venv"
 "$room/venv/bin/python" -m pip install --quiet --disable-pip-version-check "$room"/dist/*.whl
