@@ -67,7 +67,7 @@ def close_loop_command(
         typer.Option(help="File of your present model: URDF, MJCF, or a parameter file of BAM (JSON)."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the resampling (and of the demo's rig).")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn at random, and of the demo's rig.")] = 0,
     closed_loop: Annotated[
         bool,
         typer.Option(

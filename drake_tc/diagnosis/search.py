@@ -187,6 +187,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
 
 
 def _first(evidence: Evidence) -> list[Evidence]:
+    """Noise under which the search begins."""
     tempered = evidence.tempered(evidence.model.declared)
     few = tempered.noise.share * evidence.model.train.rows.index.size < FEW_ROWS
     return [tempered, Evidence(evidence.model)] if few else [tempered]

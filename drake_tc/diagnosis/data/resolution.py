@@ -271,10 +271,3 @@ class NoiseFloor:
         """What scatter of the sampling instants leaves [N m]^2; () of the whole floor, (N,) of `moments` (N, 3, 3)."""
         weights = np.array([self.inertia + more_inertia, viscous, 1.0])
         return np.asarray(weights @ (self.timing if moments is None else moments) @ weights)
-
-    @property
-    def motion_gram(self) -> FloatArray:
-        """(3, 3) second moments of the errors of acceleration, velocity and position, timing included."""
-        gram = self.encoder_gram.copy()
-        gram[:2, :2] += self.timing[:2, :2]
-        return gram

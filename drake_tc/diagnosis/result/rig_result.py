@@ -22,7 +22,7 @@ class SharedEffect:
         id, where: What, and on which link or sensor. title: in words.
         parameters: By name.
         heldout_gain: 1 - held-out error of all joints with it / without it, each joint weighted by its noise.
-        stability: Share of resamples of the held-out half seconds in which it helps.
+        stability: Posterior probability of the robot with it, against the same robot without it.
         joints: Joint to the same gain of that joint alone.
         indistinguishable: (id, where) of causes that fit as well: these logs cannot tell them apart.
     """

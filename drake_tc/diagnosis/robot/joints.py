@@ -72,12 +72,6 @@ class RobotJoint:
         """The message of the training and the held-out rows."""
         return message_of_both(self.evidence, self.best, self.columns).moved(-self.at)
 
-    @property
-    def asked(self) -> frozenset[str]:
-        """Keys of the effects that its declared model lacks."""
-        declared = {t.effect.key for t in self.evidence.model.declared}
-        return frozenset(t.effect.key for t in self.best.terms if t.effect.key not in declared)
-
 
 @dataclass(frozen=True, eq=False)
 class RobotFit:
@@ -128,11 +122,6 @@ class RobotFit:
     def rows(self) -> int:
         """Rows of all joints that count."""
         return sum(joint.evidence.model.train.rows.index.size for joint in self.joints.values())
-
-    @property
-    def sets(self) -> dict[str, frozenset[str]]:
-        """Effects by joint."""
-        return {name: joint.asked for name, joint in self.joints.items()}
 
     def moved(self) -> FloatArray:
         """(P,) the most probable parameters."""

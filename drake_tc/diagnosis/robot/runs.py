@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.model import JointModel, rate_inside
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
@@ -13,7 +14,6 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns
 from drake_tc.diagnosis.problem.shared.correction import corrected
 from drake_tc.diagnosis.problem.shared.momentum import LinkMomenta
-from drake_tc.diagnosis.problem.shared.rows import over_samples
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
@@ -102,3 +102,13 @@ class RobotRuns:
             rate = rate_inside(0.5 * (split.latent + split.modelled), split.samples)
             made.append(np.column_stack([given, split.samples.reduce(rate) / -split.gain]))
         return made[0], made[1]
+
+
+def over_samples(samples: Samples, joint: str, causes: CauseColumns) -> FloatArray:
+    """(T, P) of one joint on the samples' own clock."""
+    time, run = samples.signals.time, samples.run_of_sample
+    out = np.zeros((time.size, causes.causes[-1].columns.stop))
+    for number, name in enumerate(samples.runs):
+        inside = run == number
+        out[inside] = causes.of(name, joint, time[inside])
+    return out

@@ -44,7 +44,6 @@ class Cause:
         prior: (p,) standard deviations that the parameters keep where the cause is found; empty where they have none.
         special: Keys of causes that are special cases of this one.
         possible: Smallest and largest value that each of the reported parameters can have.
-        in_effort: Whether residuals count in effort because the recorded efforts hold most of the noise.
     """
 
     id: str
@@ -56,26 +55,11 @@ class Cause:
     prior: tuple[float, ...] = ()
     special: frozenset[str] = frozenset()
     possible: tuple[float, float] = (-np.inf, np.inf)
-    in_effort: bool = False
 
     @property
     def key(self) -> str:
         """`id` and `where` in one word."""
         return f"{self.id}@{self.where}"
-
-    @property
-    def scales(self) -> bool:
-        """Whether its columns hold the noise of the torque estimate, or this estimate holds next to none.
-
-        Gains are made of the sensors' readings; a bias adds to them. The columns of a link come from motion that is
-        smoothed more than the torques.
-        """
-        return self.in_effort or self.id not in ("ft_bias", "imu_bias", "link_mass", "link_com")
-
-    @property
-    def may_scale(self) -> bool:
-        """Whether it scales readings or the model, so that the drive gains follow it; a bias adds to them."""
-        return self.id not in ("ft_bias", "imu_bias")
 
     @property
     def size(self) -> int:

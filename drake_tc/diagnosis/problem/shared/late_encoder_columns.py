@@ -15,9 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns, Piece
-from drake_tc.diagnosis.problem.shared.rows import JointRows
 from drake_tc.estimation.robot_loads import RobotLogs, smoothed_motion
 from drake_tc.logs.record import Run
 from drake_tc.robot.link_parameters import LinkModel
@@ -37,21 +35,6 @@ class OwnMotion:
 
     viscous: float
     inertia: float
-
-    @staticmethod
-    def of(columns: Columns, terms: Sequence[Term], rows: JointRows, beta: FloatArray) -> "OwnMotion":
-        """Of a joint's part of a fit of all joints.
-
-        Args:
-            columns: Training rows of the joint.
-            terms: Its model.
-            rows: The same rows, as the fit has them.
-            beta: Its own coefficients (k,).
-        """
-        whole = beta if rows.held is None else np.append(rows.held, beta)
-        rotor = columns.samples.signals.rotor_inertia
-        found = BalanceCoefficients.of(terms, whole, rotor)
-        return OwnMotion(found.viscous, found.inertia + rotor)
 
 
 def late_encoder_columns(

@@ -82,7 +82,7 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
         add("imu_bias", name, biases, [imu.accel_bias] * 3 + [imu.gyro_bias] * 3)
         add("imu_gain", name, [("accel", "-")], [imu.gain])
         add("imu_alignment", name, turns, [imu.alignment] * 3)
-    return tuple(replace(cause, in_effort=encoders_alone(logs)) for cause in found)
+    return tuple(found)
 
 
 def encoders_alone(logs: RobotLogs) -> bool:
