@@ -109,7 +109,8 @@ def drawn(evidence: Evidence, scored: Scored) -> tuple[FloatArray, FloatArray]:
     columns = []
     for each in (recorded, recorded.changed(samples=samples, target=None)):
         needed = with_needed(each, scored.terms, scored.beta, measured=measured, ages=model.train.ages)
-        own = replace(model, train=with_clean(replace(needed, share=model.train.share), measured=measured))
+        shares = replace(needed, share=model.train.share, of_load=model.train.of_load)
+        own = replace(model, train=with_clean(shares, measured=measured))
         blocks = [*own.blocks(own.train, scored.terms), *own.nuisances(own.train)]
         columns.append(np.concatenate([*(b.values for b in blocks), own.train.target(())[:, None]], axis=1))
     white = model.train.rows.whitened(columns[1] - columns[0], evidence.noise)[0]

@@ -154,8 +154,8 @@ def joint_result(
     executor: Executor | None = None,
 ) -> JointResult:
     """What is told of a joint after its search, and what is left."""
-    found, best = decision.found, corrected(decision.found.evidence, decision.best)
-    model, evidence = found.evidence.model, found.evidence
+    found, (evidence, best) = decision.found, _without_attenuation(decision)
+    model = evidence.model
     context = model.context
     floor = rms(model.train.as_recorded(best.terms, np.full(model.train.samples.rows.size, decision.floor)))
     declared = corrected(evidence, evidence.refined(evidence.score(model.declared)))
@@ -222,6 +222,14 @@ def joint_model(prepared: Prepared) -> JointModel:
         max(size.get("coulomb", 0.0), 0.0),
         max(size.get("viscous", 0.0), 0.0),
     )
+
+
+def _without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
+    """The set without what noise takes off its coefficients, linearised there."""
+    evidence = decision.found.evidence
+    first = corrected(evidence, decision.best)
+    evidence = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
+    return evidence, corrected(evidence, evidence.refined(evidence.score(decision.best.terms)))
 
 
 def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:

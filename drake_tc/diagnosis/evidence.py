@@ -10,7 +10,7 @@ from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinan
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
-from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
@@ -252,26 +252,28 @@ class Evidence:
 
         Both estimates of the coefficients are right if the model is, whatever the noise (Hausman, 1978).
         """
-        plain = Evidence(self.model, NoiseModel(), self.spread)
-        train = self.model.train
-        least = rms(plain.residual(train, plain.score(scored.terms), runs=True))
-        return rms(self.residual(train, scored, runs=True)) / max(least, 1e-300)
+        alike, train = NoiseModel(rest=self.noise.rest), self.model.train
+        plain = Evidence(self.model, alike, self.spread)
+        errors = (self.residual(train, scored, runs=True), plain.residual(train, plain.score(scored.terms), runs=True))
+        own, least = (rms(train.rows.weighed(each, alike)) for each in errors)
+        return own / max(least, 1e-300)
 
     def tempered(self, terms: Sequence[Term]) -> "Evidence":
         """The evidence for models that leave much: white noise, as many independent rows as the residual itself has.
 
         Under a discrepancy that holds whole effects, a fit would not see what is as slow as it.
         """
-        white = Evidence(self.model, NoiseModel(), self.spread)
-        residual = white.residual(self.model.train, white.score(terms), runs=True)
-        share = independent_share(self.model.train.rows, residual)
-        return with_run_spread(Evidence(self.model, NoiseModel(share=share), self.spread), terms)
+        rows = self.model.train.rows
+        white = self._heard(Evidence(self.model, NoiseModel(), self.spread), terms, slow=False)
+        residual, alike = white.residual(self.model.train, white.score(terms), runs=True), white.noise
+        share = independent_share(rows, rows.weighed(residual, alike))
+        return with_run_spread(Evidence(self.model, replace(alike, share=share), self.spread), terms)
 
     @staticmethod
-    def _heard(found: "Evidence", terms: Sequence[Term]) -> "Evidence":
+    def _heard(found: "Evidence", terms: Sequence[Term], *, slow: bool = True) -> "Evidence":
         for _ in range(HEARINGS):
             residual = found.residual(found.model.train, found.score(terms), runs=True)
-            noise = fitted_noise(found.model.train.rows, residual)
+            noise = fitted_noise(found.model.train.rows, residual, slow=slow)
             if noise == found.noise:
                 break
             found = Evidence(found.model, noise, found.spread)
@@ -280,7 +282,11 @@ class Evidence:
     def ages(self, scored: Scored) -> dict[str, float]:
         """Ages of the channels [s] of a set."""
         at = scored.coefficients + scored.shapes
-        return {channel: float(scored.posterior.beta[at + i]) for i, channel in enumerate(self.model.ages)}
+        out = {channel: float(scored.posterior.beta[at + i]) for i, channel in enumerate(self.model.ages)}
+        for term, theta in coefficients_by_term(scored.terms, scored.beta):
+            for channel, share in term.effect.ages_of.items() if theta.size else ():
+                out[channel] += share * float(theta[0])
+        return out
 
     def relinearised(self, scored: Scored) -> JointModel:
         """The joint linearised at a set: at the effort that it needs, and at the ages that are not linear.

@@ -1,5 +1,6 @@
 """Whether a set of effects holds: the pooled predictive density of the held-out runs must not fall."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -9,7 +10,7 @@ from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import RunSpread, is_filter
 from drake_tc.diagnosis.priors import FALLS
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.effects.delay import Delay
+from drake_tc.types import FloatArray
 
 
 def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
@@ -20,7 +21,7 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
     """
     dropped: list[Term] = []
     for share in (0.0, 1.0):
-        lags = [t for t in scored.terms if is_filter(t) and not isinstance(t.effect, Delay)]
+        lags = [t for t in scored.terms if is_filter(t) and not t.effect.ages_of]
         for term in [t for t in lags if not evidence.model.is_declared(t.effect)]:
             other = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
             rest = [t for t in scored.terms if t is not term]
@@ -48,9 +49,18 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
             variance = noise.score(scored.terms).posterior.variance
             left = [[t for t in scored.terms if t not in gone] for gone in parts]
             density = np.array([noise.predictive(rest, variance) for rest in left])
-            gains = np.maximum(gains, density - density[0])
+            gains = np.maximum(gains, density - density[0] - _improbable(noise, scored, parts))
         worst = parts[int(np.argmax(gains))]
         if gains.max() <= FALLS:
             return scored, tuple(dropped)
         dropped += worst
         scored = evidence.refined(evidence.score([t for t in scored.terms if t not in worst]))
+
+
+def _improbable(noise: Evidence, scored: Scored, parts: Sequence[tuple[Term, ...]]) -> FloatArray:
+    """(P,) log odds on the training rows that parts of a set have in which there is a delay; 0 for others."""
+    out, whole = np.zeros(len(parts)), noise.score(scored.terms).log_odds
+    for i, gone in enumerate(parts):
+        if any(t.effect.ages_of for t in gone):
+            out[i] = max(whole - noise.score([t for t in scored.terms if t not in gone]).log_odds, 0.0)
+    return out

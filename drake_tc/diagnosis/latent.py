@@ -1,11 +1,13 @@
-"""The most probable effort, given what a model needs and how loud the noise of the recorded effort is.
+"""The most probable effort and load, given what a model needs and how loud the noise of either record is.
 
-    x = w + l * (u - w),   l(f) = 1 - S_n(f)/S(f)
+    x = w + l * (u - w),   l(f) = 1 - S_u(f)/S(f)
+    tau* = tau + m * (u - w)/K,   m(f) = K^2 S_tau(f)/S(f)
 
-with what was recorded, u, what the model needs, w, and the spectra S_n of the noise of u and S of u - w (Wiener's
-filter). The errors of x are not correlated with u - w at any lag, so that no filter of x explains the residual's noise
-by itself. A share that is the same for all frequencies would let the noise of a load that is computed from
-accelerations explain itself.
+with what was recorded, u and tau, what the model needs, w, and the spectra S_u and S_tau of their noise and S of u - w
+(Wiener's filter). The errors of both are not correlated with u - w at any lag, so that no filter of them explains the
+residual's noise by itself. What is neither's noise is an error of the model, and changes no regressor but the effort:
+put into the load, it would hide the effect that it lacks. A share that is the same for all frequencies would let the
+noise of a load that is computed from accelerations explain itself.
 """
 
 import numpy as np
@@ -18,21 +20,26 @@ SPECTRUM = 256
 """Samples over which spectra are taken."""
 
 
-def latent_share(samples: Samples, error: FloatArray) -> FloatArray:
-    """Taps (m,) of the filter l of a residual u - w (T,)."""
+def latent_shares(samples: Samples, error: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
+    """Taps (m,) of the filters l and m of a residual u - w (T,); `gain` is K [effort/(N m)]."""
     level, s, light = samples.resolution, samples.signals, samples.light.kernels[0]
     noise = max(level.effort_noise**2, level.effort_step**2 / 12.0)
     if samples.floor.servo:
         noise += level.position_noise**2
-    residual = _spectrum(samples, error)
+    of_load, residual = (gain * level.torque_noise) ** 2, _spectrum(samples, error)
     if residual is None:
         kernel = np.convolve(light, samples.kernel.kernels[0])
-        left = float(np.mean(samples.reduce(error) ** 2))
-        share = 1.0 - noise * float(kernel @ kernel) / max(left, 1e-300)
-        return np.array([min(max(share, 0.0), 1.0)])
-    of_noise = 2.0 * s.period * noise * np.abs(np.fft.rfft(light, SPECTRUM)) ** 2
-    follows = np.clip(1.0 - of_noise / np.maximum(residual, 1e-300), 0.0, 1.0)
-    taps = np.fft.fftshift(np.fft.irfft(follows, SPECTRUM))
+        part = float(kernel @ kernel) / max(float(np.mean(samples.reduce(error) ** 2)), 1e-300)
+        follows, load = np.clip([1.0 - noise * part, of_load * part], 0.0, 1.0)
+        return np.array([follows]), np.array([min(load, follows)])
+    passed = 2.0 * s.period * np.abs(np.fft.rfft(light, SPECTRUM)) ** 2 / np.maximum(residual, 1e-300)
+    shares = np.clip(1.0 - noise * passed, 0.0, 1.0)
+    return _taps(shares), _taps(np.minimum(of_load * passed, shares))
+
+
+def _taps(share: FloatArray) -> FloatArray:
+    """Symmetric taps of a filter with this gain (F,)."""
+    taps = np.fft.fftshift(np.fft.irfft(share, SPECTRUM))
     return np.asarray(np.append(taps, taps[0])[: SPECTRUM + 1] * np.hanning(SPECTRUM + 1))
 
 

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.latent import filtered, latent_share
+from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.noise import INDEPENDENT, Rows
 from drake_tc.diagnosis.priors import (
@@ -35,7 +35,6 @@ from drake_tc.diagnosis.priors import (
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.base import Context, DriveEffect, Effect
-from drake_tc.effects.delay import Delay
 from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
@@ -62,7 +61,8 @@ class Split:
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
         needed: (T,) w, the effort that the model needs [effort]. modelled: the same before the filters of the fit that
             computed it, as it would be recorded.
-        share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.share`).
+        share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.latent_shares`).
+        of_load: (m,) taps of the filter m by which the load takes up the residual.
         gain: K of the fit that computed w [effort/(N m)].
         ages: By channel, the age at which what it does is linearised [s].
     """
@@ -72,6 +72,7 @@ class Split:
     needed: FloatArray
     modelled: FloatArray
     share: FloatArray
+    of_load: FloatArray
     gain: float
     ages: Mapping[str, float] = field(default_factory=dict)
 
@@ -84,6 +85,12 @@ class Split:
     def latent(self) -> FloatArray:
         """(T,) x, see `latent` [effort]."""
         return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """(T,) the most probable load torque of a recorded one [N m]."""
+        s = self.samples.signals
+        return np.asarray(s.load_torque + filtered(self.samples, self.of_load, s.effort - self.modelled) / self.gain)
 
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
@@ -102,7 +109,7 @@ class Split:
             if is_filter(term):
                 out = out - self._offset(term)
         for channel, aged in self._aged.items():
-            if channel not in stands_for(terms):
+            if channel not in stands_for(acting):
                 out = out - aged
         return out
 
@@ -129,6 +136,13 @@ class Split:
             slope = self.gain * self.samples.signals.acceleration if rate else self.slope_of(channel)
             self._kept["age", channel] = self.samples.reduce(_inside(slope, self.samples) if rate else slope)
         return np.asarray(self._kept["age", channel])
+
+    def of(self, term: Term) -> FloatArray:
+        """(N, k) columns [N m] of a term; of one that is the age of channels, at the ages where these are linearised."""
+        if term.effect.coefficients and term.effect.ages_of:
+            slopes = [share * self.reduced_slope(channel) for channel, share in term.effect.ages_of.items()]
+            return np.asarray(np.sum(slopes, axis=0)[:, None] / self.gain)
+        return self.clean.of(term)
 
     @cached_property
     def run_columns(self) -> tuple[FloatArray, ...]:
@@ -291,12 +305,12 @@ def moved(values: FloatArray, samples: Samples, by: float) -> FloatArray:
 
 
 def stands_for(terms: Sequence[Term]) -> frozenset[str]:
-    """Channels for whose ages a delay among the terms stands.
+    """Channels for whose ages a delay among the terms stands: those of the effort, or a single one.
 
     The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
     """
-    delayed = any(isinstance(t.effect, Delay) for t in terms)
-    return frozenset(("command", "effort", "inside") if delayed else ())
+    stand = [t.effect.ages_of for t in terms if t in drives(terms) or len(t.effect.ages_of) == 1]
+    return frozenset().union(*stand)
 
 
 def drives(terms: Sequence[Term]) -> list[Term]:
@@ -377,9 +391,8 @@ class JointModel:
         return self._blocks[key]
 
     def _made(self, split: Split, term: Term) -> Block:
-        values = split.clean.of(term)
-        effect = term.effect
-        train = values if split is self.train else self.train.clean.of(term)
+        values, effect = split.of(term), term.effect
+        train = values if split is self.train else self.train.of(term)
         size = np.sqrt(np.mean(train**2, axis=0))
         wide = DECLARED_CONTRIBUTION if self.is_declared(effect) else CONTRIBUTION
         largest = float(size.max(initial=0.0)) or 1.0  # a column of zeros tells nothing
@@ -455,7 +468,7 @@ class JointModel:
     ) -> "JointModel":
         """The model linearised at a fit: `theta` (k,) of the terms, K, and the ages of the channels [s]."""
         beta, measured = np.concatenate([[1.0 / gain], theta]), self.context.load == "torque"
-        own = {channel: age for channel, age in ages.items() if channel not in stands_for(terms)}
+        own = {channel: age for channel, age in ages.items() if channel not in stands_for(drives(terms))}
         train, held = (
             with_needed(split.recorded, terms, beta, measured=measured, ages=own) for split in (self.train, self.held)
         )
@@ -465,7 +478,7 @@ class JointModel:
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
         taps = np.array([share])
-        train, held = (with_clean(replace(s, share=taps), measured=measured) for s in (self.train, self.held))
+        train, held = (with_clean(replace(s, share=taps, of_load=taps), measured=measured) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
 
 
@@ -506,7 +519,7 @@ def with_needed(
     if not samples.load_unknown:  # else the load is among the terms
         torque = torque + s.load_torque
     for term, theta in coefficients_by_term(terms, beta):
-        if theta.size:
+        if theta.size and not term.effect.ages_of.keys() & ages.keys():
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
     gain = 1.0 / float(beta[0])
     modelled = gain * torque
@@ -516,8 +529,8 @@ def with_needed(
     modelled = moved(modelled, samples, ages.get("inside", 0.0) - ages.get("effort", 0.0))
     modelled = modelled + Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
     modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
-    share = latent_share(samples, s.effort - modelled)
-    return with_clean(Split(recorded, recorded, gain * torque, modelled, share, gain, ages), measured=measured)
+    shares = latent_shares(samples, s.effort - modelled, gain)
+    return with_clean(Split(recorded, recorded, gain * torque, modelled, *shares, gain, ages), measured=measured)
 
 
 def with_clean(first: Split, *, measured: bool) -> Split:
@@ -525,10 +538,12 @@ def with_clean(first: Split, *, measured: bool) -> Split:
 
     Two channels of which each has its own noise would together explain the noise of the residual.
     """
-    samples, gain = first.samples, first.gain
+    samples = first.samples
     s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent
-    load = s.load_torque + (first.latent - first.modelled) / gain if measured else s.load_torque
+    load = first.load if measured else s.load_torque
     slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
-    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow)
+    stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
+    known = {"load_torque": load, "slow_torque": slow, "stiffness": stiffness}
+    signals = replace(s, effort=first.latent, command=command, **known)
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))

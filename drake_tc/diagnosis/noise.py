@@ -1,17 +1,20 @@
 """Noise of the rows: white noise beside a slow discrepancy, and what the sensors' own noise leaves in them.
 
-The residual of a model on the rows is n + d: n white, from the sensors, of variance s^2; d what the model does not
-explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in each run. Both are
-estimated from the residual itself by maximum likelihood. Whitening by the Kalman filter of n + d is exact for gaps.
+The residual of a model on the rows is n + d: n white, from the sensors, of variance s^2 (1 + c e^(-|v|/v_r)); d what the
+model does not explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in each
+run. c is what a model of friction leaves near rest, where the force is not that of sliding and its direction is that
+of a creep. All are estimated from the residual itself by maximum likelihood. Whitening by the Kalman filter of n + d
+is exact for gaps.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.priors import MEMORIES_S, RATIOS
+from drake_tc.diagnosis.priors import MEMORIES_S, NEAR_REST, RATIOS, RESTS
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray, IntArray
 
@@ -27,11 +30,12 @@ INDEPENDENT = 0.6
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Ratio r [-] and correlation time T [s] of the slow discrepancy, and the share of independent rows."""
+    """Ratio r [-] and correlation time T [s] of the slow discrepancy, share of independent rows, and c [-] near rest."""
 
     ratio: float = 0.0
     memory: float = 1.0
     share: float = 1.0
+    rest: float = 0.0
 
 
 def independent_rows(samples: Samples) -> IntArray:
@@ -70,11 +74,26 @@ class Rows:
         gap[np.diff(run, prepend=-1) != 0] = np.inf
         return np.asarray(np.maximum(gap, 0.0))
 
+    @cached_property
+    def _at_rest(self) -> FloatArray:
+        """(N,) e^(-|v|/v_r) of all rows."""
+        speed = np.abs(self.samples.signals.velocity[self.samples.rows])
+        return np.asarray(np.exp(-speed / max(NEAR_REST * rms(speed), 1e-300)))
+
+    def variances(self, noise: NoiseModel) -> FloatArray:
+        """(N,) variance of the white noise of all rows over s^2."""
+        return np.asarray(1.0 + noise.rest * self._at_rest)
+
+    def weighed(self, residual: FloatArray, noise: NoiseModel) -> FloatArray:
+        """(N,) residual of all rows over the deviation of its white noise."""
+        return np.asarray(residual / np.sqrt(self.variances(noise)))
+
     def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Values (N,) or (N, k) of all rows, whitened on those that count (n, k), and the log determinant."""
         values = np.ascontiguousarray(values.reshape(values.shape[0], -1)[self.index])
         out = np.empty_like(values)
-        return out, float(_whiten(values, self.apart, noise.ratio, noise.memory, out))
+        white = self.variances(noise)[self.index]
+        return out, float(_whiten(values, self.apart, white, noise.ratio, noise.memory, out))
 
 
 def independent_share(rows: Rows, residual: FloatArray) -> float:
@@ -90,14 +109,23 @@ def independent_share(rows: Rows, residual: FloatArray) -> float:
     return float(1.0 / (1.0 + 2.0 * correlation[:end].sum()))
 
 
-def fitted_noise(rows: Rows, residual: FloatArray) -> NoiseModel:
-    """The noise model under which a residual (N,) is most likely."""
-    count, best, found = rows.index.size, -np.inf, NoiseModel()
-    for ratio in RATIOS:
-        for memory in MEMORIES_S if ratio > 0.0 else MEMORIES_S[:1]:
-            model = NoiseModel(ratio, memory)
-            white, log_determinant = rows.whitened(residual, model)
-            likelihood = -0.5 * count * np.log(max(float(np.mean(white**2)), 1e-300)) - 0.5 * log_determinant
-            if likelihood > best:
-                best, found = likelihood, model
-    return found
+def fitted_noise(rows: Rows, residual: FloatArray, *, slow: bool = True) -> NoiseModel:
+    """The noise model under which a residual (N,) is most likely; without a discrepancy where it is not `slow`."""
+    count = rows.index.size
+
+    def likelihood(model: NoiseModel) -> float:
+        white, log_determinant = rows.whitened(residual, model)
+        return -0.5 * count * float(np.log(max(float(np.mean(white**2)), 1e-300))) - 0.5 * log_determinant
+
+    def near_rest(model: NoiseModel) -> NoiseModel:
+        return max((replace(model, rest=rest) for rest in RESTS), key=likelihood)
+
+    alike = near_rest(NoiseModel())
+    if not slow:
+        return alike
+    tried = [NoiseModel(r, memory) for r in RATIOS for memory in (MEMORIES_S if r > 0.0 else MEMORIES_S[:1])]
+    found = []
+    for rest in {0.0, alike.rest}:
+        best = max((replace(model, rest=rest) for model in tried), key=likelihood)
+        found.append(near_rest(best))
+    return max(found, key=likelihood)

@@ -48,6 +48,10 @@ RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4
 """Tried variances of the slow discrepancy over that of the white noise."""
 MEMORIES_S = (0.03, 0.1, 0.3, 1.0, 3.0)
 """Tried correlation times of the slow discrepancy [s]."""
+RESTS = (0.0, 3.0, 30.0, 300.0, 3e3, 3e4)
+"""Tried variances of what friction leaves near rest over that of the white noise."""
+NEAR_REST = 0.02
+"""Speed within which a joint is near rest over its RMS speed."""
 
 NOISE_LEVEL = 0.3
 """Relative standard deviation of what a sensor's noise, estimated from its log, takes off a coefficient."""

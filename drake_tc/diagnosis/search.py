@@ -103,7 +103,7 @@ class Sets:
     def best_start(self, parent: Scored, effect: Effect, residual: FloatArray) -> tuple[float, Term]:
         """(log odds, term) of a set and the best starting point of one effect more, given the set's residual (N,)."""
         grid = effect.shape_grid(self.evidence.model.context)
-        if not drives([Term(effect, grid[0])]):
+        if effect.coefficients:
             grid = self._screen.best(effect, residual, grid, SHAPES)
         tried = [(self._odds(parent, Term(effect, shape)), i) for i, shape in enumerate(grid)]
         odds, number = max(tried)
@@ -115,25 +115,24 @@ class Sets:
         if not drives([term]) and not term.effect.coefficients:
             return evidence.score([*parent.terms, term]).log_odds
         design, prior, products = self._parent(parent)
+        share, target = evidence.noise.share, evidence.target(split, parent.terms)
         if drives([term]):  # two drive effects act as the sum of both, to first order
-            offset, target = evidence.drive_offset(split, term), evidence.target(split, parent.terms)
-            share = evidence.noise.share
+            offset = evidence.drive_offset(split, term)
             square = products.square + share * float(offset @ offset - 2.0 * offset @ target)
-            moved = Products(products.gram, products.moment - share * (design.T @ offset), square, products.rows)
-            found = posterior(moved, prior, start=parent.posterior.variance)
-            jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)), np.zeros(0))
-            return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
-        block = evidence.model._term(split, term)
-        columns = evidence._white(split, ("term", *term.cache_key), block.values)
-        target = evidence.target(split, parent.terms)
-        weighed = evidence.noise.share * columns
-        cross = design.T @ weighed
-        gram = np.block([[products.gram, cross], [cross.T, columns.T @ weighed]])
-        moment = np.concatenate([products.moment, weighed.T @ target])
-        joined = Products(gram, moment, products.square, products.rows)
-        found = posterior(joined, Prior.stacked([prior, block.prior]), start=parent.posterior.variance)
-        own = found.beta[-len(term.effect.coefficients) :]
-        jacobian = evidence.noise.share * split.log_jacobian([term], float(np.sqrt(found.variance)), own)
+            products = Products(products.gram, products.moment - share * (design.T @ offset), square, products.rows)
+            target = target - offset
+        if term.effect.coefficients:
+            block = evidence.model._term(split, term)
+            columns = evidence._white(split, ("term", *term.cache_key), block.values)
+            weighed = share * columns
+            cross = design.T @ weighed
+            gram = np.block([[products.gram, cross], [cross.T, columns.T @ weighed]])
+            moment = np.concatenate([products.moment, weighed.T @ target])
+            products = Products(gram, moment, products.square, products.rows)
+            prior = Prior.stacked([prior, block.prior])
+        found = posterior(products, prior, start=parent.posterior.variance)
+        own = found.beta[found.beta.size - len(term.effect.coefficients) :]
+        jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)), own)
         return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
 
     def _parent(self, parent: Scored) -> tuple[FloatArray, Prior, Products]:
@@ -226,7 +225,9 @@ def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence,
     The spectrum of what such a model does not explain is not known. A fit that whitens it would trust the fastest parts
     of the log, in which clocks and sensors are worst. Here rows count alike, as many of them as are independent.
     """
-    best, pool = evidence.score(evidence.model.declared), []
+    plain, declared, pool = Evidence(evidence.model), evidence.score(evidence.model.declared), []
+    full = _pool(Sets(plain, effects), declared)[0]
+    best = full if _better(evidence, full, declared) else declared
     for _ in range(PASSES):
         evidence = evidence.tempered(best.terms)
         before, sets = best.ids, Sets(evidence, effects)

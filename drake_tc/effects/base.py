@@ -21,6 +21,7 @@ log (identification, diagnosis) and on the joints of a robot at one instant (sim
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -99,6 +100,9 @@ class Effect(ABC):
     """Types of joints that can have the effect."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
+    ages_of: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Channels of the log ("command", "effort", "inside", "torque") that a delay makes older than usual, by its share:
+    what makes the position late makes all others early."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -41,6 +41,7 @@ class Delay(DriveEffect):
     kind = "drive"
     form = "loop"
     filters = True
+    ages_of: ClassVar[Mapping[str, float]] = {"command": 1.0, "effort": 1.0, "inside": 1.0}
     shapes: ClassVar[tuple[Parameter, ...]] = (
         Parameter("delay", "s", 0.0, 0.2, description="time by which the effort acts later", plausible=DELAY_RANGE),
     )

@@ -1,5 +1,8 @@
 """A position channel that comes late."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from drake_tc.effects.base import Context, Shape, Signals, Signature
@@ -23,6 +26,7 @@ class PositionSensorDelay(SensorDelay):
     equation = "q_meas(t) = q(t - delay)"
     form = "position_sensor"
     delayed = ("position", "velocity", "acceleration")
+    ages_of: ClassVar[Mapping[str, float]] = {"effort": -1.0, "torque": -1.0}
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the acceleration"
     )

@@ -1,5 +1,8 @@
 """A torque channel that comes late."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 
 from drake_tc.effects.base import Context, Shape, Signals, Signature
@@ -17,6 +20,7 @@ class TorqueSensorDelay(SensorDelay):
     equation = "tau_meas(t) = tau(t - delay)"
     form = "torque_sensor"
     delayed = ("load_torque",)
+    ages_of: ClassVar[Mapping[str, float]] = {"torque": 1.0}
     signature = Signature(
         x="acceleration", split="direction", look_for="loops: the residual follows the rate of the load"
     )

@@ -6,16 +6,19 @@ from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, REAL, VECTOR, kernel
 from drake_tc.types import FloatArray
 
 
-@kernel(MATRIX, VECTOR, REAL, REAL, OUT_MATRIX)
-def whiten(values: FloatArray, apart: FloatArray, ratio: float, memory: float, out: FloatArray) -> float:
-    """Innovations of each column under n[k] + d[k], n white of variance 1, d of variance `ratio` and this memory.
+@kernel(MATRIX, VECTOR, VECTOR, REAL, REAL, OUT_MATRIX)
+def whiten(
+    values: FloatArray, apart: FloatArray, white: FloatArray, ratio: float, memory: float, out: FloatArray
+) -> float:
+    """Innovations of each column under n[k] + d[k], n white of variance `white`, d of variance `ratio` and this memory.
 
     d is an Ornstein-Uhlenbeck process, whose Kalman filter has one state a column and the same gains for all of them.
 
     Args:
         values: (N, k) columns.
         apart: (N,) time since the row before [s]; infinite where a row has none.
-        ratio: Variance of the slow process over that of the white noise.
+        white: (N,) variances of the white noise, in a unit of variance.
+        ratio: Variance of the slow process in that unit.
         memory: Correlation time of the slow process [s].
         out: (N, k) innovations over their standard deviations; written.
 
@@ -28,7 +31,7 @@ def whiten(values: FloatArray, apart: FloatArray, ratio: float, memory: float, o
     for i in range(rows):
         kept = np.exp(-apart[i] / memory)
         spread = kept * kept * spread + ratio * (1.0 - kept * kept)
-        total = spread + 1.0
+        total = spread + white[i]
         gain, scale = spread / total, 1.0 / np.sqrt(total)
         for j in range(columns):
             expected = kept * state[j]

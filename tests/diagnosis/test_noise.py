@@ -14,9 +14,10 @@ whiten = Kernel("whitening", "whiten")
 
 @dataclass
 class PlainRows:
-    """Rows that all count, at given distances."""
+    """Rows that all count, at given distances, some of them at rest."""
 
     apart: FloatArray
+    at_rest: FloatArray | float = 0.0
 
     @property
     def index(self) -> IntArray:
@@ -25,15 +26,16 @@ class PlainRows:
     def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
         columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
         out = np.empty_like(columns)
-        return out, float(whiten(columns, self.apart, noise.ratio, noise.memory, out))
+        white = np.full(self.apart.size, 1.0) + noise.rest * self.at_rest
+        return out, float(whiten(columns, self.apart, white, noise.ratio, noise.memory, out))
 
 
-def _covariance(apart: FloatArray, ratio: float, memory: float) -> FloatArray:
-    """Of white noise of variance 1 and an Ornstein-Uhlenbeck process; rows that follow an infinite gap begin anew."""
+def _covariance(apart: FloatArray, ratio: float, memory: float, more: FloatArray | float = 0.0) -> FloatArray:
+    """Of white noise of variance 1 + `more` and an Ornstein-Uhlenbeck process; rows that follow an infinite gap begin anew."""
     run = np.cumsum(np.isinf(apart))
     time = np.cumsum(np.where(np.isinf(apart), 0.0, apart))
     same = run[:, None] == run[None, :]
-    return np.eye(apart.size) + ratio * same * np.exp(-np.abs(time[:, None] - time[None, :]) / memory)
+    return np.diag(1.0 + more * np.ones(apart.size)) + ratio * same * np.exp(-np.abs(time[:, None] - time[None, :]) / memory)
 
 
 def _apart(rng: np.random.Generator, size: int) -> FloatArray:
@@ -48,8 +50,9 @@ def test_whitened_rows_have_the_determinant_and_the_products_of_the_dense_covari
 ) -> None:
     rng = np.random.default_rng(2)
     apart, values = _apart(rng, 60), rng.normal(size=(60, 3))
-    covariance = _covariance(apart, ratio, memory)
-    white, log_determinant = PlainRows(apart).whitened(values, NoiseModel(ratio, memory))
+    at_rest = (np.arange(60) % 7 == 0).astype(float)
+    covariance = _covariance(apart, ratio, memory, 5.0 * at_rest)
+    white, log_determinant = PlainRows(apart, at_rest).whitened(values, NoiseModel(ratio, memory, rest=5.0))
     np.testing.assert_allclose(white.T @ white, values.T @ np.linalg.solve(covariance, values), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(log_determinant, np.linalg.slogdet(covariance)[1], rtol=1e-9, atol=1e-9)
 
@@ -61,6 +64,16 @@ def test_the_fitted_noise_is_that_of_the_process() -> None:
     found = fitted_noise(PlainRows(apart), 0.01 * residual)  # type: ignore[arg-type]
     assert found.memory == 1.0
     assert 3.0 <= found.ratio <= 30.0  # the next steps of the grid
+
+
+@pytest.mark.parametrize("ratio", [0.0, 3.0])
+def test_what_friction_leaves_near_rest_is_told_from_white_noise(ratio: float) -> None:
+    rng = np.random.default_rng(5)
+    apart, at_rest = _apart(rng, 1500), (np.arange(1500) % 50 < 5).astype(float)
+    covariance = _covariance(apart, ratio, 0.3, 300.0 * at_rest)
+    residual = np.linalg.cholesky(covariance) @ rng.normal(size=1500)
+    assert fitted_noise(PlainRows(apart, at_rest), residual).rest == 300.0  # type: ignore[arg-type]
+    assert fitted_noise(PlainRows(apart, at_rest), rng.normal(size=1500)).rest == 0.0  # type: ignore[arg-type]
 
 
 def test_white_noise_is_fitted_as_white() -> None:
