@@ -13,12 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.latent import recorded_need
 from drake_tc.diagnosis.linear import Posterior
 from drake_tc.diagnosis.model import Split, with_clean, with_needed
 from drake_tc.diagnosis.priors import NOISE_LEVEL
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.base import Signals
 from drake_tc.types import BoolArray, FloatArray
 
@@ -79,11 +76,8 @@ class Drawn:
     effort: FloatArray
 
     @classmethod
-    def of(cls, split: Split, *, measured: bool, of_effort: bool = True) -> "Drawn":
-        """Drawn as large as the log shows each channel's; `measured`: a sensor tells the load torque.
-
-        `of_effort`: with the recorded effort's own, beside what a servo's effort has from the position.
-        """
+    def of(cls, split: Split, *, measured: bool) -> "Drawn":
+        """Drawn as large as the log shows each channel's; `measured`: a sensor tells the load torque."""
         samples, light = split.samples, split.samples.light
         level, size, random = samples.resolution, len(samples.signals), np.random.default_rng(SEED)
         if level.raw_velocity_noise > 0.0:
@@ -96,7 +90,7 @@ class Drawn:
         torque = s.load_slope * motion[0] + s.link_inertia * motion[2]
         if measured:
             torque = level.torque_noise * light.smooth(random.standard_normal(size))
-        own = max(level.effort_noise if of_effort else 0.0, level.effort_step / np.sqrt(12.0))
+        own = max(level.effort_noise, level.effort_step / np.sqrt(12.0))
         effort = own * light.smooth(random.standard_normal(size))
         return cls(*motion, torque, effort - motion[0] if samples.floor.servo else effort)
 
@@ -108,39 +102,16 @@ class Drawn:
 
 def drawn(evidence: Evidence, scored: Scored) -> tuple[FloatArray, FloatArray]:
     """Whitened noise (n, m) of the training columns (no shapes, no runs) in the posterior's order, and (n,) of u."""
-    model = evidence.model
-    white = model.train.rows.whitened(_noise_of_columns(evidence, scored), evidence.noise)[0]
-    return white[:, :-1], white[:, -1]
-
-
-def noise_floor(evidence: Evidence, scored: Scored) -> float:
-    """RMS [effort] that noise of the sensors alone leaves in the training rows under a set's coefficients.
-
-    That of the recorded effort counts where the effort alone tells the load; elsewhere, the logs are asked for it
-    (`noise_colour`).
-    """
-    split = evidence.model.train
-    samples, size = split.samples, scored.coefficients
-    noise = _noise_of_columns(evidence, scored, of_effort=samples.resolution.effort_tells_load)
-    others = scored.posterior.beta[size + scored.shapes :][: noise.shape[1] - 1 - size]
-    left = noise[:, -1] - noise[:, :size] @ scored.b - noise[:, size:-1] @ others
-    known = BalanceCoefficients.of(scored.terms, scored.beta, samples.signals.rotor_inertia)
-    by_timing = scored.b[0] ** 2 * float(samples.floor.timing_variance(known.viscous, known.inertia))
-    return float(np.sqrt(rms(left) ** 2 + by_timing))
-
-
-def _noise_of_columns(evidence: Evidence, scored: Scored, *, of_effort: bool = True) -> FloatArray:
-    """Noise (N, m + 1) of the training columns and of u on all rows."""
     model, measured = evidence.model, evidence.model.context.load == "torque"
     recorded = model.train.recorded
-    noise = Drawn.of(model.train, measured=measured, of_effort=of_effort)
+    noise = Drawn.of(model.train, measured=measured)
     samples = replace(recorded.samples, signals=noise.added(recorded.samples.signals))
-    target = recorded.target + samples.reduce(recorded_need(samples) - recorded_need(recorded.samples))
     columns = []
-    for each in (recorded, recorded.changed(samples=samples, target=target)):
-        train = model.train
-        needed = with_needed(each, scored.terms, scored.beta, train.smooth, measured=measured, ages=train.ages)
-        own = replace(model, train=with_clean(replace(needed, share=train.share), measured=measured))
+    for each in (recorded, recorded.changed(samples=samples, target=None)):
+        needed = with_needed(each, scored.terms, scored.beta, measured=measured, ages=model.train.ages)
+        shares = replace(needed, share=model.train.share, of_load=model.train.of_load)
+        own = replace(model, train=with_clean(shares, measured=measured))
         blocks = [*own.blocks(own.train, scored.terms), *own.nuisances(own.train)]
         columns.append(np.concatenate([*(b.values for b in blocks), own.train.target(())[:, None]], axis=1))
-    return np.asarray(columns[1] - columns[0])
+    white = model.train.rows.whitened(columns[1] - columns[0], evidence.noise)[0]
+    return white[:, :-1], white[:, -1]

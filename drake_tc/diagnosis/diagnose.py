@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.attenuation import corrected, noise_floor
+from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
 from drake_tc.diagnosis.joint_errors import errors_in_joint_units
-from drake_tc.diagnosis.latent import smoothing
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel, Split, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -21,7 +20,7 @@ from drake_tc.diagnosis.priors import CANNOT_TELL, DISTORTED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.regression import Fit, fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.residual.band import shared_band
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
@@ -121,7 +120,7 @@ def decided(found: Found) -> Decided:
     evidence, best = _resettled(evidence, best, pruned(evidence, without))
     without, dropped = confirmed(evidence, best)
     evidence, best = _resettled(evidence, best, pruned(evidence, without))
-    floor = noise_floor(evidence, best)
+    floor = noise_floor(evidence.model.train.recorded, _fit(evidence, evidence.model.train, best))
     without, small = _large_enough(evidence, best, floor)
     evidence, best = _resettled(evidence, best, without)
     why: dict[Withdrawal, Sequence[Term]] = {
@@ -212,10 +211,7 @@ def joint_model(prepared: Prepared) -> JointModel:
     columns = prepared.train
     plain = fit(prepared.train, prepared.terms)
     measured = prepared.context.load == "torque"
-    train, held = (
-        with_needed(c, plain.terms, plain.beta, smoothing(c.samples, measured=measured), measured=measured)
-        for c in (columns, prepared.held)
-    )
+    train, held = (with_needed(c, plain.terms, plain.beta, measured=measured) for c in (columns, prepared.held))
     size = {t.effect.key: float(v[0]) for t, v in coefficients_by_term(plain.terms, plain.beta) if v.size}
     return JointModel(
         train,

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.latent import Smoothing, filtered, latent_share, recorded_need
+from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.noise import INDEPENDENT, Rows
 from drake_tc.diagnosis.priors import (
@@ -61,8 +61,8 @@ class Split:
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
         needed: (T,) w, the effort that the model needs [effort]. modelled: the same before the filters of the fit that
             computed it, as it would be recorded.
-        share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.latent_share`).
-        smooth: Filters of the load and the acceleration.
+        share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.latent_shares`).
+        of_load: (m,) taps of the filter m by which the load takes up the residual.
         gain: K of the fit that computed w [effort/(N m)].
         ages: By channel, the age at which what it does is linearised [s].
     """
@@ -72,7 +72,7 @@ class Split:
     needed: FloatArray
     modelled: FloatArray
     share: FloatArray
-    smooth: Smoothing
+    of_load: FloatArray
     gain: float
     ages: Mapping[str, float] = field(default_factory=dict)
 
@@ -87,10 +87,10 @@ class Split:
         return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
 
     @cached_property
-    def need(self) -> FloatArray:
-        """(N,) the most probable tau + J qddot [N m]."""
-        smoothed = self.smooth.needed_torque(self.samples)
-        return np.asarray(self.recorded.target + self.samples.reduce(smoothed - recorded_need(self.samples)))
+    def load(self) -> FloatArray:
+        """(T,) the most probable load torque of a recorded one [N m]."""
+        s = self.samples.signals
+        return np.asarray(s.load_torque + filtered(self.samples, self.of_load, s.effort - self.modelled) / self.gain)
 
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
@@ -115,20 +115,14 @@ class Split:
 
     @cached_property
     def channels(self) -> Mapping[str, "Aged"]:
-        """What the age of each channel does, but that of the rate in a servo.
-
-        In a servo, to first order, ages of command and inside and viscous friction are one sum, as the effort's rate is
-        the command's less the velocity. Rates that are smoothed apart would tell the three apart by their noise.
-        """
-        samples, clean = self.samples, self.clean.samples.signals
-        command, slow = samples.signals.command, self.gain * clean.slow_torque
-        of_command, of_latent = (rate_inside(x, samples) for x in (command, self.latent))
-        of_effort = of_command - clean.velocity if samples.floor.servo else of_latent
+        """What the age of each channel does, but that of the rate in a servo."""
+        s = self.samples.signals
+        slow = self.gain * self.clean.samples.signals.slow_torque
         return {
-            "command": Aged(command, of_command, -1.0),
-            "inside": Aged(self.latent, of_effort, -1.0),
-            "effort": Aged(-self.latent, -of_effort, 1.0),
-            "torque": Aged(slow, rate_inside(slow, samples), 1.0),
+            "command": Aged(s.command, -1.0),
+            "inside": Aged(self.latent, -1.0),
+            "effort": Aged(-self.latent, 1.0),
+            "torque": Aged(slow, 1.0),
         }
 
     def slope_of(self, channel: str) -> FloatArray:
@@ -281,12 +275,10 @@ class Aged:
 
     Attributes:
         values: (T,) x [effort].
-        rate: (T,) dx/dt [effort/s].
         way: d, -1 where the drive acts on what is older than its record.
     """
 
     values: FloatArray
-    rate: FloatArray
     way: float
 
     def change(self, samples: Samples, age: float) -> FloatArray:
@@ -295,7 +287,7 @@ class Aged:
 
     def slope(self, samples: Samples, age: float) -> FloatArray:
         """(T,) df/da."""
-        return moved(self.rate, samples, self.way * age)
+        return rate_inside(moved(self.values, samples, self.way * age), samples)
 
 
 def moved(values: FloatArray, samples: Samples, by: float) -> FloatArray:
@@ -379,13 +371,13 @@ class JointModel:
         return [self._gain(split, terms), *(self._term(split, t) for t in terms if t.effect.coefficients)]
 
     def _gain(self, split: Split, terms: Sequence[Term]) -> Block:
-        values = split.need[:, None]
+        values = split.recorded.target[:, None]
         one, yes = np.ones(1), np.ones(1, dtype=bool)
         free = self.held_gain is None or any(isinstance(t.effect, ServoGain) for t in terms)
         if not free and self.held_gain is not None:
             known = max(HELD_GAIN, self.context.tolerances.get(TorqueSensorGain.id, 0.0))  # a sensor scales both
             return Block(values, Prior(self.held_gain * one, known * self.held_gain * one, yes))
-        size = max(rms(self.train.need), 1e-300)
+        size = max(rms(self.train.recorded.target), 1e-300)
         return Block(values, Prior(0.0 * one, DECLARED_CONTRIBUTION * self.scale / size * one, yes))
 
     @cached_property
@@ -478,8 +470,7 @@ class JointModel:
         beta, measured = np.concatenate([[1.0 / gain], theta]), self.context.load == "torque"
         own = {channel: age for channel, age in ages.items() if channel not in stands_for(drives(terms))}
         train, held = (
-            with_needed(split.recorded, terms, beta, split.smooth, measured=measured, ages=own)
-            for split in (self.train, self.held)
+            with_needed(split.recorded, terms, beta, measured=measured, ages=own) for split in (self.train, self.held)
         )
         return replace(self, train=train, held=held)
 
@@ -487,7 +478,7 @@ class JointModel:
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
         taps = np.array([share])
-        train, held = (with_clean(replace(s, share=taps), measured=measured) for s in (self.train, self.held))
+        train, held = (with_clean(replace(s, share=taps, of_load=taps), measured=measured) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
 
 
@@ -517,18 +508,16 @@ def with_needed(
     recorded: Columns,
     terms: Sequence[Term],
     beta: FloatArray,
-    smooth: Smoothing,
     *,
     measured: bool,
     ages: Mapping[str, float] = MappingProxyType({}),
 ) -> Split:
-    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit, at ages [s].
-
-    Where the load is unknown, it is among the terms.
-    """
+    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit, at ages [s]."""
     samples = recorded.samples
     s = samples.signals
-    torque = smooth.needed_torque(samples)
+    torque = s.rotor_inertia * s.acceleration + s.known_torque
+    if not samples.load_unknown:  # else the load is among the terms
+        torque = torque + s.load_torque
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size and not term.effect.ages_of.keys() & ages.keys():
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
@@ -538,28 +527,23 @@ def with_needed(
         if is_filter(term):
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
     modelled = moved(modelled, samples, ages.get("inside", 0.0) - ages.get("effort", 0.0))
-    modelled = modelled + s.command - moved(s.command, samples, -ages.get("command", 0.0))
-    modelled = modelled + gain * (moved(s.slow_torque, samples, ages.get("torque", 0.0)) - s.slow_torque)
-    share = latent_share(samples, s.effort - modelled)
-    return with_clean(Split(recorded, recorded, gain * torque, modelled, share, smooth, gain, ages), measured=measured)
+    modelled = modelled + Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
+    modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
+    shares = latent_shares(samples, s.effort - modelled, gain)
+    return with_clean(Split(recorded, recorded, gain * torque, modelled, *shares, gain, ages), measured=measured)
 
 
 def with_clean(first: Split, *, measured: bool) -> Split:
-    """The split with its columns computed from the most probable effort, load and acceleration.
+    """The split with its columns computed from the latent effort and, of a `measured` load, from what it means.
 
-    `measured`: a sensor tells the load torque.
+    Two channels of which each has its own noise would together explain the noise of the residual.
     """
     samples = first.samples
     s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent
-    load = first.smooth.load.of(samples, s.load_torque)
-    velocity, acceleration = (
-        first.smooth.velocity.of(samples, s.velocity),
-        first.smooth.acceleration.of(samples, s.acceleration),
-    )
+    load = first.load if measured else s.load_torque
     slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
     stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
-    moving = {"velocity": velocity, "acceleration": acceleration}
     known = {"load_torque": load, "slow_torque": slow, "stiffness": stiffness}
-    signals = replace(s, effort=first.latent, command=command, **moving, **known)
+    signals = replace(s, effort=first.latent, command=command, **known)
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))
