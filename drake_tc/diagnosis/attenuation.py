@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.linear import Posterior
+from drake_tc.diagnosis.linear import JITTER, Posterior
 from drake_tc.diagnosis.model import Split, with_clean, with_needed
 from drake_tc.diagnosis.priors import NOISE_LEVEL
 from drake_tc.effects.base import Signals
@@ -50,9 +50,9 @@ def corrected(evidence: Evidence, scored: Scored) -> Scored:
         beta = held.beta + shift
         beta[:size] = np.where(_positive(evidence, scored), np.maximum(beta[:size], 0.0), beta[:size])
     covariance = held.covariance + NOISE_LEVEL**2 * np.outer(shift, shift)
-    return replace(
-        scored, posterior=Posterior(beta, np.asarray(np.linalg.inv(covariance)), held.variance, held.log_evidence)
-    )
+    sizes = np.outer(*2 * [1.0 / np.sqrt(np.diag(covariance))])
+    hessian = sizes * np.linalg.pinv(covariance * sizes, rcond=JITTER, hermitian=True)
+    return replace(scored, posterior=Posterior(beta, np.asarray(hessian), held.variance, held.log_evidence))
 
 
 def _positive(evidence: Evidence, scored: Scored) -> BoolArray:

@@ -16,7 +16,7 @@ from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel, Split, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import CANNOT_TELL, DISTORTED, NAMED_FLOORS
+from drake_tc.diagnosis.priors import CANNOT_TELL, DECLARED_CONTRIBUTION, DISTORTED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -29,7 +29,7 @@ from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointRes
 from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
 from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.search import Found, Progress, Sets, find, pruned, settled
+from drake_tc.diagnosis.search import Found, Progress, Sets, find, possible, pruned, settled
 from drake_tc.diagnosis.withdrawal import DidNotHold, Withdrawal
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for, uncommon
@@ -211,25 +211,29 @@ def joint_model(prepared: Prepared) -> JointModel:
     columns = prepared.train
     plain = fit(prepared.train, prepared.terms)
     measured = prepared.context.load == "torque"
-    train, held = (with_needed(c, plain.terms, plain.beta, measured=measured) for c in (columns, prepared.held))
-    size = {t.effect.key: float(v[0]) for t, v in coefficients_by_term(plain.terms, plain.beta) if v.size}
+    most = DECLARED_CONTRIBUTION * rms(columns.effort(())) / max(rms(columns.target), 1e-300)
+    beta = plain.beta * max(1.0, 1.0 / (most * float(plain.beta[0])))  # a fit without a drive gain has 1/K = 0
+    train, held = (with_needed(c, plain.terms, beta, measured=measured) for c in (columns, prepared.held))
+    size = {t.effect.key: float(v[0]) for t, v in coefficients_by_term(plain.terms, beta) if v.size}
     return JointModel(
         train,
         held,
         prepared.terms,
         prepared.context,
         columns.declared_gain,
+        1.0 / float(beta[0]),
         max(size.get("coulomb", 0.0), 0.0),
         max(size.get("viscous", 0.0), 0.0),
     )
 
 
 def _without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
-    """The set without what noise takes off its coefficients, linearised there."""
+    """The set without what noise takes off its coefficients, linearised there, where that is physically possible."""
     evidence = decision.found.evidence
     first = corrected(evidence, decision.best)
-    evidence = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
-    return evidence, corrected(evidence, evidence.refined(evidence.score(decision.best.terms)))
+    there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
+    best = corrected(there, there.refined(there.score(decision.best.terms)))
+    return (there, best) if possible(there, best) else (evidence, decision.best)
 
 
 def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:

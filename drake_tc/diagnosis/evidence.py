@@ -19,8 +19,6 @@ from drake_tc.types import FloatArray, IntArray
 
 HEARINGS = 4
 """Rounds of the fixed point of noise and coefficients."""
-LEAST_GAIN = 1e-6
-"""Drive gain over that of the declared fit below which a set needs no effort at all."""
 STEP = 1e-3
 """Relative step of a difference quotient over a shape parameter."""
 
@@ -50,8 +48,7 @@ class Scored:
     @property
     def beta(self) -> FloatArray:
         """(1 + k,) [1/K, theta ...]."""
-        gain = max(float(self.b[0]), 1e-300)
-        return np.concatenate([[1.0 / gain], self.b[1:] / gain])
+        return np.concatenate([[1.0], self.b[1:]]) / float(self.b[0])
 
     @property
     def ids(self) -> frozenset[str]:
@@ -145,6 +142,9 @@ class Evidence:
         return self._scored(terms, found, size, 0)
 
     def _scored(self, terms: Sequence[Term], found: Posterior, size: int, shapes: int) -> Scored:
+        least = self.model.least_gain
+        if found.beta[0] < least:  # else physical parameters, which are over K, would be infinite
+            found = replace(found, beta=np.concatenate([[least], found.beta[1:]]))
         return Scored(tuple(terms), self.odds(terms, found), found, size, shapes)
 
     def odds(self, terms: Sequence[Term], found: Posterior) -> float:
@@ -258,13 +258,15 @@ class Evidence:
         own, least = (rms(train.rows.weighed(each, alike)) for each in errors)
         return own / max(least, 1e-300)
 
-    def tempered(self, terms: Sequence[Term]) -> "Evidence":
+    def tempered(self, terms: Sequence[Term], *, rest: bool = True) -> "Evidence":
         """The evidence for models that leave much: white noise, as many independent rows as the residual itself has.
 
-        Under a discrepancy that holds whole effects, a fit would not see what is as slow as it.
+        Under a discrepancy that holds whole effects, a fit would not see what is as slow as it. `rest`: whether rows
+        near rest may have noise of their own.
         """
-        rows = self.model.train.rows
-        white = self._heard(Evidence(self.model, NoiseModel(), self.spread), terms, slow=False)
+        rows, white = self.model.train.rows, Evidence(self.model, NoiseModel(), self.spread)
+        if rest:
+            white = self._heard(white, terms, slow=False)
         residual, alike = white.residual(self.model.train, white.score(terms), runs=True), white.noise
         share = independent_share(rows, rows.weighed(residual, alike))
         return with_run_spread(Evidence(self.model, replace(alike, share=share), self.spread), terms)
@@ -294,7 +296,7 @@ class Evidence:
         What an age does is linear where its curvature is far below the noise. To first order the ages of command and
         inside and the viscous friction are often one sum; at needless ages, curvature would tell them apart.
         """
-        gain, train = max(float(scored.b[0]), LEAST_GAIN * self.model.train.gain), self.model.train
+        gain, train = float(scored.b[0]), self.model.train
         noise = rms(self.residual(train, scored, runs=True))
         bent = {
             channel: age

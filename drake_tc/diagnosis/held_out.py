@@ -37,7 +37,7 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
     All held-out runs count together: no run has a veto. Effects that take each other's place hide each other's fault,
     so that every part of the set is tried, not only what is left when one effect goes. Three noise models are
     asked: that of the set, one in which rows count alike, because a whitened error can fall while the error itself
-    grows, and one in which runs are alike too, as the errors of the report have it.
+    grows, and one in which runs and rows near rest are alike too, as the errors of the report have it.
     """
     dropped: list[Term] = []
     while True:
@@ -45,7 +45,7 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
         parts = [gone for count in range(len(asked) + 1) for gone in combinations(asked, count)]
         gains = np.zeros(len(parts))
         alike = evidence.tempered(scored.terms)
-        for noise in (evidence, alike, replace(alike, spread=RunSpread())):
+        for noise in (evidence, alike, replace(evidence.tempered(scored.terms, rest=False), spread=RunSpread())):
             variance = noise.score(scored.terms).posterior.variance
             left = [[t for t in scored.terms if t not in gone] for gone in parts]
             density = np.array([noise.predictive(rest, variance) for rest in left])

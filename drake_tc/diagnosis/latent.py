@@ -31,10 +31,9 @@ def latent_shares(samples: Samples, error: FloatArray, gain: float) -> tuple[Flo
         kernel = np.convolve(light, samples.kernel.kernels[0])
         part = float(kernel @ kernel) / max(float(np.mean(samples.reduce(error) ** 2)), 1e-300)
         follows, load = np.clip([1.0 - noise * part, of_load * part], 0.0, 1.0)
-        return np.array([follows]), np.array([min(load, follows)])
+        return np.array([follows]), np.array([load])
     passed = 2.0 * s.period * np.abs(np.fft.rfft(light, SPECTRUM)) ** 2 / np.maximum(residual, 1e-300)
-    shares = np.clip(1.0 - noise * passed, 0.0, 1.0)
-    return _taps(shares), _taps(np.minimum(of_load * passed, shares))
+    return _taps(np.clip(1.0 - noise * passed, 0.0, 1.0)), _taps(np.clip(of_load * passed, 0.0, 1.0))
 
 
 def _taps(share: FloatArray) -> FloatArray:

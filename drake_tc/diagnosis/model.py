@@ -28,6 +28,7 @@ from drake_tc.diagnosis.priors import (
     DECLARED_CONTRIBUTION,
     DRIVE_LAG_S,
     HELD_GAIN,
+    LEAST_GAIN,
     PASSED_ON,
     SERVO_LAG_S,
     UNIFORM,
@@ -138,7 +139,7 @@ class Split:
         return np.asarray(self._kept["age", channel])
 
     def of(self, term: Term) -> FloatArray:
-        """(N, k) columns [N m] of a term; of one that is the age of channels, at the ages where these are linearised."""
+        """(N, k) columns [N m] of a term; of ages of channels, where these are linearised."""
         if term.effect.coefficients and term.effect.ages_of:
             slopes = [share * self.reduced_slope(channel) for channel, share in term.effect.ages_of.items()]
             return np.asarray(np.sum(slopes, axis=0)[:, None] / self.gain)
@@ -346,7 +347,7 @@ class JointModel:
         declared: Terms of the declared model.
         context: What the training logs offer to the effects.
         held_gain: K at which the drive is held [effort/(N m)]; None where it is fitted.
-        friction, viscous: Fitted Coulomb [N m] and viscous friction [N m s/rad] of the declared model.
+        gain, friction, viscous: K [effort/(N m)], Coulomb [N m] and viscous friction [N m s/rad] of the declared fit.
         common_zero: Whether a constant that all runs share is a nuisance.
         shared: What it shares with other joints; None for a joint of its own.
     """
@@ -356,6 +357,7 @@ class JointModel:
     declared: tuple[Term, ...]
     context: Context
     held_gain: float | None
+    gain: float
     friction: float
     viscous: float
     common_zero: bool = False
@@ -365,6 +367,11 @@ class JointModel:
     def scale(self) -> float:
         """RMS of the recorded effort of the training rows."""
         return max(rms(self.train.recorded.effort(())), 1e-300)
+
+    @property
+    def least_gain(self) -> float:
+        """K below which a set needs no effort at all [effort/(N m)]."""
+        return LEAST_GAIN * self.gain
 
     def blocks(self, split: Split, terms: Sequence[Term]) -> list[Block]:
         """Columns of the drive gain and of the terms, in their order."""
@@ -478,7 +485,9 @@ class JointModel:
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
         measured = self.context.load == "torque"
         taps = np.array([share])
-        train, held = (with_clean(replace(s, share=taps, of_load=taps), measured=measured) for s in (self.train, self.held))
+        train, held = (
+            with_clean(replace(s, share=taps, of_load=taps), measured=measured) for s in (self.train, self.held)
+        )
         return replace(self, train=train, held=held)
 
 
@@ -544,6 +553,5 @@ def with_clean(first: Split, *, measured: bool) -> Split:
     load = first.load if measured else s.load_torque
     slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
     stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
-    known = {"load_torque": load, "slow_torque": slow, "stiffness": stiffness}
-    signals = replace(s, effort=first.latent, command=command, **known)
+    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow, stiffness=stiffness)
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))

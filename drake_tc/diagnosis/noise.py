@@ -1,10 +1,10 @@
 """Noise of the rows: white noise beside a slow discrepancy, and what the sensors' own noise leaves in them.
 
-The residual of a model on the rows is n + d: n white, from the sensors, of variance s^2 (1 + c e^(-|v|/v_r)); d what the
-model does not explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in each
-run. c is what a model of friction leaves near rest, where the force is not that of sliding and its direction is that
-of a creep. All are estimated from the residual itself by maximum likelihood. Whitening by the Kalman filter of n + d
-is exact for gaps.
+The residual of a model on the rows is n + d: n white, from the sensors, of variance s^2 (1 + c e^(-|v|/v_r)); d what
+the model does not explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in
+each run. c is what a model of friction leaves near rest, where the force is not that of sliding and its direction is
+that of a creep. All are estimated from the residual itself by maximum likelihood. Whitening by the Kalman filter of
+n + d is exact for gaps.
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ INDEPENDENT = 0.6
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Ratio r [-] and correlation time T [s] of the slow discrepancy, share of independent rows, and c [-] near rest."""
+    """Ratio r and correlation time T [s] of the slow discrepancy, share of independent rows, and c near rest."""
 
     ratio: float = 0.0
     memory: float = 1.0

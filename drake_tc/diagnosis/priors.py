@@ -37,6 +37,8 @@ SERVO_LAG_S = (0.001, 0.001)
 DRIVE_LAG_S = (0.0, 0.0003)
 """The same of a drive that is commanded in current, voltage or torque [s]."""
 
+LEAST_GAIN = 1e-6
+"""Drive gain over that of the declared fit below which a set needs no effort at all."""
 NEGLIGIBLE = 0.005
 """RMS of a shared parameter's part of a joint's effort, by what the other joints leave open, over the joint's noise
 floor, below which the part is left out."""

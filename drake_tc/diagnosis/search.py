@@ -1,7 +1,7 @@
 """Which set of effects: the largest log odds, by a beam over sets that grow, shrink and exchange effects."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,21 +63,8 @@ class Sets:
         key = tuple(sorted(str(t.cache_key) for t in terms))
         if key not in self._known:
             found = self.evidence.refined(self.evidence.score(terms))
-            self._known[key] = found if self.possible(found) else _impossible(found)
+            self._known[key] = found if possible(self.evidence, found) else _impossible(found)
         return self._known[key]
-
-    def possible(self, scored: Scored) -> bool:
-        """Whether every asked parameter lies in its physically possible range."""
-        fit = as_fit(scored)
-        if not np.isfinite(fit.beta).all() or fit.beta[0] <= 0.0:
-            return False
-        named = physical_parameters(fit)
-        known = {"gain": named["drive"]["gain"]} | {
-            name: named[name][name] for name in ("viscous", "coulomb") if name in named
-        }
-        context = self.evidence.model.context.__class__(**{**vars(self.evidence.model.context), "fitted": known})
-        asked = [t for t in scored.terms if not self.evidence.model.is_declared(t.effect)]
-        return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
 
     def children(self, parent: Scored) -> list[Scored]:
         """The best sets with one effect more, by effect, as the linear fit of their starting points has them."""
@@ -144,6 +131,23 @@ class Sets:
         return self._last[1]
 
 
+def possible(evidence: Evidence, scored: Scored) -> bool:
+    """Whether every asked parameter lies in its physically possible range.
+
+    The torques that limit it are those of the larger drive gain: without a drive, any load would be possible.
+    """
+    fit, model = as_fit(scored), evidence.model
+    if not np.isfinite(fit.beta).all() or scored.b[0] <= model.least_gain:
+        return False
+    named = physical_parameters(fit)
+    known = {"gain": max(named["drive"]["gain"], model.gain)} | {
+        name: named[name][name] for name in ("viscous", "coulomb") if name in named
+    }
+    context = replace(model.context, fitted=known)
+    asked = [t for t in scored.terms if not model.is_declared(t.effect)]
+    return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
+
+
 def as_fit(scored: Scored) -> Fit:
     """The set in the form that reports and model files read; without residuals."""
     empty = np.zeros(0)
@@ -186,10 +190,13 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
 
 
 def _first(evidence: Evidence) -> list[Evidence]:
-    """Noise under which the search begins."""
-    tempered = evidence.tempered(evidence.model.declared)
-    few = tempered.noise.share * evidence.model.train.rows.index.size < FEW_ROWS
-    return [tempered, Evidence(evidence.model)] if few else [tempered]
+    """Noise under which the search begins; also that in which rows near rest, where dead zones act, count as others."""
+    declared = evidence.model.declared
+    starts = [evidence.tempered(declared)]
+    if starts[0].noise.rest > 0.0:
+        starts.append(evidence.tempered(declared, rest=False))
+    few = starts[-1].noise.share * evidence.model.train.rows.index.size < FEW_ROWS
+    return [*starts, Evidence(evidence.model)] if few else starts
 
 
 def _pool(sets: Sets, best: Scored) -> list[Scored]:
@@ -223,11 +230,21 @@ def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence,
     """The most probable set where what every set leaves is no noise.
 
     The spectrum of what such a model does not explain is not known. A fit that whitens it would trust the fastest parts
-    of the log, in which clocks and sensors are worst. Here rows count alike, as many of them as are independent.
+    of the log, in which clocks and sensors are worst. Here rows count alike, as many of them as are independent. Where
+    the declared model leaves so few that they name nothing, the most probable set on all rows is asked what it leaves.
     """
-    plain, declared, pool = Evidence(evidence.model), evidence.score(evidence.model.declared), []
-    full = _pool(Sets(plain, effects), declared)[0]
-    best = full if _better(evidence, full, declared) else declared
+    declared = evidence.score(evidence.model.declared)
+    found = _alike(evidence, effects, declared)
+    if found[1].ids == declared.ids:
+        full = _pool(Sets(Evidence(evidence.model), effects), declared)[0]
+        if _better(evidence, full, declared):
+            return _alike(evidence, effects, full)
+    return found
+
+
+def _alike(evidence: Evidence, effects: Sequence[Effect], best: Scored) -> tuple[Evidence, Scored, list[Scored]]:
+    """The most probable set where rows count alike, sought from a set."""
+    pool: list[Scored] = []
     for _ in range(PASSES):
         evidence = evidence.tempered(best.terms)
         before, sets = best.ids, Sets(evidence, effects)

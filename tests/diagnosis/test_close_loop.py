@@ -70,7 +70,7 @@ def test_a_held_out_run_can_withdraw_an_effect_and_change_nothing_else(found):
     other = [record(NOISY, "one"), record(NOISY, "two", 0.9, 1), record(replace(NOISY, extra=None), "held", 2.3, 2)]
     again = diagnose_joint(other[:2], other[2:], rig_of(NOISY), "joint", QUICK)
     assert again.final.terms == again.baseline.terms
-    assert_allclose(again.final.beta, found.baseline.beta, rtol=1e-12)
+    assert_allclose(again.final.beta, found.baseline.beta, rtol=1e-4)  # each is linearised where its search ended
     assert [(d.id, d.reason) for d in again.did_not_hold] == [("quadratic_viscous", "worse_on_held_out")]
 
 
@@ -129,7 +129,6 @@ def test_a_model_beside_a_wrong_sensor_is_in_true_torque():
     assert values["rotor_inertia"]["rotor_inertia"] == wrong.inertia
 
 
-@pytest.mark.xfail(strict=True, reason="the column has the gain of the declared fit: 0.0251 rad for 0.01 rad")
 def test_servo_side_parameters_use_the_final_stiffness():
     offset = 0.01  # 5 N m at 500 N m/rad: a fit without it takes the servo for much softer
     joint = servo(torque_noise=0.05)

@@ -1,10 +1,15 @@
-"""The most probable effort of a simulated log: its errors tell nothing of the residual."""
+"""The most probable effort and load of a simulated log: their errors tell nothing of the residual."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.latent import filtered, latent_share
+from drake_tc.diagnosis.latent import filtered, latent_shares
 from tests.diagnosis.rigs import Joint, problem
+
+GAIN = 1.0
+"""K [effort/(N m)]."""
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +30,13 @@ def _correlation(samples, x: np.ndarray, y: np.ndarray) -> float:
 
 def test_where_the_effort_s_noise_is_all_the_effort_is_the_modelled_one(samples) -> None:
     residual = samples.light.smooth(_noise(samples, samples.resolution.effort_noise, 1))
-    left = filtered(samples, latent_share(samples, residual), residual)
+    left = filtered(samples, latent_shares(samples, residual, GAIN)[0], residual)
     assert np.std(samples.reduce(left)) < 0.25 * np.std(samples.reduce(residual))
 
 
 def test_what_the_noise_does_not_explain_stays_in_the_effort(samples) -> None:
     slow = np.sin(2.0 * np.pi * 0.5 * samples.signals.time)
-    left = filtered(samples, latent_share(samples, slow), slow)
+    left = filtered(samples, latent_shares(samples, slow, GAIN)[0], slow)
     np.testing.assert_allclose(samples.reduce(left), samples.reduce(slow), atol=0.03)
 
 
@@ -40,6 +45,19 @@ def test_the_error_of_the_latent_effort_tells_nothing_of_the_residual(samples) -
     own = samples.light.smooth(_noise(samples, samples.resolution.effort_noise, 1))
     other = samples.light.smooth(_noise(samples, 1.5 * samples.resolution.effort_noise, 3))
     residual = own - other
-    wrong = filtered(samples, latent_share(samples, residual), residual) + other
+    wrong = filtered(samples, latent_shares(samples, residual, GAIN)[0], residual) + other
     assert _correlation(samples, own, residual) > 0.4
     assert abs(_correlation(samples, wrong, residual)) < 0.1
+
+
+def test_the_load_takes_up_its_own_noise_and_nothing_that_the_model_lacks(samples) -> None:
+    """u - w = n - K n_tau: the error of the load is n_tau + m * (u - w)/K, m = K^2 S_tau/S."""
+    noisy = replace(samples, resolution=replace(samples.resolution, torque_noise=samples.resolution.effort_noise))
+    own, of_load = (noisy.light.smooth(_noise(noisy, noisy.resolution.effort_noise, seed)) for seed in (1, 3))
+    residual = own - GAIN * of_load
+    error = of_load + filtered(noisy, latent_shares(noisy, residual, GAIN)[1], residual) / GAIN
+    assert _correlation(noisy, of_load, residual) < -0.5
+    assert abs(_correlation(noisy, error, residual)) < 0.1
+    lacking = residual + 100.0 * np.std(residual) * np.sin(2.0 * np.pi * 0.5 * noisy.signals.time)
+    taken = filtered(noisy, latent_shares(noisy, lacking, GAIN)[1], lacking)
+    assert np.std(noisy.reduce(taken)) < 0.05 * np.std(noisy.reduce(lacking))

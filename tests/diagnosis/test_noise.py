@@ -31,11 +31,13 @@ class PlainRows:
 
 
 def _covariance(apart: FloatArray, ratio: float, memory: float, more: FloatArray | float = 0.0) -> FloatArray:
-    """Of white noise of variance 1 + `more` and an Ornstein-Uhlenbeck process; rows that follow an infinite gap begin anew."""
+    """Of white noise of variance 1 + `more` and an Ornstein-Uhlenbeck process; it begins anew after an infinite gap."""
     run = np.cumsum(np.isinf(apart))
     time = np.cumsum(np.where(np.isinf(apart), 0.0, apart))
     same = run[:, None] == run[None, :]
-    return np.diag(1.0 + more * np.ones(apart.size)) + ratio * same * np.exp(-np.abs(time[:, None] - time[None, :]) / memory)
+    return np.diag(1.0 + more * np.ones(apart.size)) + ratio * same * np.exp(
+        -np.abs(time[:, None] - time[None, :]) / memory
+    )
 
 
 def _apart(rng: np.random.Generator, size: int) -> FloatArray:
