@@ -35,8 +35,7 @@ $(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
 	@touch $@ $(VENV)/.installed
 
 demo: $(VENV)/.installed ## install, simulate a bench, close the loop on it; the last line is the report
-	@$(BIN)/drake-tc close-loop --out $(OUT)
-	@echo "$(OUT)/report.html"
+	@$(BIN)/drake-tc demo --out $(OUT)
 
 bench: $(VENV)/.installed-test ## run a benchmark: NAME=tick; without NAME, list them
 	$(BIN)/python -m tests.benchmarks $(NAME)

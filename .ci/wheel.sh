@@ -11,11 +11,12 @@ rm -rf build drake_tc.egg-info # what an older build left would go into the whee
 "$python" -m venv "$room/venv"
 "$room/venv/bin/python" -m pip install --quiet --disable-pip-version-check "$room"/dist/*.whl
 cd "$room"
-PYTHONPATH= "$room/venv/bin/drake-tc" close-loop --out "$room/out"
+PYTHONPATH= "$room/venv/bin/drake-tc" demo | tee said
+test "$(tail -n 1 said)" = demo/report.html || { echo "the wheel's demo did not end with the path of its report" >&2; exit 1; }
 for file in report.html report.json model_before.yaml model_after.yaml; do
-    test -s "$room/out/$file" || { echo "the wheel's demo wrote no $file" >&2; exit 1; }
+    test -s "demo/$file" || { echo "the wheel's demo wrote no $file" >&2; exit 1; }
 done
-grep -q '"verdict": "effects_found"' "$room/out/report.json" || { echo "the wheel's demo found no effect" >&2; exit 1; }
+grep -q '"verdict": "effects_found"' demo/report.json || { echo "the wheel's demo found no effect" >&2; exit 1; }
 PYTHONPATH= "$room/venv/bin/drake-tc" simulate hrp2_leg --duration 0.3 --out "$room/leg" > /dev/null
 test -s "$room/leg/log.csv" || { echo "the wheel's leg simulation wrote no log" >&2; exit 1; }
 PYTHONPATH= "$room/venv/bin/drake-tc" graph hrp2_leg_contact --out "$room/leg.svg" > /dev/null

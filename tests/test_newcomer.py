@@ -83,7 +83,7 @@ def newcomer(tmp_path_factory) -> Newcomer:
 @pytest.mark.slow
 def test_the_commands_of_the_readme_lead_to_a_report_within_three_minutes(newcomer):
     assert "make demo" in README
-    newcomer.does("demo", "drake-tc", "close-loop", "--out", "out/demo")  # what `make demo` runs
+    newcomer.does("demo", "drake-tc", "demo", "--out", "out/demo")  # what `make demo` runs
     newcomer.does("logs", "python", "-c", AS_RECORDED)
     (newcomer.folder / "rig.yaml").write_text(RIG, encoding="utf-8")
     newcomer.does("own log", *readme_command("close-loop", "--rig"))

@@ -1,4 +1,4 @@
-"""`drake-tc close-loop`: residual, missing effect, better model, error before and after."""
+"""`drake-tc close-loop`: residual, missing effect, better model, error before and after; `drake-tc demo`."""
 
 import json
 import sys
@@ -100,7 +100,7 @@ def close_loop_command(
 ) -> None:
     """Find what a joint's model lacks, add it, and report the error before and after.
 
-    Without --rig, the demo runs: a bench whose model lacks two effects is simulated and diagnosed.
+    Without --rig it does what `drake-tc demo` does: a bench whose model lacks two effects is simulated and diagnosed.
     """
     if rig is None and (log or holdout):
         raise LogError(
@@ -156,6 +156,24 @@ def close_loop_command(
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option(help="Folder for report.html, report.json, the models and the logs.")] = Path(
+        "demo"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Seed that picks the missing effects and the sensors' noise.")] = 0,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
+) -> None:
+    """Simulate a joint on a bench, and find what its model lacks.
+
+    It records three logs of a simulated joint whose model lacks two effects, runs close-loop on them, and prints the
+    path of the report in its last line. It needs no files, and takes less than a minute.
+    """
+    close_loop_command(out=out, seed=seed, force=force, as_json=as_json)
+    if not as_json:
+        print(out / "report.html")
 
 
 def _require_runner(rig: Path, to: ExportTarget) -> None:

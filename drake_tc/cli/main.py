@@ -12,7 +12,7 @@ from typer.exceptions import TyperException
 
 from drake_tc import __version__
 from drake_tc.cli.bode_command import bode_command
-from drake_tc.cli.close_loop_command import close_loop_command
+from drake_tc.cli.close_loop_command import close_loop_command, demo_command
 from drake_tc.cli.diagram_commands import graph_command, simulate_command
 from drake_tc.cli.estimate_commands import estimate_base_command, estimate_torque_command
 from drake_tc.cli.experiment_commands import design_command, rehearse_command
@@ -38,6 +38,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # tables cut the names of options in a narrow terminal
 )
+app.command("demo", short_help="Find what a simulated joint lacks.")(demo_command)
 app.command("check", short_help="Check what your logs can show.")(check_command)
 app.command("close-loop", short_help="Find what a model lacks, and add it.")(close_loop_command)
 app.command("design", short_help="Compute the next experiment.")(design_command)

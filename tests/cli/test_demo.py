@@ -1,11 +1,15 @@
 """The demo's rig: files as a stranger would get them, from a joint that has more than its model."""
 
+import json
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 
+from drake_tc.cli import demo
 from drake_tc.cli.demo import (
     ENCODER_STEP,
     JOINT,
@@ -80,3 +84,40 @@ def test_same_seed_same_numbers(tmp_path):
     for one, two in zip(first[1] + first[2], again[1] + again[2], strict=True):
         pd.testing.assert_frame_equal(pd.read_parquet(one), pd.read_parquet(two), check_exact=True)
     assert not pd.read_parquet(first[1][0]).equals(pd.read_parquet(other[1][0]))
+
+
+@pytest.fixture
+def short_demo(monkeypatch, tmp_path):
+    """An empty working folder, and a demo whose recordings are short."""
+    short = DemoLength(duration=3.0, period=4e-3, step=1e-3)
+    monkeypatch.setattr(demo, "record_demo", partial(record_demo, length=short, jobs=1))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_command_ends_with_the_path_of_the_report_it_wrote(invoke, short_demo):
+    outcome = invoke("demo")
+    assert outcome.code == 0, outcome.err
+    *summary, last = outcome.out.splitlines()
+    assert last == "demo/report.html" and (short_demo / last).stat().st_size > 100_000
+    assert summary[0].startswith(f"{JOINT}: ")
+    assert {path.stem for path in (short_demo / "demo" / "demo_logs").glob("*.parquet")} == set(
+        demo_excitation(0, TINY)
+    )
+
+
+def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, short_demo):
+    outcome = invoke("demo", "--json", "--seed", 1, "--out", "deep/out")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert set(json.loads(outcome.out)["joints"]) == {JOINT}
+    expected = record_demo(short_demo / "expected", 1, DemoLength(duration=3.0, period=4e-3, step=1e-3), jobs=1)[1][0]
+    written = short_demo / "deep" / "out" / "demo_logs" / expected.name
+    pd.testing.assert_frame_equal(pd.read_parquet(written), pd.read_parquet(expected), check_exact=True)
+
+
+def test_a_report_of_the_users_is_not_overwritten(invoke, short_demo):
+    (short_demo / "demo").mkdir()
+    (short_demo / "demo" / "report.html").write_text("mine")
+    refusal = invoke("demo").refusal()
+    assert "report.html" in refusal and "--force" in refusal
+    assert (short_demo / "demo" / "report.html").read_text() == "mine"
