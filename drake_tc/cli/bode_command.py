@@ -11,6 +11,7 @@ import typer
 
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.terminal import print_wide, progress_bar
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def bode_command(
     scenario_name: Annotated[str | None, typer.Option(help="Scenario; the file's first when left out.")] = None,
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed instead of the scenario's.")] = None,
     plot: Annotated[Path | None, typer.Option(help="File for the Bode plot (PNG, SVG or PDF).")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,

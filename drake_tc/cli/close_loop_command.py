@@ -14,6 +14,7 @@ import typer
 from drake_tc.analysis.executors import processes
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
@@ -67,7 +68,9 @@ def close_loop_command(
         typer.Option(help="File of your present model: URDF, MJCF, or a parameter file of BAM (JSON)."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn at random, and of the demo's rig.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of what is drawn at random, and of the demo's rig.")
+    ] = 0,
     closed_loop: Annotated[
         bool,
         typer.Option(
@@ -162,7 +165,9 @@ def demo_command(
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json, the models and the logs.")] = Path(
         "demo"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Seed that picks the missing effects and the sensors' noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=LARGEST_SEED, help="Seed that picks the missing effects and the sensors' noise.")
+    ] = 0,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json to stdout instead of the tables.")] = False,
 ) -> None:

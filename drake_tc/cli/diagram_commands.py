@@ -20,6 +20,7 @@ from rich.table import Table
 
 from drake_tc.cli.out_files import Force, print_or_write, result_file, result_folder
 from drake_tc.cli.terminal import UnusedSeed, progress_bar
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def simulate_command(
     scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
     scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated seconds instead of the scenario's.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed instead of the scenario's.")] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for log.csv, and for rig.yaml where close-loop can read them.")
     ] = None,

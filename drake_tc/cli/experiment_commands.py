@@ -17,6 +17,7 @@ import typer
 from drake_tc.analysis.executors import processes
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import print_wide, progress_bar
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
@@ -45,7 +46,10 @@ def design_command(
     joint: Annotated[list[str] | None, typer.Option(help="Joint; repeat. Default: all joints of the rig.")] = None,
     duration: Annotated[float, typer.Option(help="Length of the experiment [s].")] = 30.0,
     rate: Annotated[float, typer.Option(help="Rate of trajectory.csv [Hz].")] = 200.0,
-    position: Annotated[tuple[float, float] | None, typer.Option(help="Position limits LOW HIGH [rad or m].")] = None,
+    position: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="<low> <high>", help="Position limits [rad or m], as in --position -0.8 0.8."),
+    ] = None,
     velocity: Annotated[float | None, typer.Option(help="Velocity limit [rad/s or m/s].")] = None,
     acceleration: Annotated[float | None, typer.Option(help="Acceleration limit [rad/s^2 or m/s^2].")] = None,
     jerk: Annotated[float | None, typer.Option(help="Jerk limit [rad/s^3 or m/s^3].")] = None,
@@ -78,7 +82,7 @@ def design_command(
         int | None,
         typer.Option(min=1, help="Number of initial guesses. Default: 4 for the motion of a whole robot, otherwise 2."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the starts.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the trajectory and the page.")] = Path("design"),
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print design.json to stdout.")] = False,
@@ -225,7 +229,7 @@ def rehearse_command(
     joint: Annotated[str | None, typer.Option(help="Joint; only needed where the rig has several.")] = None,
     repeats: Annotated[int, typer.Option(help="Number of trials at each size.")] = 4,
     jobs: Annotated[int, typer.Option(help="Number of parallel processes.")] = 2,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of noise and phases.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of noise and phases.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for rehearsal.html and rehearsal.json.")] = Path("rehearsal"),
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print rehearsal.json to stdout.")] = False,

@@ -12,6 +12,7 @@ import typer
 from drake_tc.cli.export_ranges import RangesRequest, export_ranges
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.terminal import print_wide
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
@@ -104,7 +105,7 @@ def export_command(
     samples: Annotated[int, typer.Option(min=1, help="Rows of --ranges --to parquet.")] = 1000,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws of --ranges.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the draws of --ranges.")] = 0,
 ) -> None:
     """Write the model in the parameters of another simulator, and list the effects that it cannot express.
 

@@ -24,6 +24,7 @@ from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.stability_command import stability_command, stability_map_command
 from drake_tc.cli.tune_command import tune_command
 from drake_tc.cli.unexpected_errors import UNEXPECTED, Terminated, quiet_libraries, write_details
+from drake_tc.cli.usage import Command, usage_message
 from drake_tc.errors import DrakeTcError
 
 LONGEST = 1200
@@ -38,25 +39,25 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # tables cut the names of options in a narrow terminal
 )
-app.command("demo", short_help="Find what a simulated joint lacks.")(demo_command)
-app.command("check", short_help="Check what your logs can show.")(check_command)
-app.command("close-loop", short_help="Find what a model lacks, and add it.")(close_loop_command)
-app.command("design", short_help="Compute the next experiment.")(design_command)
-app.command("estimate-base", short_help="Estimate the motion of a base.")(estimate_base_command)
-app.command("estimate-torque", short_help="Estimate the torques of a robot.")(estimate_torque_command)
-app.command("identify", short_help="Fit drive gain and friction.")(identify_command)
-app.command("import", short_help="Convert BAM servo recordings.")(import_logs)
-app.command("export", short_help="Write a model for a simulator.")(export_command)
-app.command("inspect", short_help="List what a log contains.")(inspect_command)
-app.command("schema", short_help="Print the schema of an input file.")(schema_command)
-app.command("simulate", short_help="Simulate a diagram.")(simulate_command)
-app.command("graph", short_help="Draw a diagram.")(graph_command)
-app.command("rehearse", short_help="Count how often an effect is found.")(rehearse_command)
-app.command("reproduce", short_help="Recompute the results of a paper.")(reproduce_command)
-app.command("stability", short_help="Margins of a diagram's loop.")(stability_command)
-app.command("stability-map", short_help="Stability over two parameters.")(stability_map_command)
-app.command("tune", short_help="Choose gains and filter windows.")(tune_command)
-app.command("bode", short_help="Measure a frequency response.")(bode_command)
+app.command("demo", cls=Command, short_help="Find what a simulated joint lacks.")(demo_command)
+app.command("check", cls=Command, short_help="Check what your logs can show.")(check_command)
+app.command("close-loop", cls=Command, short_help="Find what a model lacks, and add it.")(close_loop_command)
+app.command("design", cls=Command, short_help="Compute the next experiment.")(design_command)
+app.command("estimate-base", cls=Command, short_help="Estimate the motion of a base.")(estimate_base_command)
+app.command("estimate-torque", cls=Command, short_help="Estimate the torques of a robot.")(estimate_torque_command)
+app.command("identify", cls=Command, short_help="Fit drive gain and friction.")(identify_command)
+app.command("import", cls=Command, short_help="Convert BAM servo recordings.")(import_logs)
+app.command("export", cls=Command, short_help="Write a model for a simulator.")(export_command)
+app.command("inspect", cls=Command, short_help="List what a log contains.")(inspect_command)
+app.command("schema", cls=Command, short_help="Print the schema of an input file.")(schema_command)
+app.command("simulate", cls=Command, short_help="Simulate a diagram.")(simulate_command)
+app.command("graph", cls=Command, short_help="Draw a diagram.")(graph_command)
+app.command("rehearse", cls=Command, short_help="Count how often an effect is found.")(rehearse_command)
+app.command("reproduce", cls=Command, short_help="Recompute the results of a paper.")(reproduce_command)
+app.command("stability", cls=Command, short_help="Margins of a diagram's loop.")(stability_command)
+app.command("stability-map", cls=Command, short_help="Stability over two parameters.")(stability_map_command)
+app.command("tune", cls=Command, short_help="Choose gains and filter windows.")(tune_command)
+app.command("bode", cls=Command, short_help="Measure a frequency response.")(bode_command)
 
 
 def _print_version(requested: bool) -> None:
@@ -105,10 +106,7 @@ def _run(app: typer.Typer, program: str, arguments: Sequence[str], *, debug: boo
         print(f"{program}: {_one_line(str(error))}", file=sys.stderr)
         return 2
     except TyperException as error:
-        print(
-            f"{program}: {_one_line(error.format_message())} (see {program} --help)",
-            file=sys.stderr,
-        )
+        print(f"{program}: {_one_line(usage_message(error, program))}", file=sys.stderr)
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED

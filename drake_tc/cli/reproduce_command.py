@@ -13,6 +13,7 @@ from rich.table import Table
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar
+from drake_tc.cli.usage import LARGEST_SEED
 
 if TYPE_CHECKING:
     from drake_tc.report.figure_row import Reproduction
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 def reproduce_command(
     name: Annotated[str, typer.Argument(help="Id such as A.table2, or all. An unknown id prints the available ids.")],
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all random numbers.")] = 0,
     figures: Annotated[Path | None, typer.Option(help="Folder for the figures (PNG).")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,

@@ -22,6 +22,7 @@ from rich.table import Table
 
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.terminal import UnusedSeed, progress_bar, worker_executor
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
@@ -82,7 +83,9 @@ def stability_command(
     direction: Annotated[
         float, typer.Option(min=-1.0, max=1.0, help="Direction of the sliding: 1, -1, or 0 for the mean of both.")
     ] = 0.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the signs of the initial kick, joint by joint.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the signs of the initial kick, joint by joint.")
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Print eigenvalues, margins and stability of a diagram's loop at one time of a scenario, with perfect sensors."""

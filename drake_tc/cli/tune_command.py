@@ -15,6 +15,7 @@ from rich.table import Table
 
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar, tasks_of, worker_executor
+from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.config.quoted import json_value
 
 if TYPE_CHECKING:
@@ -66,7 +67,9 @@ def tune_command(
     ] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Number of processes on this machine.")] = os.cpu_count() or 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise and of the perturbed plants.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the sensors' noise and of the perturbed plants.")
+    ] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for tuned.yaml and the Pareto fronts (SVG, PNG).")] = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
