@@ -1,11 +1,13 @@
-"""`close-loop` from files to result: every joint of a rig, one after the other or in processes."""
+"""`close-loop` from logs to result: every joint of a rig, one after the other or in processes."""
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
@@ -23,17 +25,23 @@ from drake_tc.diagnosis.robot.whole import diagnose_robot
 from drake_tc.diagnosis.run_order import in_order
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
+from drake_tc.errors import RigError
 from drake_tc.estimation.robot_loads import robot_logs
+from drake_tc.logs.declared_file import with_declared_file
 from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.readers import LogTable, named_logs
 from drake_tc.logs.record import Run, distinct_notes
-from drake_tc.logs.rig import Rig, load_rig
+from drake_tc.logs.rig import Rig, load_rig, parse_rig
+
+Log = Path | str | pd.DataFrame
+"""A log file, or a table in memory with the columns of a CSV log: `time` [s] and `joint/quantity`."""
 
 
 def close_loop(
-    rig_path: Path,
-    logs: Sequence[Path],
-    holdout: Sequence[Path],
+    rig: Rig | Mapping[str, Any] | Path | str,
+    logs: Sequence[Log],
+    holdout: Sequence[Log],
     options: DiagnosisOptions | None = None,
     free_run: FreeRun | None = None,
     progress: Progress = lambda text, share: None,
@@ -43,9 +51,9 @@ def close_loop(
     """Read the rig and its runs, diagnose every joint, and say how long it took.
 
     Args:
-        rig_path: Rig file.
-        logs: Runs to fit.
-        holdout: Runs that take no part in fitting or choosing.
+        rig: Rig file, or a mapping with the keys of one, or a `Rig`.
+        logs: Runs to fit; those in memory are called "log 1", "log 2" and so on by their places in the list.
+        holdout: Runs that take no part in fitting or choosing; those in memory are called "held-out 1" and so on.
         options: What to do otherwise.
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
@@ -59,21 +67,36 @@ def close_loop(
         >>> from drake_tc.diagnosis.options import DiagnosisOptions
         >>> rig = leg_rig_file()
         >>> found = close_loop(rig, [leg_log()], [leg_log(seed=1)], DiagnosisOptions(effects=(effect("stribeck"),)))
-        >>> found.joints["knee"].verdict
+        >>> found["knee"].verdict
         'no_missing_effect'
     """
     with threadpool_limits(1):  # thousands of small problems: threads would wait for each other
-        rig = load_rig(rig_path, declared)
-        chosen = options or DiagnosisOptions()
-        result = _close_loop(rig, rig_path, logs, holdout, chosen, free_run, progress, executor)
-    return replace(result, declared_file=None if declared is None else str(declared))
+        known = _rig_of(rig, declared)
+        train, held = named_logs(logs, "log"), named_logs(holdout, "held-out")
+        return _close_loop(known, train, held, options or DiagnosisOptions(), free_run, progress, executor)
+
+
+def _rig_of(rig: object, declared: Path | None) -> Rig:
+    """The rig, whatever it was given as.
+
+    Raises:
+        RigError: It is none, or of another type.
+    """
+    if isinstance(rig, Path | str):
+        return load_rig(rig, declared)
+    if not isinstance(rig, Rig | Mapping):
+        raise RigError(
+            "rig: expected a path (str or Path), a mapping with the keys of a rig file, or a Rig, got a "
+            f"{type(rig).__name__}"
+        )
+    known = rig if isinstance(rig, Rig) else parse_rig(rig)
+    return known if declared is None else with_declared_file(known, declared)
 
 
 def _close_loop(
     rig: Rig,
-    rig_path: Path,
-    logs: Sequence[Path],
-    holdout: Sequence[Path],
+    logs: Sequence[Path | LogTable],
+    holdout: Sequence[Path | LogTable],
     options: DiagnosisOptions,
     free_run: FreeRun | None,
     progress: Progress,
@@ -81,8 +104,8 @@ def _close_loop(
 ) -> CloseLoopResult:
     start = time.perf_counter()
     registered_effects()  # one that cannot be loaded ends the run before it begins
-    require_two_runs([*logs, *holdout])
-    require_different_files(logs, holdout)
+    require_two_runs([str(log) for log in (*logs, *holdout)])
+    require_different_files(*([log for log in part if isinstance(log, Path)] for part in (logs, holdout)))
     progress("reading", 0.0)
     runs = load_runs([*logs, *holdout], rig)
     require_different_runs(runs)
@@ -121,7 +144,8 @@ def _close_loop(
         seconds=time.perf_counter() - start,
         train_files=tuple(str(p) for p in logs),
         heldout_files=tuple(str(p) for p in holdout),
-        rig_file=str(rig_path),
+        rig_file=str(rig.source or "rig"),
+        rig=rig,
         shared=shared,
         links=links,
         set_up=set_up,

@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
 from drake_tc.errors import LogError
@@ -30,7 +31,7 @@ from drake_tc.logs.local_motion import stepped_clock
 from drake_tc.logs.mistaken_columns import check_torque_unit, refuse_exchanged
 from drake_tc.logs.outliers import without_outliers
 from drake_tc.logs.plausible import check_angles, check_speed, check_velocity, lag_notes
-from drake_tc.logs.readers import read_table, run_name
+from drake_tc.logs.readers import LogTable, named_logs, read_table, run_name
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.signs import TURNED, SignEvidence, refuse_unsigned, sign_evidence, wrong_signs
@@ -341,9 +342,10 @@ def _stepped(raw: RawLog, rig: Rig) -> BoolArray:
     return np.any(found, axis=0) if found else np.zeros(raw.time.size - 1, dtype=bool)
 
 
-def _prepare(path: Path, rig: Rig) -> Run:
+def _prepare(log: Path | LogTable, rig: Rig) -> Run:
     """One run, with every repair but the signs, which are decided over all runs of a rig."""
-    table = read_table(path, needed=[rig.columns.get(f"{joint}/position", f"{joint}/position") for joint in rig.joints])
+    table = read_table(log, needed=[rig.columns.get(f"{joint}/position", f"{joint}/position") for joint in rig.joints])
+    path = Path(str(log))
     raw = on_rows_of_positions(map_columns(table, rig, path), rig)
     rows = len(table)
     del table
@@ -393,8 +395,9 @@ def _unique_names(runs: list[Run]) -> list[Run]:
     taken: set[str] = set()
     result = []
     for run in runs:
-        shared = sum(other.name == run.name for other in runs) > 1 and run.source is not None
-        base = f"{run.source.parent.name}/{run.name}" if shared and run.source is not None else run.name
+        folder = "" if run.source is None else run.source.parent.name
+        shared = sum(other.name == run.name for other in runs) > 1
+        base = f"{folder}/{run.name}" if shared and folder else run.name
         name, number = base, 2
         while name in taken:
             name, number = f"{base}-{number}", number + 1
@@ -411,7 +414,7 @@ def _require_masses(runs: Sequence[Run], rig: Rig) -> None:
                 load.in_run(run)
 
 
-def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
+def load_runs(paths: Sequence[Path | str | pd.DataFrame | LogTable], rig: Rig) -> list[Run]:
     """Read, check, repair and resample the runs of one rig.
 
     What is repaired is said in `Run.notes`: repeated rows, jitter, lost rows, gaps, missing values, stretches with the
@@ -419,7 +422,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     from all runs together where one alone is not clear). Rows count from 1, the first data row.
 
     Args:
-        paths: Log files; `READERS` lists their formats.
+        paths: Log files, whose formats `READERS` lists, and tables with the columns of a CSV log.
         rig: Names, units and drives.
 
     Raises:
@@ -429,7 +432,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
         >>> [run.name for run in load_runs([leg_log()], leg_rig())]
         ['swing']
     """
-    runs = _unique_names([_prepare(Path(path), rig) for path in paths])
+    runs = _unique_names([_prepare(log, rig) for log in named_logs(paths)])
     require_alike(runs)
     _require_masses(runs, rig)
     refuse_exchanged(runs, rig)
@@ -450,7 +453,7 @@ def load_runs(paths: Sequence[Path | str], rig: Rig) -> list[Run]:
     return result
 
 
-def load_run(path: Path | str, rig: Rig) -> Run:
+def load_run(path: Path | str | pd.DataFrame, rig: Rig) -> Run:
     """Read, check, repair and resample one run; see `load_runs`.
 
     Raises:

@@ -1,7 +1,8 @@
-"""Files to tables: one reader a suffix, in a registry that a user may extend."""
+"""Logs to tables: files by one reader a suffix, in a registry that a user may extend, and tables in memory."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,6 +11,7 @@ import pandas as pd
 import pyarrow.parquet  # type: ignore[import-untyped]
 
 from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
+from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.array_files import Value, read_arrays, read_mat
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
@@ -21,6 +23,60 @@ from drake_tc.logs.json_log import read_json, read_json_lines
 from drake_tc.logs.lerobot import is_data_set, read_data_set, without_lists
 
 Reader = Callable[[Path], pd.DataFrame]
+
+
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """A log in memory.
+
+    Attributes:
+        name: What messages and results call it.
+        table: One row a sample, with the columns that a CSV log has: `time` and `joint/quantity`, or the names that the
+            rig maps.
+    """
+
+    name: str
+    table: pd.DataFrame
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def named_logs(logs: Sequence[Path | str | pd.DataFrame | LogTable], name: str = "log") -> list[Path | LogTable]:
+    """Paths as they are; tables called "log 1", "log 2" and so on by their places among all logs.
+
+    Args:
+        logs: Files, and tables in memory.
+        name: What to call a table, before its number.
+
+    Raises:
+        LogError: No list, or an entry of another type; says what came.
+
+    Example:
+        >>> import pandas as pd
+        >>> [str(log) for log in named_logs(["swing.csv", pd.DataFrame({"time": [0.0]})])]
+        ['swing.csv', 'log 2']
+    """
+    expected = "a path (str or Path) or a DataFrame"
+    if isinstance(logs, Path | str | pd.DataFrame | LogTable) or not isinstance(logs, Sequence):
+        raise LogError(f"{name}: expected a list, each entry {expected}, got {_described(logs)}")
+    found: list[Path | LogTable] = []
+    for number, log in enumerate(logs, 1):
+        if isinstance(log, pd.DataFrame):
+            found.append(LogTable(f"{name} {number}", log))
+        elif isinstance(log, LogTable):
+            found.append(log)
+        elif isinstance(log, Path | str):
+            found.append(Path(log))
+        else:
+            raise LogError(f"{name} {number}: expected {expected}, got {_described(log)}")
+    return found
+
+
+def _described(value: object) -> str:
+    """The type of a value that cannot be used, and the value where it is short."""
+    kind = f"a {type(value).__name__}"
+    return f"{kind} ({quoted(str(value))})" if isinstance(value, str | Path) else kind
 
 
 def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
@@ -148,26 +204,34 @@ def _suffix(path: Path, readers: Mapping[str, Reader]) -> str:
     return max((suffix for suffix in readers if name.endswith(suffix)), key=len, default="")
 
 
-def read_table(path: Path | str, readers: Mapping[str, Reader] = READERS, needed: Collection[str] = ()) -> pd.DataFrame:
-    """Read a log file as it is: names, units and gaps untouched; one row a sample.
+def read_table(
+    path: Path | str | LogTable, readers: Mapping[str, Reader] = READERS, needed: Collection[str] = ()
+) -> pd.DataFrame:
+    """Read a log as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A .csv, .csv.gz, .tsv, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, a ROS bag (`bags`), or the
-            folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ and MAT every vector is a
-            column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so `knee__position` and the struct
-            field `knee.position` both mean `knee/position`. `json_log` has the forms of a JSON log.
+        path: A log in memory, or a .csv, .csv.gz, .tsv, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, a ROS bag
+            (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ and MAT
+            every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
+            `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
+            a JSON log.
         readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.
 
     Raises:
         LogError: Not a file, an unknown suffix, unreadable content, or no rows.
     """
-    source = source_of(Path(path))
-    table = _table_of(source, readers, needed)
+    if isinstance(path, LogTable):
+        where = Path(path.name)
+        table = path.table.reset_index(drop=True)
+        table.attrs = {}  # those of the owner are not those of the readers
+    else:
+        source = source_of(Path(path))
+        where, table = source.path, _table_of(source, readers, needed)
     if len(table) == 0:
-        raise LogError(f"{source.path}: no rows; record at least a few seconds of motion")
+        raise LogError(f"{where}: no rows; record at least a few seconds of motion")
     names = [str(name).strip() for name in table.columns]
-    refuse_repeated(source.path, names)
+    refuse_repeated(where, names)
     table.columns = pd.Index(names)
     return table
 

@@ -20,7 +20,7 @@ class Run:
 
     Attributes:
         name: The file's name without its ending(s); unique within one call.
-        source: The file it came from, or None for a run made in memory.
+        source: The file or the name of the table that it was read from; None for a run that was not read.
         time: (T,) [s], strictly increasing.
         period: The sampling period inside every segment [s].
         columns: Canonical column name (`joint/position`, `joint/torque`, ...) to (T,) values, all finite

@@ -58,6 +58,7 @@ from drake_tc.report.words import (
     band_sentence,
     capital,
     dependence_words,
+    floors_left,
     headline,
     ranked_effects,
     structure_words,
@@ -246,11 +247,6 @@ def _short(path: str) -> str:
     return re.split(r"[\\/]", path)[-1]
 
 
-def _floors(joint: JointResult) -> float:
-    """Held-out error in noise floors; what is left is not assessed where the set-up is wrong."""
-    return joint.after.heldout / joint.noise_floor if joint.set_up_wrong else joint.unexplained.floors
-
-
 def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Executor | None) -> dict[str, Any]:
     """What the template shows of one joint."""
     held = residual_cards(joint, joint.heldout, f"{prefix}-held", budget.held, executor)
@@ -305,7 +301,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
             "confined_to": left.confined_to,
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",
             "explainable": scale.quantity(left.explainable_rms),
-            "floors": significant(_floors(joint), 2),
+            "floors": significant(floors_left(joint), 2),
             "share": percent(left.share_of_signal),
             "band": band_sentence(joint),
             "shaded": joint.shared_band is not None and joint.shared_band.limit_hz > 0.0,

@@ -64,9 +64,31 @@ _STYLE = {
 }
 
 
-def new_figure(width: float, height: float) -> Figure:
+SCREEN_PIXELS_PER_INCH = 96
+"""At which a notebook shows a figure in its own size."""
+
+
+class NotebookFigure(Figure):
+    """A figure that a notebook shows by itself, also where no plotting backend of a notebook is loaded."""
+
+    def png(self) -> bytes:
+        """The picture."""
+        stream = io.BytesIO()
+        self.savefig(stream, format="png", dpi=PIXELS_PER_INCH)
+        return stream.getvalue()
+
+    @property
+    def screen_width(self) -> int:
+        """Of the picture [pixels]."""
+        return round(SCREEN_PIXELS_PER_INCH * float(self.get_figwidth()))
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        return self.png(), {"width": self.screen_width}
+
+
+def new_figure(width: float, height: float) -> NotebookFigure:
     """An empty figure of width by height [inch] that draws in the page's style; use it inside `page_style`."""
-    figure = Figure(figsize=(width, height))
+    figure = NotebookFigure(figsize=(width, height))
     figure.subplots_adjust(
         left=0.5 / width, right=1.0 - 0.08 / width, bottom=0.42 / height, top=1.0 - 0.24 / height, hspace=0.12
     )

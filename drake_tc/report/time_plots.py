@@ -4,18 +4,31 @@ Measured and modelled effort and position of each run over time, thinned to what
 """
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.run_errors import MODELS
 from drake_tc.report.numbers import Scale, scale_for
 from drake_tc.report.rows import extreme_samples
-from drake_tc.report.svg import AFTER, BEFORE, INK, REFINED, new_figure, page_style, to_svg
+from drake_tc.report.svg import (
+    AFTER,
+    BEFORE,
+    INK,
+    MUTED,
+    REFINED,
+    SHADE,
+    NotebookFigure,
+    new_figure,
+    page_style,
+    to_svg,
+)
 from drake_tc.types import FloatArray, IntArray
 
 GAP_ROWS = 1.5
@@ -99,7 +112,9 @@ def position_traces(free_run: Mapping[str, Mapping[str, FloatArray]], heldout: S
 
 
 SIZE = (8.6, 3.1)
-PICTURE_SAMPLES = 500
+PICTURE_SAMPLES, FIGURE_SAMPLES = 500, 4000
+NAMED = 3
+"""Runs that the title of a figure names."""
 WORST_S = 3.0
 LEVELS = 65534
 """Steps of a value between the smallest and the largest of its line; the number -32768 stands for a break."""
@@ -200,24 +215,70 @@ def _encoded(values: np.ndarray[Any, Any]) -> str:
 
 def _picture(trace: Trace, quantity: str, name: str, value: Scale, error: Scale) -> str:
     """Values above, errors below, without anything to click."""
-    thin = trace.thinned(PICTURE_SAMPLES)
-    looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid"), "refined": (REFINED, (0, (1, 1)))}
     with page_style(name):
         figure = new_figure(*SIZE)
-        grid = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
-        top: Any = figure.add_subplot(grid[0])
-        bottom: Any = figure.add_subplot(grid[1], sharex=top)
-        top.plot(thin.time, thin.measured * value.factor, color=INK, linewidth=1.6, label="measured")
-        for key, line in thin.errors.items():
-            colour, dash = looks[key]
-            modelled = (thin.measured + line) * value.factor
-            top.plot(thin.time, modelled, color=colour, linestyle=dash, linewidth=1.1, label=f"model {key}")
-            bottom.plot(thin.time, line * error.factor, color=colour, linestyle=dash, linewidth=1.0)
-        top.tick_params(labelbottom=False)
-        top.set_ylabel(f"{quantity} [{value.unit}]")
-        top.set_title(trace.run)
-        top.margins(x=0.0, y=0.16)
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, handlelength=1.8, borderaxespad=0.0)
-        bottom.set_ylabel(f"error [{error.unit}]")
-        bottom.set_xlabel("time [s]")
+        _draw(figure, trace.thinned(PICTURE_SAMPLES), quantity, value, error)
         return to_svg(figure, f"{quantity} over time, {trace.run}: measured and modelled")
+
+
+def _draw(figure: Figure, trace: Trace, quantity: str, value: Scale, error: Scale) -> tuple[Any, Any]:
+    """Draw values above and errors below; returns both frames."""
+    looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid"), "refined": (REFINED, (0, (1, 1)))}
+    grid = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
+    top: Any = figure.add_subplot(grid[0])
+    bottom: Any = figure.add_subplot(grid[1], sharex=top)
+    top.plot(trace.time, trace.measured * value.factor, color=INK, linewidth=1.6, label="measured")
+    for key, line in trace.errors.items():
+        colour, dash = looks[key]
+        modelled = (trace.measured + line) * value.factor
+        top.plot(trace.time, modelled, color=colour, linestyle=dash, linewidth=1.1, label=f"model {key}")
+        bottom.plot(trace.time, line * error.factor, color=colour, linestyle=dash, linewidth=1.0, label=key)
+    top.tick_params(labelbottom=False)
+    top.set_ylabel(f"{quantity} [{value.unit}]")
+    top.set_title(trace.run)
+    top.margins(x=0.0, y=0.16)
+    top.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, handlelength=1.8, borderaxespad=0.0)
+    bottom.set_ylabel(f"error [{error.unit}]")
+    bottom.set_xlabel("time [s]")
+    return top, bottom
+
+
+def residual_figure(joint: JointResult) -> NotebookFigure:
+    """Measured and modelled effort on the held-out runs, end to end, and below it the residuals before and after.
+
+    The band about zero is the noise floor. The residual is modelled minus measured effort (`effort_traces`).
+    """
+    traces = [trace for trace in effort_traces(joint) if trace.heldout]
+    joined, starts = _end_to_end(traces)
+    value = scale_for(_largest(joined.measured), joint.unit)
+    error = scale_for(max(map(_largest, joined.errors.values())), joint.unit)
+    with page_style(joint.joint):
+        figure = new_figure(*SIZE)
+        figure.patch.set(facecolor="white", alpha=1.0)
+        top, bottom = _draw(figure, joined.thinned(FIGURE_SAMPLES), "effort", value, error)
+        floor = joint.noise_floor * error.factor
+        if np.isfinite(floor):
+            bottom.axhspan(-floor, floor, color=SHADE, linewidth=0)
+        for start in starts[1:]:
+            for axes in (top, bottom):
+                axes.axvline(start, color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
+        bottom.set_ylabel(f"residual [{error.unit}]")
+        bottom.set_xlabel("time, runs end to end [s]" if len(traces) > 1 else "time [s]")
+        FigureCanvasAgg(figure)
+    return figure
+
+
+def _end_to_end(traces: Sequence[Trace]) -> tuple[Trace, Sequence[float]]:
+    """The traces one after the other with a break between them, and where each begins [s]."""
+    starts, at = [], 0.0
+    for trace in traces:
+        starts.append(at)
+        at += float(trace.time[-1])
+    clocks = [start + np.append(trace.time, trace.time[-1]) for trace, start in zip(traces, starts, strict=True)]
+
+    def lines(of: Callable[[Trace], FloatArray]) -> FloatArray:
+        return np.concatenate([np.append(of(trace), np.nan) for trace in traces])[:-1]
+
+    errors = {"before": lines(lambda t: t.errors["before"]), "after": lines(lambda t: t.errors["after"])}
+    name = ", ".join(trace.run for trace in traces[:NAMED]) + (" ..." if len(traces) > NAMED else "")
+    return Trace(name, True, np.concatenate(clocks)[:-1], lines(lambda t: t.measured), errors), starts

@@ -105,6 +105,11 @@ def verdict_words(joint: JointResult) -> str:
     return WRONG_SET_UP if joint.set_up_wrong else VERDICTS[joint.verdict]
 
 
+def floors_left(joint: JointResult) -> float:
+    """Held-out error in noise floors; what is left is not assessed where the set-up is wrong."""
+    return joint.after.heldout / joint.noise_floor if joint.set_up_wrong else joint.unexplained.floors
+
+
 def headline(joint: JointResult) -> str:
     """One or two sentences: what was missing, what it did to the held-out error, what that leaves."""
     before, after, floor = joint.before.heldout, joint.after.heldout, joint.noise_floor

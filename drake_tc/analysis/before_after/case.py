@@ -165,7 +165,7 @@ def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
         RigError: the rig file is not there any more.
         ParamsError: no robot and no pendulum, or logs without a common stretch.
     """
-    rig = load_rig(result.rig_file, None if result.declared_file is None else Path(result.declared_file))
+    rig = load_rig(result.rig_file) if result.rig is None else result.rig
     sides = {name: joint.heldout.samples for name, joint in result.joints.items()}
     if not one_clock(list(sides.values())):
         raise ParamsError("the joints' held-out rows count different samples, so there is no common motion")

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import Note
@@ -12,10 +12,20 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexp
 from drake_tc.diagnosis.result.experiments import NextExperiment
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.refinement import Refinement
+from drake_tc.diagnosis.result.shown import html_of, residual_plot, text_of
 from drake_tc.diagnosis.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from drake_tc.actuation.model import ActuatorModel
+
+INTERVAL_COLUMNS = ("effect", "parameter", "value", "low", "high", "unit")
+"""Of `JointResult.intervals`."""
 
 Rejection = Literal["too_little_evidence", "cannot_be_looked_for", "not_recorded", "not_excited"]
 """Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`)."""
@@ -93,7 +103,7 @@ class RejectedEffect:
 
 @dataclass(frozen=True)
 class JointResult:
-    """One joint's diagnosis.
+    """One joint's diagnosis. Its `repr` is the verdict and a table; a notebook shows the residual too.
 
     `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
     what an unknown load, and the drive's declared scale and damping, mean for this result; they are among the `notes`
@@ -134,6 +144,45 @@ class JointResult:
     units: JointUnits = TURNING
     held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     correlation: Correlation | None = None
+
+    def __repr__(self) -> str:
+        return text_of(self)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
+    @property
+    def model(self) -> "ActuatorModel":
+        """The model after, as model_after.yaml holds it."""
+        from drake_tc.diagnosis.result.models import model_of
+
+        return model_of(self, final=True)
+
+    @property
+    def model_before(self) -> "ActuatorModel":
+        """The declared model with its fitted parameters, as model_before.yaml holds it."""
+        from drake_tc.diagnosis.result.models import model_of
+
+        return model_of(self, final=False)
+
+    @property
+    def intervals(self) -> "pd.DataFrame":
+        """One row a parameter of the final model: effect, parameter, value, ends of its 95 % interval, unit.
+
+        An end is infinite where the logs do not limit the parameter on that side.
+        """
+        import pandas as pd
+
+        rows = [
+            (key, name, estimate.value, *estimate.ci95, estimate.unit)
+            for key, group in self.final_parameters.items()
+            for name, estimate in group.items()
+        ]
+        return pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
+
+    def plot_residual(self) -> "Figure":
+        """Measured and modelled effort on the held-out runs, and the residuals before and after, over time."""
+        return residual_plot(self)
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:

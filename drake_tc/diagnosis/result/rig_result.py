@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.notes import Note
@@ -9,9 +10,17 @@ from drake_tc.diagnosis.problem.estimates import Estimate
 from drake_tc.diagnosis.residual.unexplained import Verdict
 from drake_tc.diagnosis.result.closed_loop import ClosedLoop
 from drake_tc.diagnosis.result.export_trial import ExportTrial
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.joint_result import INTERVAL_COLUMNS, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
+from drake_tc.diagnosis.result.shown import html_of, text_of
+from drake_tc.errors import DrakeTcError
+from drake_tc.logs.rig import Rig
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from drake_tc.actuation.model import ActuatorModel
 
 
 @dataclass(frozen=True)
@@ -41,10 +50,13 @@ class SharedEffect:
 class CloseLoopResult:
     """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it.
 
+    Its `repr` is the verdict and a table of each joint; a notebook shows the residuals too. `result["knee"]` is the
+    result of one joint.
+
     `links` are the links' inertial parameters where the rig asks for them to be fitted.
     `set_up` is what the logs of a robot whose links are fitted say against its rig file and robot file, where the
     declared model leaves much of an effort; with `set_up.errors`, no effects were looked for.
-    `declared_file` is the file of another simulator whose model was declared, if one was given beside the rig.
+    `rig` is what the owner said of it, with what a file of another simulator declares.
     `export` is the trial of the model in another simulator, where one was asked for.
     `hints` call for a change of the rig file or a log: a column that may have been forgotten in the rig file, a wrong
     sign, or an encoder that lost its zero; they are among the joints' notes too.
@@ -64,10 +76,40 @@ class CloseLoopResult:
     uncertainty: TorqueUncertainty | None = None
     links: FittedLinks | None = None
     hints: tuple[str, ...] = ()
-    declared_file: str | None = None
+    rig: Rig | None = None
     export: ExportTrial | None = None
     set_up: SetUpCheck | None = None
     notes: tuple[Note, ...] = ()
+
+    def __getitem__(self, joint: str) -> JointResult:
+        """The result of one joint.
+
+        Raises:
+            DrakeTcError: No joint of this name; lists those that there are.
+        """
+        if joint not in self.joints:
+            raise DrakeTcError(f"no joint {joint!r}; joints here: {', '.join(self.joints)}")
+        return self.joints[joint]
+
+    def __repr__(self) -> str:
+        return text_of(self)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
+    @property
+    def models(self) -> "dict[str, ActuatorModel]":
+        """The models after, by joint, as model_after.yaml holds them."""
+        return {name: joint.model for name, joint in self.joints.items()}
+
+    @property
+    def intervals(self) -> "pd.DataFrame":
+        """`JointResult.intervals` of all joints, with a first column `joint`."""
+        import pandas as pd
+
+        return pd.concat(
+            [joint.intervals.assign(joint=name) for name, joint in self.joints.items()], ignore_index=True
+        )[["joint", *INTERVAL_COLUMNS]]
 
     @property
     def has_wrong_set_up(self) -> bool:
