@@ -1,8 +1,9 @@
 """A map of stability over any two numbers of a `JointLoop`: spectral radius, sensitivity peak or another figure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -97,9 +98,8 @@ class StabilityMap:
         }
 
 
-def map_point(point: tuple[JointLoop, dict[str, float], Figure], seed: int) -> tuple[float, float]:
+def map_point(loop: JointLoop, figure: Figure, values: dict[str, float], seed: int) -> tuple[float, float]:
     """(figure, spectral radius) of one point; the seed is not used."""
-    loop, values, figure = point
     changed = with_values(loop, values)
     radius = changed.spectral_radius()
     if figure == "spectral_radius":
@@ -127,26 +127,29 @@ def stability_map(
         progress: Told how many points are done, and which share.
 
     Raises:
-        ParamsError: the same parameter twice, an unknown figure, or more than a million points.
+        ParamsError: the same parameter twice, an unknown figure, more than a million points, or none can be computed.
     """
     if figure not in get_args(Figure):
         raise ParamsError(f"map: no figure {figure!r}; possible: {', '.join(get_args(Figure))}")
     if x.name == y.name or len(x.values) * len(y.values) > MOST_POINTS:
         raise ParamsError(f"map: expected two parameters and at most {MOST_POINTS} points, got {x.name} and {y.name}")
-    points: Sequence[tuple[JointLoop, dict[str, float], Figure]] = [
-        (loop, {x.name: across, y.name: up}, figure) for up in y.values for across in x.values
-    ]
+    points = [{x.name: across, y.name: up} for up in y.values for across in x.values]
     failed: tuple[str, ...] = ()
     try:
-        results = sweep(map_point, points, executor=executor, progress=progress)
+        results = sweep(partial(map_point, loop, figure), points, executor=executor, progress=progress)
     except SweepError as error:
+        failed = tuple(f"{_text(points[point.index])}: {point.why}" for point in error.failed)
         if all(result is None for result in error.results):
-            raise
+            raise ParamsError(f"map: no point can be computed; {failed[0]}") from error
         results = [(np.nan, np.nan) if result is None else result for result in error.results]
-        failed = tuple(map(str, error.failed))
     grid = np.array(results, dtype=np.float64).reshape(len(y.values), len(x.values), 2)
     present = (value_of(loop, x.name), value_of(loop, y.name))
     return StabilityMap(x, y, figure, grid[..., 0], grid[..., 1], present, failed)
+
+
+def _text(values: Mapping[str, float]) -> str:
+    """As in "window = 40, kp = 2"."""
+    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
 
 
 def draw_map(figure: Any, found: StabilityMap) -> None:

@@ -72,7 +72,8 @@ def run_points(function: Function, points: Sequence[tuple[int, Any]], seed: int,
         try:
             out.append(function(point, point_seed(seed, index)))
         except Exception as error:
-            out.append(failed(index, point, f"{type(error).__name__}: {error}"))
+            name = "" if isinstance(error, DrakeTcError) else f"{type(error).__name__}: "
+            out.append(failed(index, point, f"{name}{error}"))
     return out
 
 
