@@ -142,7 +142,7 @@ def test_diagrams_are_short_and_the_papers_apart():
     own = [p for p in (ROOT / "diagrams").rglob("*") if p.suffix in (".py", ".yaml", ".md") and "papers" not in p.parts]
     lines = {p.name: len(p.read_text("utf-8").splitlines()) for p in own}
     assert 0 < sum(lines.values()) < 4000
-    assert {name: count for name, count in lines.items() if name.endswith(".py") and count > 120} == {}
+    assert {name: count for name, count in lines.items() if name.endswith(".py") and count > 150} == {}
 
 
 def test_the_blind_rigs_share_no_formula_with_the_diagnosis():

@@ -106,8 +106,9 @@ def verdict_words(joint: JointResult) -> str:
 
 
 def floors_left(joint: JointResult) -> float:
-    """Held-out error in noise floors; what is left is not assessed where the set-up is wrong."""
-    return joint.after.heldout / joint.noise_floor if joint.set_up_wrong else joint.unexplained.floors
+    """Held-out error in noise floors, also where what is left was not assessed."""
+    assessed = joint.unexplained.floors > 0.0 or joint.noise_floor <= 0.0
+    return joint.unexplained.floors if assessed else joint.after.heldout / joint.noise_floor
 
 
 def headline(joint: JointResult) -> str:
