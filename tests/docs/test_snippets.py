@@ -3,10 +3,12 @@
 import json
 import shlex
 import shutil
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from public_examples import namespace
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
@@ -54,12 +56,25 @@ def knee(tmp_path, monkeypatch):
 
 
 def test_the_readme_uses_the_model(knee):
-    (block,) = blocks("README.md", "python")
+    _, block = blocks("README.md", "python")
     names: dict[str, object] = {}
     exec(compile(block.text, "README.md", "exec"), names)
     expected = 2e-4 * (20.0 + 4.0 + 2.0 * 0.5)  # K (tau_d + F sign(v) + b v), no acceleration
     np.testing.assert_allclose(names["effort"], [expected], rtol=1e-12)
     assert names["actuators"].get_input_port(0).size() == 1
+
+
+def test_the_readme_closes_the_loop_in_python(tmp_path, monkeypatch):
+    made = namespace(tmp_path)
+    shutil.copy(made["leg_rig_file"](), tmp_path / "rig.yaml")
+    for seed, name in enumerate(("postures", "sinusoid", "multisine")):
+        shutil.copy(made["leg_log"](seed), tmp_path / f"{name}.csv")
+    monkeypatch.chdir(tmp_path)
+    block, _ = blocks("README.md", "python")
+    names: dict[str, Any] = {}
+    exec(compile(block.text, "README.md", "exec"), names)
+    assert names["result"].heldout_files == ("multisine.csv",)
+    assert repr(names["result"]).startswith("verdict: No missing effect found")
 
 
 def test_an_arm_with_fitted_links_is_a_robot_and_a_rig(tmp_path):
