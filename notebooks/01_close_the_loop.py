@@ -81,16 +81,15 @@ plt.show()
 
 # %%
 result = write_results(close_loop(rig_file, logs, holdout, free_run=rig_free_run), folder / "out")
-joint = result.joints[JOINT]
-print(f"verdict: {joint.verdict}\n")
-print(f"{'RMS error [mrad]':<18}{'train':>8}{'held out':>10}{'free run':>10}")
-for name, error in (("before", joint.before), ("after", joint.after)):
-    print(f"{name:<18}{1e3 * error.train:8.3f}{1e3 * error.heldout:10.3f}{1e3 * error.free_run_heldout:10.3f}")
-print(f"{'noise floor':<18}{'':8}{1e3 * joint.noise_floor:10.3f}\n")
-for effect in joint.effects:
-    print(effect.title)
-    for name, p in effect.parameters.items():
-        print(f"  {name:<20}{p.value:10.4g} {p.unit:<8} 95 %: {p.ci95[0]:.4g} to {p.ci95[1]:.4g}")
+print(result)
+
+# %% [markdown]
+# Printed, a result is what the command prints; as the last line of a cell it has the plot of the residual beside it:
+# measured and modelled effort on the run that was held out, and what each model leaves.
+
+# %%
+joint = result[JOINT]
+joint.plot_residual()
 
 # %% [markdown]
 # ## 3. See it

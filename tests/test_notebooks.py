@@ -11,7 +11,7 @@ import pytest
 FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
 SCRIPTS = sorted(FOLDER.glob("*.py"))
 SAID = {
-    "01_close_the_loop": ("verdict: effects_found", "dead zone of the drive"),
+    "01_close_the_loop": ("(effects_found)", "+ deadzone", "+ stribeck"),
     "02_leg_torque_control": (
         "encoder/missing flagged",
         "imu/frozen flagged",
