@@ -186,23 +186,29 @@ def _tracking(loop: JointClosedLoop, units: JointUnits) -> str:
 
 
 def _errors_table(joint: JointResult) -> Table:
-    table = Table(box=None, padding=(0, 2))
-    for header in ("", "train", "held-out", escape(f"free run [{joint.units.position}]")):
-        table.add_column(header, justify="left" if not header else "right")
-    absolute = mean_absolute_errors(joint)
+    """Errors before and after; the free runs where they were simulated."""
+    unit, absolute = joint.unit, mean_absolute_errors(joint)
+    rows: list[tuple[str, float | None, float | None, float | None]] = []
     for name, errors in (("before", joint.before), ("after", joint.after)):
-        free = "-" if errors.free_run_heldout is None else f"{errors.free_run_heldout:.3g}"
-        table.add_row(name, f"{errors.train:.3g} {joint.unit}", f"{errors.heldout:.3g} {joint.unit}", free)
-        figures = [(absolute[name]["train"], f" {joint.unit}"), (absolute[name]["heldout"], f" {joint.unit}")]
-        figures.append((absolute[name]["free_run_heldout"], ""))
-        table.add_row("  mean absolute", *("-" if value is None else f"{value:.3g}{unit}" for value, unit in figures))
+        mean = absolute[name]
+        rows.append((name, errors.train, errors.heldout, errors.free_run_heldout))
+        rows.append(("  mean absolute", mean["train"], mean["heldout"], mean["free_run_heldout"]))
     refined = joint.refinement
     if refined is not None and refined.accepted:
-        figures = [(refined.error_train, joint.unit), (refined.error_heldout, joint.unit)]
-        cells = ["-" if value is None else f"{value:.3g} {unit}" for value, unit in figures]
-        free = "-" if refined.free_run_heldout is None else f"{refined.free_run_heldout:.3g}"
-        table.add_row("refined", *cells, free)
-    table.add_row("noise floor", "", f"{joint.noise_floor:.3g} {joint.unit}", "")
+        rows.append(("refined", refined.error_train, refined.error_heldout, refined.free_run_heldout))
+    free_run = any(free is not None for *_, free in rows)
+    table = Table(box=None, padding=(0, 2))
+    headers = ["", "train", "held-out", *([escape(f"free run [{joint.units.position}]")] if free_run else [])]
+    for header in headers:
+        table.add_column(header, justify="left" if not header else "right")
+    for name, train, heldout, free in rows:
+        cells = (_figure(train, f" {unit}"), _figure(heldout, f" {unit}"), _figure(free))
+        table.add_row(name, *cells[: len(headers) - 1])
+    table.add_row("noise floor", "", _figure(joint.noise_floor, f" {unit}"))
     if joint.noise_floor > 0.0:
-        table.add_row("noise floors left", "", f"{floors_left(joint):.3g}", "")
+        table.add_row("noise floors left", "", _figure(floors_left(joint)))
     return table
+
+
+def _figure(value: float | None, unit: str = "") -> str:
+    return "-" if value is None else f"{value:.3g}{unit}"
