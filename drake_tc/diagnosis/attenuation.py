@@ -15,7 +15,8 @@ import numpy as np
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import JITTER, Posterior
 from drake_tc.diagnosis.model import Split, with_clean, with_needed
-from drake_tc.diagnosis.priors import NOISE_LEVEL
+from drake_tc.diagnosis.priors import ALTERNATIVE, NOISE_LEVEL
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Signals
 from drake_tc.types import BoolArray, FloatArray
 
@@ -53,6 +54,25 @@ def corrected(evidence: Evidence, scored: Scored) -> Scored:
     sizes = np.outer(*2 * [1.0 / np.sqrt(np.diag(covariance))])
     hessian = sizes * np.linalg.pinv(covariance * sizes, rcond=JITTER, hermitian=True)
     return replace(scored, posterior=Posterior(beta, np.asarray(hessian), held.variance, held.log_evidence))
+
+
+def without_noise(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
+    """The set without effects that noise in the columns alone asks for, and these.
+
+    Less of a noisy column leaves less noise. Without that, the coefficients of such an effect can be 0.
+    """
+    true, at, dropped = corrected(evidence, scored), 1, list[Term]()
+    covariance = true.posterior.covariance
+    for term in scored.terms:
+        own = slice(at, at + len(term.effect.coefficients))
+        at = own.stop
+        b = true.posterior.beta[own]
+        odds = 0.5 * float(b @ np.linalg.lstsq(covariance[own, own], b, rcond=None)[0])
+        if b.size and not evidence.model.is_declared(term.effect) and odds < ALTERNATIVE:
+            dropped.append(term)
+    if not dropped:
+        return scored, ()
+    return evidence.refined(evidence.score([t for t in scored.terms if t not in dropped])), tuple(dropped)
 
 
 def _positive(evidence: Evidence, scored: Scored) -> BoolArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.attenuation import corrected
+from drake_tc.diagnosis.attenuation import corrected, without_noise
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.load_scale import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
@@ -16,7 +16,7 @@ from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel, Split, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import CANNOT_TELL, DECLARED_CONTRIBUTION, DISTORTED, NAMED_FLOORS
+from drake_tc.diagnosis.priors import ALTERNATIVE, CANNOT_TELL, DECLARED_CONTRIBUTION, DISTORTED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -117,6 +117,8 @@ def decided(found: Found) -> Decided:
     """The most probable set without effects that do not hold, and without those that are too small."""
     evidence, best = _resettled(found.evidence, found.best, pruned(found.evidence, found.best))
     without, noisy = timing_holds(evidence, best)
+    without, noise = without_noise(evidence, pruned(evidence, without))
+    noisy = (*noisy, *noise)
     evidence, best = _resettled(evidence, best, pruned(evidence, without))
     without, dropped = confirmed(evidence, best)
     evidence, best = _resettled(evidence, best, pruned(evidence, without))
@@ -228,12 +230,17 @@ def joint_model(prepared: Prepared) -> JointModel:
 
 
 def _without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
-    """The set without what noise takes off its coefficients, linearised there, where that is physically possible."""
+    """The set without what noise takes off its coefficients, linearised there where it is as probable there.
+
+    The set itself where what is left of it is physically impossible.
+    """
     evidence = decision.found.evidence
     first = corrected(evidence, decision.best)
     there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
-    best = corrected(there, there.refined(there.score(decision.best.terms)))
-    return (there, best) if possible(there, best) else (evidence, decision.best)
+    moved = there.refined(there.score(decision.best.terms))
+    if moved.log_odds > decision.best.log_odds - ALTERNATIVE:
+        evidence, first = there, corrected(there, moved)
+    return (evidence, first) if possible(evidence, first) else (decision.found.evidence, decision.best)
 
 
 def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:

@@ -175,15 +175,14 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         pool = pools[-1]
         found = pool[0]
         tried = [settled(used, s) for used, each in zip(starts, pools, strict=True) for s in _contenders(each)]
-        evidence, best = simplest(tried)
-        sound += [pair for pair in tried if pair[0].distortion(pair[1]) <= DISTORTED]
+        sound = [pair for pair in tried if pair[0].distortion(pair[1]) <= DISTORTED]
+        evidence, best = _trusted(first, simplest(tried), sound)
         if number and best.ids == before:
             break
     if evidence.distortion(best) > DISTORTED:
-        evidence, best, pool = _imperfect(first, effects)
-        found = best
-        if sound and _better(first, simplest(sound)[1], best):
-            evidence, best = simplest(sound)
+        imperfect, own, pool = _imperfect(first, effects)
+        found = own
+        evidence, best = _trusted(first, (imperfect, own), sound)
     near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
     return Found(evidence, best, tuple(near))
@@ -216,6 +215,19 @@ def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence,
     odds = max(each.log_odds for _, each in settled_sets)
     near = [(evidence, each) for evidence, each in settled_sets if each.log_odds >= odds - ALTERNATIVE]
     return min(near, key=lambda pair: (len(pair[1].terms), pair[1].coefficients + pair[1].shapes, -pair[1].log_odds))
+
+
+def _trusted(
+    first: Evidence, winner: tuple[Evidence, Scored], sound: Sequence[tuple[Evidence, Scored]]
+) -> tuple[Evidence, Scored]:
+    """The winner, or the most probable sound set where the winner is distorted and no better with rows alike.
+
+    A discrepancy as large as the effort makes a set probable that explains nothing.
+    """
+    if not sound or winner[0].distortion(winner[1]) <= DISTORTED:
+        return winner
+    other = simplest(sound)
+    return other if other[1].ids == winner[1].ids or _better(first, other[1], winner[1]) else winner
 
 
 def _better(evidence: Evidence, one: Scored, other: Scored) -> bool:

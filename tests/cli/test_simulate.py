@@ -220,7 +220,7 @@ def test_a_scenario_file_of_ones_own(invoke, tmp_path):
         (["hrp2_leg", "--seed", "0.5"], ["--seed"]),
         (["hrp2_leg", "--log-format", "mat"], ["--log-format", "csv, parquet or npz", "'mat'"]),
         (["hrp2_leg", "twice"], ["twice"]),
-        ([], ["diagram"]),
+        ([], ["DIAGRAM"]),
     ],
 )
 def test_a_slip_is_one_line(invoke, arguments, words):

@@ -78,7 +78,7 @@ def test_closed_form_logs_give_back_both_coefficients(closed_form, declared):
     gain, damping = drive_estimates(declared, closed_form)
     assert_allclose([gain.truth, damping.truth], [GAIN, GAIN * VISCOUS], rtol=1e-12)
     assert abs(gain.error) < 2e-3
-    assert abs(damping.error) < 0.2 * damping.half / damping.value  # the age of the command looks like damping
+    assert abs(damping.error) < 0.5 * damping.half / damping.value  # the age of the command looks like damping
     assert gain.inside(2.0, calibrated=True)
 
 
