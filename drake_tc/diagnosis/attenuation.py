@@ -9,6 +9,7 @@ the columns and the whitening as the channel itself did, so that no effect needs
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -61,18 +62,19 @@ def without_noise(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Ter
 
     Less of a noisy column leaves less noise. Without that, the coefficients of such an effect can be 0.
     """
-    true, at, dropped = corrected(evidence, scored), 1, list[Term]()
-    covariance = true.posterior.covariance
-    for term in scored.terms:
-        own = slice(at, at + len(term.effect.coefficients))
-        at = own.stop
-        b = true.posterior.beta[own]
-        odds = 0.5 * float(b @ np.linalg.lstsq(covariance[own, own], b, rcond=None)[0])
-        if b.size and not evidence.model.is_declared(term.effect) and odds < ALTERNATIVE:
-            dropped.append(term)
-    if not dropped:
+    asked = [t for t in scored.terms if t.effect.coefficients and not evidence.model.is_declared(t.effect)]
+    if not asked:
         return scored, ()
-    return evidence.refined(evidence.score([t for t in scored.terms if t not in dropped])), tuple(dropped)
+    true = corrected(evidence, scored).posterior
+    ends = np.cumsum([1, *(len(t.effect.coefficients) for t in scored.terms)])
+    places = {t.effect.key: slice(*pair) for t, pair in zip(scored.terms, pairwise(ends), strict=True)}
+
+    def odds(own: slice) -> float:
+        b = true.beta[own]
+        return 0.5 * float(b @ np.linalg.lstsq(true.covariance[own, own], b, rcond=None)[0])
+
+    noise = tuple(t for t in asked if odds(places[t.effect.key]) < ALTERNATIVE)
+    return evidence.refined(evidence.score([t for t in scored.terms if t not in noise])) if noise else scored, noise
 
 
 def _positive(evidence: Evidence, scored: Scored) -> BoolArray:

@@ -543,10 +543,7 @@ def with_needed(
 
 
 def with_clean(first: Split, *, measured: bool) -> Split:
-    """The split with its columns computed from the latent effort and, of a `measured` load, from what it means.
-
-    Two channels of which each has its own noise would together explain the noise of the residual.
-    """
+    """The split with its columns computed from the most probable effort and, if it is `measured`, load (`latent`)."""
     samples = first.samples
     s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent

@@ -125,7 +125,7 @@ def fitted_noise(rows: Rows, residual: FloatArray, *, slow: bool = True) -> Nois
         return alike
     tried = [NoiseModel(r, memory) for r in RATIOS for memory in (MEMORIES_S if r > 0.0 else MEMORIES_S[:1])]
     found = []
-    for rest in {0.0, alike.rest}:
+    for rest in sorted({0.0, alike.rest}):
         best = max((replace(model, rest=rest) for model in tried), key=likelihood)
         found.append(near_rest(best))
     return max(found, key=likelihood)

@@ -167,7 +167,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     an effect that is missing makes this residual slow, with all rows too.
     """
     declared, first = evidence.model.declared, evidence
-    best, sound = evidence.score(declared), list[tuple[Evidence, Scored]]()
+    best = evidence.score(declared)
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
         starts = _first(evidence) if number == 0 else [evidence]

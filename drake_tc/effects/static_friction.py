@@ -22,7 +22,7 @@ class StaticFriction(EquationEffect):
 
     A Stribeck peak is seen while the joint slides slowly; this one only as the effort at which the joint breaks away.
     The regression takes no rows at rest, where friction can be anything up to its limit, so the effect is not searched
-    for: `drake_tc.identification.pull_tests` finds the level from the events in which the joint starts to move.
+    for: `drake_tc.identification.break_away` finds the level from the events in which the joint starts to move.
     """
 
     id = "static_friction"

@@ -128,11 +128,6 @@ class SmoothLoad(UnknownLoadEffect):
     )
     signature = Signature(x="position", split="", look_for="one curve for both directions of motion")
 
-    @property
-    def middle_level(self) -> int:
-        """Index of the level that is 0 where the logs cannot tell the mean of the curve."""
-        return (self.intervals + 3) // 2
-
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """The recorded positions."""
         return [{"curve_start": context.position_span[0], "curve_end": context.position_span[1]}]

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.stats import t as student
 
 from drake_tc.errors import IdentificationError
-from drake_tc.identification.pull_tests import Pull, find_pulls, most_common
 from drake_tc.logs.record import Run
 from drake_tc.types import BoolArray, FloatArray
+from tests.benchmarks.pulls import Pull, find_pulls, most_common
 
 
 @dataclass(frozen=True)

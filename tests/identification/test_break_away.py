@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.identification.pull_tests import break_away
+from drake_tc.identification.break_away import break_away
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench.diagram import Table
 from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench

@@ -12,7 +12,7 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexp
 from drake_tc.diagnosis.result.experiments import NextExperiment
 from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
 from drake_tc.diagnosis.result.refinement import Refinement
-from drake_tc.diagnosis.result.shown import html_of, residual_plot, text_of
+from drake_tc.diagnosis.result.shown import Shown, residual_plot
 from drake_tc.diagnosis.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
@@ -101,8 +101,8 @@ class RejectedEffect:
     heldout_gain: float = 0.0
 
 
-@dataclass(frozen=True)
-class JointResult:
+@dataclass(frozen=True, repr=False)
+class JointResult(Shown):
     """One joint's diagnosis. Its `repr` is the verdict and a table; a notebook shows the residual too.
 
     `plausible` has the possible range of each parameter of the final model, by effect key and name. `load_notes` say
@@ -144,12 +144,6 @@ class JointResult:
     units: JointUnits = TURNING
     held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     correlation: Correlation | None = None
-
-    def __repr__(self) -> str:
-        return text_of(self)
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
     @property
     def model(self) -> "ActuatorModel":

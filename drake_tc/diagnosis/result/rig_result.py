@@ -13,7 +13,7 @@ from drake_tc.diagnosis.result.export_trial import ExportTrial
 from drake_tc.diagnosis.result.joint_result import INTERVAL_COLUMNS, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
-from drake_tc.diagnosis.result.shown import html_of, text_of
+from drake_tc.diagnosis.result.shown import Shown
 from drake_tc.errors import DrakeTcError
 from drake_tc.logs.rig import Rig
 
@@ -46,8 +46,8 @@ class SharedEffect:
     indistinguishable: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True)
-class CloseLoopResult:
+@dataclass(frozen=True, repr=False)
+class CloseLoopResult(Shown):
     """The whole call: joints by name, verdict, seconds; causes that no single joint owns; what the loop makes of it.
 
     Its `repr` is the verdict and a table of each joint; a notebook shows the residuals too. `result["knee"]` is the
@@ -90,12 +90,6 @@ class CloseLoopResult:
         if joint not in self.joints:
             raise DrakeTcError(f"no joint {joint!r}; joints here: {', '.join(self.joints)}")
         return self.joints[joint]
-
-    def __repr__(self) -> str:
-        return text_of(self)
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
     @property
     def models(self) -> "dict[str, ActuatorModel]":

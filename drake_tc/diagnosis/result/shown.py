@@ -10,14 +10,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def text_of(found: object) -> str:
-    """What was found, as the command prints it."""
-    return str(_render("summary", "result_text", found))
+class Shown:
+    """A result: its `repr` is what the command prints, and a notebook shows the residual of each joint too."""
 
+    def __repr__(self) -> str:
+        return str(_render("summary", "result_text", self))
 
-def html_of(found: object) -> str:
-    """The same as an HTML fragment, with the residual of each joint."""
-    return str(_render("summary", "result_html", found))
+    def _repr_html_(self) -> str:
+        return str(_render("summary", "result_html", self))
 
 
 def residual_plot(joint: object) -> "Figure":
