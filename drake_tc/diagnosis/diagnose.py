@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_tc.diagnosis.attenuation import corrected, without_noise
 from drake_tc.diagnosis.data.channels import notes_of_joint
-from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
@@ -156,7 +156,7 @@ def joint_result(
     executor: Executor | None = None,
 ) -> JointResult:
     """What is told of a joint after its search, and what is left."""
-    found, (evidence, best) = decision.found, _without_attenuation(decision)
+    found, (evidence, best) = decision.found, without_attenuation(decision)
     model = evidence.model
     context = model.context
     floor = rms(model.train.as_recorded(best.terms, np.full(model.train.samples.rows.size, decision.floor)))
@@ -229,7 +229,7 @@ def joint_model(prepared: Prepared) -> JointModel:
     )
 
 
-def _without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
+def without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
     """The set without what noise takes off its coefficients, linearised there where it is as probable there.
 
     The set itself where what is left of it is physically impossible.
