@@ -38,10 +38,13 @@ if TYPE_CHECKING:
     from drake_tc.loops.fused.fuse import fuse
     from drake_tc.loops.plant import add_robot_plant
     from drake_tc.loops.scenarios.parts import FilterSpec
+    from drake_tc.loops.series_elastic.controller import series_elastic_controller
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
     from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
+    from drake_tc.loops.torque.controller import torque_controller
     from drake_tc.loops.torque.scenario import TorqueLoopSpec
     from drake_tc.loops.torque.wiring import add_torque_loop
+    from drake_tc.loops.whole_body.controller import whole_body_controller
     from drake_tc.loops.whole_body.scenario import WholeBodySpec
     from drake_tc.loops.whole_body.wiring import add_whole_body_loop
     from drake_tc.report.block_graph.graph import block_graph
@@ -124,10 +127,13 @@ __all__ = [
     "register_limit",
     "register_task",
     "save_models",
+    "series_elastic_controller",
     "simulated_inertia",
     "sinusoid_trajectory",
     "sliding",
     "swept_sine",
+    "torque_controller",
+    "whole_body_controller",
 ]
 
 _HOMES = {
@@ -196,10 +202,13 @@ _HOMES = {
     "register_limit": "tsid.kinds",
     "register_task": "tsid.kinds",
     "save_models": "actuation.model_file",
+    "series_elastic_controller": "loops.series_elastic.controller",
     "simulated_inertia": "actuation.free_run",
     "sinusoid_trajectory": "control.trajectories",
     "sliding": "actuation.wiring",
     "swept_sine": "analysis.frequency_response",
+    "torque_controller": "loops.torque.controller",
+    "whole_body_controller": "loops.whole_body.controller",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

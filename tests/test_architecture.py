@@ -42,6 +42,7 @@ FLOOR = {
     "loops": 9,
     "analysis": 10,
     "exchange": 11,
+    "hardware": 11,
     "report": 11,
     "registry": 12,
     "experiments": 12,

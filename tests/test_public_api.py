@@ -81,10 +81,13 @@ FRONT_DOOR = {
     "register_limit",
     "register_task",
     "save_models",
+    "series_elastic_controller",
     "simulated_inertia",
     "sinusoid_trajectory",
     "sliding",
     "swept_sine",
+    "torque_controller",
+    "whole_body_controller",
 }
 
 

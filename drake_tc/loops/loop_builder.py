@@ -15,7 +15,7 @@ from pydrake.systems.primitives import Demultiplexer, Multiplexer, Selector, Sel
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.sensing.suite import SensorSuite
+from drake_tc.sensing.suite import Readings
 
 
 def picked(
@@ -76,7 +76,7 @@ class LoopBuilder(Generic[ScenarioT]):
     Attributes:
         builder: Takes the systems.
         scenario: What is built.
-        plant: Of the loop.
+        plant: Of the loop; None where a controller is wired without one.
         period: Of control, sensors and log [s].
         signals: Name to port, of what is recorded.
         flag_names: Of the signal "flags", in order.
@@ -87,7 +87,7 @@ class LoopBuilder(Generic[ScenarioT]):
 
     builder: DiagramBuilder
     scenario: ScenarioT
-    plant: MultibodyPlant
+    plant: MultibodyPlant | None
     period: float
     signals: dict[str, OutputPort] = field(default_factory=dict)
     flag_names: tuple[str, ...] = ()
@@ -192,7 +192,7 @@ class LoopBuilder(Generic[ScenarioT]):
         return output
 
     def filtered_readings(
-        self, sensors: SensorSuite, window: int, orders: tuple[int, int], *, imu: bool = True
+        self, sensors: Readings, window: int, orders: tuple[int, int], *, imu: bool = True
     ) -> dict[str, OutputPort]:
         """One Savitzky–Golay filter behind all sensors (Del Prete et al., 2016, section 2.1), read in its middle.
 
@@ -206,11 +206,11 @@ class LoopBuilder(Generic[ScenarioT]):
             The inputs of the torque estimator: `joint_estimate` (3n) [q; qdot; qddot], `imu_estimate` (12) and
                 `wrench_estimate` (6k).
         """
-        readings = {"joint_estimate": sensors.encoder.GetOutputPort("reading")}
+        readings = {"joint_estimate": sensors.encoder}
         if sensors.imu is not None and imu:
-            readings["imu_estimate"] = first_imu(self.builder, sensors.imu.GetOutputPort("reading"))
+            readings["imu_estimate"] = first_imu(self.builder, sensors.imu)
         if sensors.force_torque is not None:
-            readings["wrench_estimate"] = sensors.force_torque.GetOutputPort("reading")
+            readings["wrench_estimate"] = sensors.force_torque
         if "filter" in self.stages:
             raw = {FILTERED[name]: port for name, port in readings.items()}
             self.add("filter", None, **raw)

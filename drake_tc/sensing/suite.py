@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drake_tc.config.keys import Keys, key, one_of
 from drake_tc.config.records import record_keys, validated
@@ -121,6 +121,23 @@ def load_suite(where: str, entry: object) -> SensorSuiteSpec:
     return suite
 
 
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What a controller reads of a robot, whether simulated sensors or input ports of the diagram bring it.
+
+    Attributes:
+        encoder: (n) positions of the joints [rad].
+        imu: (6) [gyro; accel] of each IMU; None where there is none.
+        force_torque: (6) wrench of each F/T sensor; None where there is none.
+        joint_torque: (n) of joint-torque sensors [N m]; None where there are none.
+    """
+
+    encoder: OutputPort
+    imu: OutputPort | None = None
+    force_torque: OutputPort | None = None
+    joint_torque: OutputPort | None = None
+
+
 @dataclass(frozen=True)
 class SensorSuite:
     """The sensors in a diagram; each has the port `reading`. None where the robot has no such sensor."""
@@ -129,6 +146,15 @@ class SensorSuite:
     imu: Imu | None
     force_torque: ForceTorque | None
     joint_torque: JointTorque
+
+    @property
+    def readings(self) -> Readings:
+        """The ports `reading`."""
+
+        def reading(system: Any) -> Any:
+            return None if system is None else system.GetOutputPort("reading")
+
+        return Readings(*map(reading, (self.encoder, self.imu, self.force_torque, self.joint_torque)))
 
 
 def sensor_seed(seed: int, name: str) -> int:

@@ -16,8 +16,17 @@ import numpy as np
 
 from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, in_plant, plant_side, with_declared_inertia
-from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
+from drake_tc.actuation.recorded_run import (
+    LONGEST,
+    Link,
+    PlantSide,
+    Recording,
+    in_plant,
+    longest_stretch,
+    plant_side,
+    recording_of,
+    with_declared_inertia,
+)
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.logs.record import Run

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Demultiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
@@ -170,7 +171,7 @@ def build_sea(scenario: SeaScenario, *, meshcat: bool = False) -> SeaLoop:
     control = loop.systems["torque_control"]
     loop.signals["reference_torque"] = _add_reference(parts, control)
     if scenario.hand is not None:
-        loop.signals["hand_torque"] = _add_hand(parts, scenario.hand)
+        loop.signals["hand_torque"] = _add_hand(parts, plant, scenario.hand)
     diagram, log = loop.build(builder, "sea_joint")
     return SeaLoop(
         scenario=scenario, diagram=diagram, plant=plant, control=control, log=log, flag_names=loop.flag_names
@@ -205,7 +206,7 @@ def _add_reference(loop: LoopBuilder[SeaScenario], control: SeriesElasticControl
     return port
 
 
-def _add_hand(loop: LoopBuilder[SeaScenario], spec: HandSpec) -> OutputPort:
+def _add_hand(loop: LoopBuilder[SeaScenario], plant: MultibodyPlant, spec: HandSpec) -> OutputPort:
     """The hand on the link; its torque is a force from outside."""
     motion = loop.builder.AddNamedSystem(
         "hand_motion", TrajectorySource(hand_path(spec, loop.scenario.duration, loop.scenario.dt))
@@ -214,8 +215,8 @@ def _add_hand(loop: LoopBuilder[SeaScenario], spec: HandSpec) -> OutputPort:
         "hand",
         Hand(spec.stiffness, spec.damping),
         motion=motion.get_output_port(),
-        state=loop.plant.get_state_output_port(),
+        state=plant.get_state_output_port(),
     )
-    loop.builder.Connect(hand.get_output_port(), loop.plant.get_applied_generalized_force_input_port())
+    loop.builder.Connect(hand.get_output_port(), plant.get_applied_generalized_force_input_port())
     port: OutputPort = hand.get_output_port()
     return port

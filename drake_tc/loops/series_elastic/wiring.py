@@ -3,6 +3,9 @@
 reference torque --> torque_control --> loop_delay --> actuators (motors, gears, springs) --> plant
 ^                                |
 |--- motor_encoder, torque ------|
+
+The torque control is wired by `add_series_elastic_control`, which `drake_tc.loops.series_elastic.controller` calls for
+a controller without a plant.
 """
 
 from collections.abc import Mapping
@@ -99,15 +102,45 @@ def add_series_elastic_loop(
         "motor_state": actuators.GetOutputPort("motor_state"),
         "spring_torque": actuators.GetOutputPort("transmitted_torque"),
     }
-    angle, torque = _add_sensors(loop, assumed)
+    _add_sensors(loop, len(assumed))
+    voltage = add_series_elastic_control(loop, assumed, reference_torque, reference_acceleration)
+    builder.Connect(_delayed(loop, voltage), actuators.GetInputPort("command"))
+    loop.signals["friction_torque"] = actuators.GetOutputPort("friction_torque")
+    flags = tuple(f"torque_control/{joint}" for joint in joints) if "flags" in loop.signals else ()
+    return SeriesElasticLoop(
+        systems=loop.systems, signals=loop.signals, period=spec.dt, flag_names=flags, actuators=actuators
+    )
+
+
+def add_series_elastic_control(
+    loop: LoopBuilder[SeriesElasticLoopSpec],
+    models: list[ActuatorModel],
+    reference_torque: OutputPort | Trajectory | None,
+    reference_acceleration: OutputPort | None,
+) -> OutputPort:
+    """The torque control between the readings and the voltages, connected: of a simulated loop as of a robot.
+
+    Args:
+        loop: With the signals `motor_encoder`, and `torque_sensor` or `link_encoder` as `torque_from` says.
+        models: What the controller takes the drives for.
+        reference_torque: (n) of the springs [N m]; None leaves the port open.
+        reference_acceleration: (n) of the links [rad/s^2]; None leaves the port open.
+
+    Returns:
+        The voltages (n) [V].
+
+    Raises:
+        ParamsError: a model without spring, or a stage or place that the controller does not have.
+    """
+    spec, builder = loop.scenario, loop.builder
+    torque = loop.signals["torque_sensor"] if spec.torque_from == "gauge" else _deflection_torque(loop, models)
     loop.add(
         "torque_control",
-        lambda: SeriesElasticControl(spec.control, assumed, spec.dt),
-        motor_angle=angle,
+        lambda: SeriesElasticControl(spec.control, models, spec.dt),
+        motor_angle=loop.signals["motor_encoder"],
         torque=torque,
     )
     voltage = loop.output("torque_control", "voltage")
-    builder.Connect(_delayed(loop, voltage), actuators.GetInputPort("command"))
     if isinstance(reference_torque, Trajectory):
         source = builder.AddNamedSystem("reference", TrajectorySource(reference_torque))
         reference_torque = source.get_output_port()
@@ -119,19 +152,14 @@ def add_series_elastic_loop(
     loop.signals |= {
         name: loop.output("torque_control", port) for name, port in OUTPUTS.items() if control.HasOutputPort(port)
     }
-    loop.signals |= {"measured_torque": torque, "friction_torque": actuators.GetOutputPort("friction_torque")}
+    loop.signals["measured_torque"] = torque
     loop.check_own_systems()
-    flags = tuple(f"torque_control/{joint}" for joint in joints) if "flags" in loop.signals else ()
-    return SeriesElasticLoop(
-        systems=loop.systems, signals=loop.signals, period=spec.dt, flag_names=flags, actuators=actuators
-    )
+    return voltage
 
 
-def _add_sensors(
-    loop: LoopBuilder[SeriesElasticLoopSpec], assumed: list[ActuatorModel]
-) -> tuple[OutputPort, OutputPort]:
-    """Encoders before and after the springs and the gauges; what is read as motor angle and torque."""
-    spec, builder, n = loop.scenario, loop.builder, len(assumed)
+def _add_sensors(loop: LoopBuilder[SeriesElasticLoopSpec], n: int) -> None:
+    """Encoders before and after the springs and the gauges of n joints."""
+    spec, builder = loop.scenario, loop.builder
     first: Any = np.eye(n, 2 * n)
     for name, source, sensor in (
         ("motor_encoder", "motor_state", spec.sensors.motor_encoder),
@@ -145,14 +173,17 @@ def _add_sensors(
             port = pick.get_output_port()
         loop.add(name, Sensor(n, sensor, spec.dt, (), sensor_seed(spec.seed, name)), truth=port)
         loop.signals[name] = loop.output(name, "reading")
-    if spec.torque_from == "gauge":
-        return loop.signals["motor_encoder"], loop.signals["torque_sensor"]
-    stiffness = np.diag([1.0 / spring_compliance(model) for model in assumed])
+
+
+def _deflection_torque(loop: LoopBuilder[SeriesElasticLoopSpec], models: list[ActuatorModel]) -> OutputPort:
+    """(n) torques of the springs by the encoders before and behind them [N m]."""
+    stiffness = np.diag([1.0 / spring_compliance(model) for model in models])
     spring: Any = np.hstack((stiffness, -stiffness))
-    deflection = builder.AddNamedSystem("deflection_torque", MatrixGain(spring))
+    deflection = loop.builder.AddNamedSystem("deflection_torque", MatrixGain(spring))
     encoders = loop.join("encoders", [loop.signals["motor_encoder"], loop.signals["link_encoder"]])
-    builder.Connect(encoders, deflection.get_input_port())
-    return loop.signals["motor_encoder"], deflection.get_output_port()
+    loop.builder.Connect(encoders, deflection.get_input_port())
+    port: OutputPort = deflection.get_output_port()
+    return port
 
 
 def _delayed(loop: LoopBuilder[SeriesElasticLoopSpec], voltage: OutputPort) -> OutputPort:

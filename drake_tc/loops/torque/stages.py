@@ -30,7 +30,7 @@ from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked
 from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source, sensor_suite
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.suite import SensorSuite
+from drake_tc.sensing.suite import Readings
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 
 
@@ -39,7 +39,8 @@ class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
     """The torque loop under construction.
 
     Attributes:
-        robot, sensors: Of the loop.
+        robot: Of the loop.
+        readings: Of its sensors.
         models: The drives as the controller takes them, in the order of the joints.
         gains: Feedback gains.
         force_reference: (6k) f_d at the contacts; None: no contact force is commanded.
@@ -47,7 +48,7 @@ class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
     """
 
     robot: Robot = field(kw_only=True)
-    sensors: SensorSuite = field(kw_only=True)
+    readings: Readings = field(kw_only=True)
     models: list[ActuatorModel] = field(kw_only=True)
     gains: TorqueGains = field(kw_only=True)
     force_reference: OutputPort | None = None
@@ -85,8 +86,8 @@ def base_now(parts: TorqueLoopBuilder) -> OutputPort:
         return made
     window, order = parts.scenario.filters.window, parts.scenario.filters.encoder_order
     smooth = SavitzkyGolayFilter(6, window, order, parts.scenario.dt, window - 1)
-    imu: Any = parts.sensors.imu
-    parts.add("base_predictor", smooth, signal=first_imu(parts.builder, imu.GetOutputPort("reading")))
+    imu: Any = parts.readings.imu
+    parts.add("base_predictor", smooth, signal=first_imu(parts.builder, imu))
     requested = {"imu_estimate": list(range(12))}
     return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), requested)["imu_estimate"]
 
@@ -136,8 +137,8 @@ def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> Join
     wires = {"joint_estimate": observer.GetOutputPort("motion")}
     if parts.base_from == "imu":
         wires["imu_estimate"] = base_now(parts)
-    if parts.sensors.force_torque is not None:
-        wires["wrench_estimate"] = parts.sensors.force_torque.GetOutputPort("reading")
+    if parts.readings.force_torque is not None:
+        wires["wrench_estimate"] = parts.readings.force_torque
         if builder.HasSubsystemNamed("wrench_tare"):
             wires["wrench_estimate"] = zeroed(parts, "live_wrench", wires["wrench_estimate"])
     return parts.add("live_torque", JointTorqueEstimator(delayed.model), **wires)  # type: ignore[no-any-return]
@@ -202,13 +203,13 @@ def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPor
     """Reference to command through filters, estimator, inverse dynamics and torque control."""
     scenario = parts.scenario
     estimates, ports = _estimation(parts)
-    sensed = parts.sensors.joint_torque.GetOutputPort("reading")
+    sensed: Any = parts.readings.joint_torque
     torque = estimates["estimated_torque"]
     parts.signals |= {"reference": reference, **estimates}
     delayed = {
         "joint_estimate": ports["joint_estimate"],
         "estimated_torque": sensed if scenario.torque_from == "sensor" else torque,
-        "position": parts.sensors.encoder.GetOutputPort("reading"),
+        "position": parts.readings.encoder,
     }
     known, observer = prediction(parts, delayed)
     moved = {name: known[name] for name in ("joint_estimate", "position")} | {"reference": reference}
@@ -275,7 +276,7 @@ def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[s
     scenario = parts.scenario
     spec = scenario.filters
     orders = (spec.encoder_order, spec.inertial_order)
-    ports = parts.filtered_readings(parts.sensors, spec.window, orders, imu=parts.base_from == "imu")
+    ports = parts.filtered_readings(parts.readings, spec.window, orders, imu=parts.base_from == "imu")
     parts.signals["joint_estimate"] = ports["joint_estimate"]
     if "torque_estimator" in parts.stages:
         parts.add("torque_estimator", None, **ports)
@@ -299,16 +300,16 @@ def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[s
 
 def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], reference: OutputPort) -> OutputPort:
     """The fault monitor's port `any_fault`; where nothing may touch the robot, a contact wrench is a fault."""
-    robot, scenario, sensors = parts.robot, parts.scenario, parts.sensors
+    robot, scenario, readings = parts.robot, parts.scenario, parts.readings
     free = tuple(mount.name for mount in robot.force_torque) if parts.free else ()
     n = len(robot.joints)
     rate = parts.builder.AddNamedSystem("reference_velocity", Demultiplexer([n, n, n]))
     parts.builder.Connect(reference, rate.get_input_port())
-    wires = {"position": sensors.encoder.GetOutputPort("reading"), "reference_velocity": rate.get_output_port(1)}
-    if sensors.imu is not None:
-        wires["imu"] = first_imu(parts.builder, sensors.imu.GetOutputPort("reading"))
-    if sensors.force_torque is not None:
-        wires["wrench"] = sensors.force_torque.GetOutputPort("reading")
+    wires = {"position": readings.encoder, "reference_velocity": rate.get_output_port(1)}
+    if readings.imu is not None:
+        wires["imu"] = first_imu(parts.builder, readings.imu)
+    if readings.force_torque is not None:
+        wires["wrench"] = readings.force_torque
         wires["contact_wrench"] = estimates["contact_wrench"]
     spec = scenario.monitor.for_sensors(sensor_suite(scenario))
     monitor = parts.add("fault_monitor", lambda: FaultMonitor(robot, spec, scenario.dt, free), **wires)
@@ -320,7 +321,7 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
 
 def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -> OutputPort:
     """The command behind the guard."""
-    encoder = parts.sensors.encoder.GetOutputPort("reading")
+    encoder = parts.readings.encoder
     n = len(parts.robot.joints)
     guard = parts.add(
         "guard",

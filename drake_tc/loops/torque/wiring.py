@@ -5,6 +5,9 @@
                        |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
                                  ^--------- filter <-----------------------------------------------|
 
+All from the readings to the guard is wired by `add_torque_controller`, which `drake_tc.loops.torque.controller` calls
+for a controller without a plant.
+
 Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
 is taken from one port, as every call into Python costs a tick some microseconds.
 """
@@ -122,24 +125,25 @@ def add_torque_loop(
         spec,
         plant,
         spec.dt,
+        {
+            "joint_state": plant.get_state_output_port(),
+            "acceleration": plant.get_generalized_acceleration_output_port(),
+        },
         stages=stages or {},
         between=between or {},
         robot=robot,
-        sensors=sensors,
+        readings=sensors.readings,
         models=list(design.models),
         gains=design.gains,
         force_reference=force_reference,
         free=free,
     )
-    _add_readings(parts)
-    desired = parts.passed("reference", _reference(builder, robot, reference))
-    command = torque_command(parts, desired) if spec.controller == "torque" else servo_command(parts, desired)
+    command = add_torque_controller(parts, reference)
     simulated = dict(zip(robot.joints, design.actuators, strict=True))
     actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
     builder.Connect(command, actuators.GetInputPort("command"))
     actuation = builder.GetSubsystemByName("actuation").get_output_port(0)
-    parts.signals |= {"command": command, "actuation": actuation}
-    parts.check_own_systems()
+    parts.signals["actuation"] = actuation
     return TorqueLoop(
         systems={**parts.systems, "actuators": actuators},
         sensors=sensors,
@@ -149,6 +153,29 @@ def add_torque_loop(
         period=spec.dt,
         design=design,
     )
+
+
+def add_torque_controller(parts: TorqueLoopBuilder, reference: Reference) -> OutputPort:
+    """The stages from the readings to the guard, connected: the controller of a simulated loop as of a robot.
+
+    Args:
+        parts: With the ports of the readings.
+        reference: What the joints shall do.
+
+    Returns:
+        The command of the drives (n).
+
+    Raises:
+        ParamsError: a reference of another size, or a stage or place that the controller does not have.
+    """
+    named = vars(parts.readings).items()
+    parts.signals |= {name: port for name, port in named if port is not None}
+    desired = parts.passed("reference", _reference(parts.builder, parts.robot, reference))
+    torque = parts.scenario.controller == "torque"
+    command = torque_command(parts, desired) if torque else servo_command(parts, desired)
+    parts.signals["command"] = command
+    parts.check_own_systems()
+    return command
 
 
 def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> OutputPort:
@@ -167,18 +194,3 @@ def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> O
             f" {n} positions, got a port of size {reference.size()}"
         )
     return reference
-
-
-def _add_readings(parts: TorqueLoopBuilder) -> None:
-    """The signals of plant and sensors."""
-    plant, sensors = parts.plant, parts.sensors
-    parts.signals |= {
-        "joint_state": plant.get_state_output_port(),
-        "acceleration": plant.get_generalized_acceleration_output_port(),
-        "encoder": sensors.encoder.GetOutputPort("reading"),
-        "joint_torque": sensors.joint_torque.GetOutputPort("reading"),
-    }
-    if sensors.imu is not None:
-        parts.signals["imu"] = sensors.imu.GetOutputPort("reading")
-    if sensors.force_torque is not None:
-        parts.signals["force_torque"] = sensors.force_torque.GetOutputPort("reading")

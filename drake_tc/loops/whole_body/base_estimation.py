@@ -11,13 +11,13 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+from drake_tc.loops.boundary import Start
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.loop_builder import first_imu, picked
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
-from drake_tc.loops.whole_body.series_elastic_drives import Start
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.suite import SensorSuite
+from drake_tc.sensing.suite import Readings
 from drake_tc.tsid.contacts import Contact
 from drake_tc.types import GRAVITY
 
@@ -28,7 +28,7 @@ def estimator_spec(wiring: WholeBodyBuilder) -> BaseEstimatorSpec:
     Raises:
         ParamsError: a contact without an F/T sensor above it, or a tuning that is not possible.
     """
-    scenario, law, plant = wiring.scenario, wiring.law, wiring.plant
+    scenario, law, plant = wiring.scenario, wiring.law, wiring.known_plant
     options = scenario.estimator
     weight = GRAVITY * float(plant.CalcTotalMass(plant.CreateDefaultContext()))
     contacts = []
@@ -75,13 +75,13 @@ def sensor_of(robot: Robot, contact: Contact) -> int:
 
 
 def base_state(
-    wiring: WholeBodyBuilder, sensors: SensorSuite, position: OutputPort, contacts: OutputPort | None
+    wiring: WholeBodyBuilder, sensors: Readings, position: OutputPort, contacts: OutputPort | None
 ) -> tuple[OutputPort, Start]:
     """[q; v] by the base estimator, a tick late.
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_whole_body_sensors`.
+        sensors: Their readings.
         position: Of the joints, as they are sensed (n,) [rad].
         contacts: Which the controller stands on; None: the estimator goes by the loads. One that the controller does
             without is held off, whatever its load; the others go by their loads.
@@ -104,8 +104,8 @@ def base_state(
     inputs = {
         "position": position,
         "velocity": filtered.GetOutputPort("first_derivative"),
-        "imu": first_imu(builder, sensors.imu.GetOutputPort("reading")),
-        **picked(builder, "contact_wrenches", sensors.force_torque.GetOutputPort("reading"), {"wrench": places}),
+        "imu": first_imu(builder, sensors.imu),
+        **picked(builder, "contact_wrenches", sensors.force_torque, {"wrench": places}),
     }
     if contacts is not None:
         inputs["contact_switch"] = _held_off(wiring, contacts)

@@ -15,7 +15,6 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
-from drake_tc.actuation.wiring import add_actuators
 from drake_tc.array_stage import Arrays, ArrayStage, places
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, GuardSpec
@@ -25,7 +24,7 @@ from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_torque, required_models
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.suite import SensorSuite
+from drake_tc.sensing.suite import Readings
 from drake_tc.tsid.model import TsidModel
 from drake_tc.types import Call, FloatArray
 
@@ -94,21 +93,21 @@ def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = Fal
     return models_of_joints(path, robot.joints)
 
 
-def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPort, state: OutputPort) -> None:
-    """Torque control and drives between the controller's torque and the plant.
+def control_drives(wiring: WholeBodyBuilder, readings: Readings, torque: OutputPort, state: OutputPort) -> OutputPort:
+    """Torque control and guard between the controller's torque and the drives; the command of the drives.
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_whole_body_sensors`.
+        readings: Of the sensors.
         torque: What is desired of the joints.
         state: What the controller knows of the robot.
     """
     law, n = wiring.law, wiring.law.model.n
     spec, limits = wiring.scenario.drives, joint_limits(law.model.robot)
-    assumed, simulated = (required_models(wiring, c) for c in ("controller_models", "models"))
+    assumed = required_models(wiring, "controller_models")
     models = [assumed[joint] for joint in law.model.robot.joints]
-    encoder = sensors.encoder.GetOutputPort("reading")
-    known = estimated_torque(wiring, sensors)
+    encoder = readings.encoder
+    known = estimated_torque(wiring, readings)
     acceleration = wiring.output("tsid", "acceleration")
     motion = DesiredMotion(law.model, law.period)
     desired = wiring.add("desired_motion", motion, estimated_state=state, acceleration=acceleration)
@@ -139,11 +138,6 @@ def add_drives(wiring: WholeBodyBuilder, sensors: SensorSuite, torque: OutputPor
         position=encoder,
         fault=known["fault"],
     )
-    actuators = add_actuators(wiring.builder, wiring.plant, simulated, wiring.plant.time_step() or law.period)
-    wiring.systems["actuators"] = actuators
-    wiring.builder.Connect(wiring.output("guard", "command"), actuators.GetInputPort("command"))
-    wiring.signals |= {
-        "applied_torque": actuators.GetOutputPort("actuation"),
-        "estimated_torque": known["estimated_torque"],
-        "command": wiring.output("guard", "command"),
-    }
+    sent = wiring.output("guard", "command")
+    wiring.signals |= {"estimated_torque": known["estimated_torque"], "command": sent}
+    return sent

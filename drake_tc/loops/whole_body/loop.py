@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 
 from drake_tc.actuation.joint_values import Models
 from drake_tc.errors import ParamsError
+from drake_tc.loops.boundary import Start
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.fused import StageValues, fused_stages
 from drake_tc.loops.plant import add_robot_plant
@@ -19,7 +20,7 @@ from drake_tc.loops.whole_body.drives import drive_models
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.series_elastic_drives import Start, spring_models
+from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.configuration import load_law

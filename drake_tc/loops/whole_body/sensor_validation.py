@@ -30,11 +30,11 @@ from drake_tc.kernels.calls import COPY_AFTER, KernelCall
 from drake_tc.loops.loop_builder import first_imu, picked
 from drake_tc.loops.whole_body.base_estimation import sensor_of
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
-from drake_tc.loops.whole_body.series_elastic_drives import SpringDrives, controller_springs
+from drake_tc.loops.whole_body.series_elastic_drives import SpringReadings, controller_springs
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.spec import SensorSpec
-from drake_tc.sensing.suite import SensorSuite, sensor_seed
+from drake_tc.sensing.suite import Readings, sensor_seed
 from drake_tc.sensor_validation.body_sensors import SETTLED, ValidatedImu, ValidatedWrench
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 from drake_tc.sensor_validation.joint_sensors import FLAGS, JointSensors
@@ -67,8 +67,8 @@ class ValidatedSensors:
         flags: Names and ports, (width,) each.
     """
 
-    sensors: SensorSuite
-    springs: SpringDrives
+    sensors: Readings
+    springs: SpringReadings
     position: OutputPort
     contacts: OutputPort
     flags: dict[tuple[str, ...], OutputPort]
@@ -86,14 +86,14 @@ def failing(wiring: WholeBodyBuilder, name: str, port: OutputPort) -> OutputPort
 
 
 def add_sensor_validation(
-    wiring: WholeBodyBuilder, sensors: SensorSuite, springs: SpringDrives, contacts: OutputPort | None
+    wiring: WholeBodyBuilder, sensors: Readings, springs: SpringReadings, contacts: OutputPort | None
 ) -> ValidatedSensors:
     """Put what checks the senses between them and their users.
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_whole_body_sensors`.
-        springs: From `add_spring_drives`.
+        sensors: Their readings.
+        springs: Their readings.
         contacts: Which the controller stands on; None: all of them.
 
     Raises:
@@ -104,8 +104,8 @@ def add_sensor_validation(
     if sensors.imu is None or sensors.force_torque is None:
         raise ParamsError(f"{robot.source}: expected an IMU and F/T sensors; one of them is missing")
     suite = sensor_specs(wiring.scenario, period)
-    encoder, imu = sensors.encoder.GetOutputPort("reading"), first_imu(builder, sensors.imu.GetOutputPort("reading"))
-    wrench = sensors.force_torque.GetOutputPort("reading")
+    encoder, imu = sensors.encoder, first_imu(builder, sensors.imu)
+    wrench = sensors.force_torque
     monitor = FaultMonitor(robot, MONITOR.for_sensors(suite), period)
     wiring.add("fault_monitor", monitor, position=encoder, imu=imu, wrench=wrench)
     raised, names = monitor.GetOutputPort("flags"), monitor.flag_names
@@ -131,10 +131,12 @@ def add_sensor_validation(
     }
     known |= {"imu": validated_imu.GetOutputPort("reading"), "link_angle": joints.GetOutputPort("link_angle")}
     wiring.add("standing_feet", feet, **known)
-    assumed: Any = {"encoder": _As(joints, "link_angle"), "imu": feet, "force_torque": contact_wrench}
+    checked = Readings(
+        joints.GetOutputPort("link_angle"), feet.GetOutputPort("reading"), contact_wrench.GetOutputPort("reading")
+    )
     return ValidatedSensors(
-        replace(sensors, **assumed),
-        replace(springs, motor_angle=joints.GetOutputPort("motor_angle"), torque=joints.GetOutputPort("torque")),
+        checked,
+        SpringReadings(joints.GetOutputPort("motor_angle"), joints.GetOutputPort("torque")),
         joints.GetOutputPort("position" if wiring.scenario.series_elastic.link_from == "motor" else "link_angle"),
         contact_wrench.GetOutputPort("contacts"),
         {
@@ -145,22 +147,9 @@ def add_sensor_validation(
     )
 
 
-@dataclass(frozen=True)
-class _As:
-    """A system whose port `reading` has another name."""
-
-    system: Any
-    port: str
-
-    def GetOutputPort(self, name: str) -> OutputPort:
-        """The port that stands for `reading`."""
-        found: OutputPort = self.system.GetOutputPort(self.port if name == "reading" else name)
-        return found
-
-
-def _joint_sensors(wiring: WholeBodyBuilder, springs: SpringDrives, encoder: OutputPort) -> JointSensors:
+def _joint_sensors(wiring: WholeBodyBuilder, springs: SpringReadings, encoder: OutputPort) -> JointSensors:
     spec, suite = wiring.scenario.series_elastic, sensor_specs(wiring.scenario, wiring.law.period)
-    compliance, times = controller_springs(wiring, springs)
+    compliance, times = controller_springs(wiring)
     noisy = bool(np.all(np.asarray(spec.gauge.noise) > 0.0)), bool(np.all(np.asarray(suite.encoder.noise) > 0.0))
     senses = JointSensors(compliance, times, wiring.law.period, noisy)
     raw = {
@@ -191,7 +180,7 @@ def sole_compliance(wiring: WholeBodyBuilder) -> FloatArray:
 
 def stopped(
     wiring: WholeBodyBuilder, validated: ValidatedSensors, state: OutputPort, torque: OutputPort
-) -> tuple[OutputPort, SpringDrives, OutputPort]:
+) -> tuple[OutputPort, SpringReadings, OutputPort]:
     """State and gauges for the controllers, and their torque for the drives: see `sensor_loss_stop`."""
     senses, law = wiring.builder.GetSubsystemByName("joint_sensors"), wiring.law
     system = SensorLossStop(state.size(), carrying_joints(law), law.fade, law.period)

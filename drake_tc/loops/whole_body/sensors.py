@@ -4,16 +4,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
 
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.wiring import apply_rotor_inertia
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder, first_imu
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
-from drake_tc.sensing.suite import SENSORS, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
+from drake_tc.robot.plant import add_robot
+from drake_tc.sensing.suite import SENSORS, Readings, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.standing import StandingState
 
@@ -32,13 +35,25 @@ class WholeBodyBuilder(LoopBuilder[WholeBodySpec]):
         law: Of the controller.
         models: Of the simulated drives, by joint; None where torques go to the joints directly.
         controller_models: What their torque control takes them for.
-        references: Tasks whose references move.
+        references: Tasks whose references stop where the IMU is lost.
     """
 
     law: Law = field(kw_only=True)
     models: Mapping[str, ActuatorModel] | None = None
     controller_models: Mapping[str, ActuatorModel] | None = None
     references: tuple[str, ...] = ()
+
+    @property
+    def known_plant(self) -> MultibodyPlant:
+        """The plant whose masses the controller knows: that of the loop, or one with the robot alone."""
+        if self.plant is None:
+            plant = MultibodyPlant(self.law.period)
+            add_robot(plant, self.law.model.robot)
+            plant.Finalize()
+            if self.models is not None:
+                apply_rotor_inertia(plant, self.models)
+            self.plant = plant
+        return self.plant
 
 
 def required_models(
@@ -55,17 +70,21 @@ def required_models(
     return models
 
 
-def add_whole_body_sensors(wiring: WholeBodyBuilder) -> SensorSuite:
+def add_whole_body_sensors(wiring: WholeBodyBuilder, plant: MultibodyPlant) -> SensorSuite:
     """Encoders, IMU and F/T sensors, as the scenario has them; the IMU is a tick late at least.
 
     What it measures is what this tick's torques cause, so a reading without delay would need itself.
+
+    Args:
+        wiring: Of the diagram.
+        plant: In the diagram.
 
     Raises:
         ParamsError: an unknown preset or field of the scenario's sensors.
     """
     scenario, law = wiring.scenario, wiring.law
     suite, faults = sensor_specs(scenario, law.period), {n: f for n, f in scenario.faults.items() if n in SENSORS}
-    return add_sensors(wiring.builder, wiring.plant, law.model.robot, suite, law.period, scenario.seed, faults)
+    return add_sensors(wiring.builder, plant, law.model.robot, suite, law.period, scenario.seed, faults)
 
 
 def sensor_specs(scenario: WholeBodySpec, period: float) -> SensorSuiteSpec:
@@ -83,28 +102,28 @@ def sensor_specs(scenario: WholeBodySpec, period: float) -> SensorSuiteSpec:
     return replace(suite, **late)
 
 
-def estimated_state(wiring: WholeBodyBuilder, sensors: SensorSuite, contacts: OutputPort | None) -> OutputPort:
+def estimated_state(wiring: WholeBodyBuilder, sensors: Readings, contacts: OutputPort | None) -> OutputPort:
     """[q; v] from the encoders and the contacts that carry.
 
     Args:
         wiring: Of the diagram.
-        sensors: From `add_whole_body_sensors`.
+        sensors: Their readings.
         contacts: Which carry; None: all of them.
     """
     law, n = wiring.law, wiring.law.model.n
-    encoder = sensors.encoder.GetOutputPort("reading")
+    encoder = sensors.encoder
     quick = SavitzkyGolayFilter(n, QUICK, 2, law.period, QUICK - 1)
     wiring.add("quick_filter", quick, signal=encoder)
     inputs = {"position": encoder, "velocity": quick.GetOutputPort("first_derivative")}
     if sensors.imu is not None:
-        inputs["imu"] = first_imu(wiring.builder, sensors.imu.GetOutputPort("reading"))
+        inputs["imu"] = first_imu(wiring.builder, sensors.imu)
     if contacts is not None:
         inputs["active_contacts"] = contacts
     wiring.add("standing_state", lambda: StandingState(law.model, law.period), **inputs)
     return wiring.output("standing_state", "estimated_state")
 
 
-def estimated_torque(wiring: WholeBodyBuilder, sensors: SensorSuite) -> dict[str, OutputPort]:
+def estimated_torque(wiring: WholeBodyBuilder, sensors: Readings) -> dict[str, OutputPort]:
     """`joint_estimate` (3n), `estimated_torque` (n) and `fault` by Algorithm 1 of Del Prete et al. (2016), half a
     window late.
 

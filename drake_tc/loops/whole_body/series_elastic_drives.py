@@ -6,11 +6,12 @@ torque (- damping) --> torque_control --> loop_delay --> actuators (motors, gear
 With a `position_gain` position_control around the motors' own encoders takes the place of torque_control.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, LinearSystem, MatrixGain
 
@@ -21,6 +22,7 @@ from drake_tc.actuation.wiring import add_actuators, joint_inertias
 from drake_tc.control.series_elastic.control import MotorPositionControl, SeriesElasticControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
+from drake_tc.loops.boundary import Start
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.loop_builder import picked
 from drake_tc.loops.whole_body.scenario import TsidScenario
@@ -30,25 +32,35 @@ from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
 
-Start = Callable[[StageValues], None]
-"""Puts a part of the diagram's context where the robot starts."""
 _SPRING = "elasticity"
 
 
 @dataclass(frozen=True, eq=False)
-class SpringDrives:
-    """The drives in a diagram, before their torque control.
+class SpringReadings:
+    """What is read of the springs, joint by joint.
 
     Attributes:
-        actuators: Motors, gears, springs.
-        models: Of the simulated drives, joint by joint.
-        motor_angle: Encoders before the springs [rad]. torque: Gauges [N m].
+        motor_angle: Encoders before the springs [rad].
+        torque: Gauges [N m].
     """
 
-    actuators: ActuatorPlant
-    models: Mapping[str, ActuatorModel]
     motor_angle: OutputPort
     torque: OutputPort
+
+
+@dataclass(frozen=True, eq=False)
+class SpringCommand:
+    """What leaves the torque control of springs.
+
+    Attributes:
+        voltage: Of the motors (n) [V].
+        torque: What the springs shall carry (n) [N m].
+        held: The constant angles at which `position_gain` holds the motors; None with torque control.
+    """
+
+    voltage: OutputPort
+    torque: OutputPort
+    held: Any = None
 
 
 def spring_models(scenario: TsidScenario, robot: Robot) -> dict[str, ActuatorModel]:
@@ -107,8 +119,12 @@ def controller_models_of(models: Mapping[str, ActuatorModel], factors: Mapping[s
     return found
 
 
-def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
+def add_spring_drives(wiring: WholeBodyBuilder, plant: MultibodyPlant) -> tuple[ActuatorPlant, SpringReadings]:
     """Motors, gears and springs in front of the plant, with the sensors on both sides of the springs.
+
+    Args:
+        wiring: Of the diagram.
+        plant: In the diagram.
 
     Raises:
         ParamsError: see `check_springs`.
@@ -116,7 +132,7 @@ def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
     spec, n, builder = wiring.scenario.series_elastic, wiring.law.model.n, wiring.builder
     models = required_models(wiring, "models")
     check_springs(models)
-    actuators = add_actuators(builder, wiring.plant, models, wiring.plant.time_step() or wiring.law.period)
+    actuators = add_actuators(builder, plant, models, plant.time_step() or wiring.law.period)
     wiring.systems["actuators"] = actuators
     angle: Any = np.eye(n, 2 * n)
     pick = builder.AddNamedSystem("motor_angle", MatrixGain(angle))
@@ -129,43 +145,63 @@ def add_spring_drives(wiring: WholeBodyBuilder) -> SpringDrives:
         seed = sensor_seed(wiring.scenario.seed, name)
         system = wiring.add(name, Sensor(n, sensor, wiring.law.period, (), seed), truth=truth)
         readings.append(system.GetOutputPort("reading"))
-    return SpringDrives(actuators, models, *readings)
+    return actuators, SpringReadings(*readings)
 
 
-def controller_springs(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[FloatArray, FloatArray]:
+def controller_springs(wiring: WholeBodyBuilder) -> tuple[FloatArray, FloatArray]:
     """(n,) compliances [rad/(N m)] and (n,) damping over stiffness [s] of the springs, as the controller takes them."""
-    assumed = controller_models_of(drives.models, wiring.scenario.series_elastic.model_factors)
+    assumed = _assumed(wiring)
     compliance = np.array(
         [value.parameters["compliance"] for model in assumed for value in model.effects if value.key == _SPRING]
     )
     motors = np.array([model.inertia for model in assumed])
-    return compliance, spring_times(compliance, motors, joint_inertias(wiring.plant))
+    return compliance, spring_times(compliance, motors, joint_inertias(wiring.known_plant))
 
 
-def link_position(wiring: WholeBodyBuilder, drives: SpringDrives, encoder: OutputPort) -> OutputPort:
+def link_position(wiring: WholeBodyBuilder, springs: SpringReadings, encoder: OutputPort) -> OutputPort:
     """(n,) position of the links [rad]: the fine encoders less the springs, or that of the coarse ones.
 
     Args:
         wiring: Of the diagram.
-        drives: From `add_spring_drives`.
+        springs: Their readings.
         encoder: Behind the springs.
     """
     if wiring.scenario.series_elastic.link_from == "link":
         return encoder
-    compliance, times = controller_springs(wiring, drives)
+    compliance, times = controller_springs(wiring)
     system = LinkPosition(compliance, times, wiring.law.period)
-    wiring.add("link_position", system, motor_angle=drives.motor_angle, torque=drives.torque)
+    wiring.add("link_position", system, motor_angle=springs.motor_angle, torque=springs.torque)
     port: OutputPort = system.GetOutputPort("position")
     return port
 
 
-def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> Start:
+def control_springs(wiring: WholeBodyBuilder, springs: SpringReadings, torque: OutputPort) -> SpringCommand:
     """Torque control between the controller's torque and the drives' voltages.
 
     Args:
         wiring: Of the diagram.
-        drives: From `add_spring_drives`.
+        springs: Their readings.
         torque: What is desired of the joints.
+    """
+    spec = wiring.scenario.series_elastic
+    if spec.position_gain > 0.0:
+        voltage, held = _hold_motors(wiring, springs)
+        command = SpringCommand(voltage, torque, held)
+    else:
+        if spec.joint_damping > 0.0:
+            torque = _damped(wiring, torque)
+        command = SpringCommand(_track_torque(wiring, springs, torque), torque)
+    wiring.signals["voltage"] = command.voltage
+    return command
+
+
+def drive_springs(wiring: WholeBodyBuilder, actuators: ActuatorPlant, command: SpringCommand) -> Start:
+    """Let the voltages drive the simulated motors, after the delay of the loop.
+
+    Args:
+        wiring: Of the diagram.
+        actuators: From `add_spring_drives`.
+        command: From `control_springs`.
 
     Returns:
         What winds the springs for the torque that the controller wants first, as a robot that has stood for long has
@@ -175,56 +211,52 @@ def control_springs(wiring: WholeBodyBuilder, drives: SpringDrives, torque: Outp
         ParamsError: times that are no whole number of the controller's periods.
     """
     spec, law, builder = wiring.scenario.series_elastic, wiring.law, wiring.builder
-    held: Any = None
-    if spec.position_gain > 0.0:
-        voltage, held = _hold_motors(wiring, drives)
-    else:
-        if spec.joint_damping > 0.0:
-            torque = _damped(wiring, torque)
-        voltage = _track_torque(wiring, drives, torque)
-    wiring.signals["voltage"] = voltage
-    ticks, late = spec.ticks(law.period), None
+    ticks, late, voltage = spec.ticks(law.period), None, command.voltage
     if ticks:
         late = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(law.period, ticks - 1, law.model.n))
         builder.Connect(voltage, late.get_input_port())
         voltage = late.get_output_port()
-    builder.Connect(voltage, drives.actuators.GetInputPort("command"))
-    wiring.signals["applied_torque"] = drives.actuators.GetOutputPort("transmitted_torque")
-    gains = np.array([model.drive.gain for model in drives.models.values()])
+    builder.Connect(voltage, actuators.GetInputPort("command"))
+    wiring.signals["applied_torque"] = actuators.GetOutputPort("transmitted_torque")
+    gains = np.array([model.drive.gain for model in required_models(wiring, "models").values()])
 
     def start(values: StageValues) -> None:
-        first = values.output(torque)
+        first = values.output(command.torque)
         rest = gains * first
         if late is not None:
             values.set_state(late, np.tile(rest, ticks))
-        actuators = drives.actuators
         _wind(actuators, values, first, rest)
-        if held is not None:
+        if command.held is not None:
             angle = values.output(actuators.GetOutputPort("motor_state"))
-            source = held.get_mutable_source_value(values.context_of(held))
+            source = command.held.get_mutable_source_value(values.context_of(command.held))
             source.SetFromVector(angle[: law.model.n] + first / spec.position_gain)
 
     return start
 
 
-def _track_torque(wiring: WholeBodyBuilder, drives: SpringDrives, torque: OutputPort) -> OutputPort:
+def _assumed(wiring: WholeBodyBuilder) -> list[ActuatorModel]:
+    """What the controller takes the drives for."""
+    return controller_models_of(required_models(wiring, "models"), wiring.scenario.series_elastic.model_factors)
+
+
+def _track_torque(wiring: WholeBodyBuilder, springs: SpringReadings, torque: OutputPort) -> OutputPort:
     """The voltages of the torque law, connected."""
     spec = wiring.scenario.series_elastic
-    inputs = {"motor_angle": drives.motor_angle, "torque": drives.torque, "reference_torque": torque}
+    inputs = {"motor_angle": springs.motor_angle, "torque": springs.torque, "reference_torque": torque}
     if spec.acceleration_bandwidth > 0.0:
         inputs["reference_acceleration"] = _desired_acceleration(wiring, spec.acceleration_bandwidth)
-    assumed = controller_models_of(drives.models, spec.model_factors)
+    assumed = _assumed(wiring)
     wiring.add("torque_control", lambda: SeriesElasticControl(spec.control, assumed, wiring.law.period), **inputs)
     return wiring.output("torque_control", "voltage")
 
 
-def _hold_motors(wiring: WholeBodyBuilder, drives: SpringDrives) -> tuple[OutputPort, Any]:
+def _hold_motors(wiring: WholeBodyBuilder, springs: SpringReadings) -> tuple[OutputPort, Any]:
     """Voltages of position loops around the motors, and the constant angles at which they are held, not yet known."""
     spec, n = wiring.scenario.series_elastic, wiring.law.model.n
     nothing: Any = np.zeros(n)
     held = wiring.builder.AddNamedSystem("held_angle", ConstantVectorSource(nothing))
-    loops = MotorPositionControl(spec.position_gain, controller_models_of(drives.models, spec.model_factors))
-    inputs = {"motor_angle": drives.motor_angle, "reference_angle": held.get_output_port()}
+    loops = MotorPositionControl(spec.position_gain, _assumed(wiring))
+    inputs = {"motor_angle": springs.motor_angle, "reference_angle": held.get_output_port()}
     wiring.add("position_control", loops, **inputs)
     return wiring.output("position_control", "voltage"), held
 
@@ -236,7 +268,7 @@ def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
     if strange := sorted(set(spec.damped_joints) - set(joints)):
         raise ParamsError(f"series_elastic.damped_joints: no joint {strange[0]!r}; there: {', '.join(joints)}")
     chosen = np.array([not spec.damped_joints or joint in spec.damped_joints for joint in joints])
-    state = wiring.signals.get("estimated_state", wiring.signals["state"])
+    state = wiring.signals["estimated_state" if "estimated_state" in wiring.signals else "state"]
     against: Any = np.zeros((model.n, state.size()))
     against[np.arange(model.n), model.nq + model.actuated] = np.where(chosen, -spec.joint_damping, 0.0)
     gain = builder.AddNamedSystem("joint_damping", MatrixGain(against))

@@ -5,95 +5,31 @@
 `state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints. The loop of
 Faraji, Colasanto and Ijspeert (2015) is `state: base_estimator` with `torque: series_elastic`.
 
-Torques that err: e ~ N(0, Sigma), drawn anew every `period`.
+All from the readings to the commands is wired by `add_whole_body_control`, which `drake_tc.loops.whole_body.controller`
+calls for a controller without a plant.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort, System
-from pydrake.systems.primitives import Adder, TrajectorySource
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
 from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_values import Models, model_list
-from drake_tc.control.reference_source import StoppingReference
-from drake_tc.errors import ParamsError
+from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.wiring import add_actuators
+from drake_tc.loops.boundary import Start
 from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.fused import FusedStages, StageValues
 from drake_tc.loops.plant import require_live_ports
-from drake_tc.loops.scenarios.base import SEEDS
-from drake_tc.loops.whole_body.base_estimation import base_state
-from drake_tc.loops.whole_body.drives import add_drives
+from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
-from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, add_whole_body_sensors, estimated_state
-from drake_tc.loops.whole_body.series_elastic_drives import (
-    SpringDrives,
-    Start,
-    add_spring_drives,
-    control_springs,
-    link_position,
-)
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, add_whole_body_sensors, required_models
+from drake_tc.loops.whole_body.series_elastic_drives import add_spring_drives, drive_springs
 from drake_tc.sensing.suite import SensorSuite
-from drake_tc.tsid.controller import RobustTsid, reference_port
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.types import FloatArray
-
-
-class TorqueNoise(LeafSystem):
-    """A torque error e = scale L zeta, zeta ~ N(0, I), L L^T = Sigma; held for `period`.
-
-    Output:
-        torque_error (n): e[k] [N m]; follows the state alone.
-    State: e (n), k.  e[k], zeta[k] a function of (seed, k): the stream is counter-based, so it has no memory.
-    """
-
-    def __init__(self, error: TorqueError, period: float, seed: int, scale: float = 1.0) -> None:
-        """Declare the port.
-
-        Args:
-            error: Sigma.
-            period: How long a draw lasts [s].
-            seed: Of the draws, from 0 to 2^64 - 1.
-            scale: On e.
-
-        Raises:
-            ParamsError: a period that is not positive, or a seed that is not possible.
-        """
-        super().__init__()
-        if not (np.isfinite(period) and period > 0.0):
-            raise ParamsError(f"torque noise: expected a positive period [s], got {period!r}")
-        if not 0 <= seed < SEEDS:
-            raise ParamsError(f"torque noise: expected a seed from 0 to 2^64 - 1, got {seed}")
-        self._root, self._seed = scale * error.root, seed
-        first: Any = self._draw(0)
-        now = self.DeclareDiscreteState(first)
-        zero: Any = np.zeros(1)
-        count = self.DeclareDiscreteState(zero)
-        self._now, self._count = int(now), int(count)
-        self.DeclareStateOutputPort("torque_error", now)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, period, self._update)
-
-    def _draw(self, tick: int) -> FloatArray:
-        """e[k]."""
-        key = np.array([self._seed, tick], dtype=np.uint64)
-        zeta = np.random.Generator(np.random.Philox(key=key)).standard_normal(self._root.shape[1])
-        return np.asarray(self._root.dot(zeta))
-
-    def _update(self, context: Any, values: DiscreteValues) -> None:
-        """The next e."""
-        new: Any = values
-        tick = int(context.get_discrete_state(self._count).value()[0]) + 1
-        new.set_value(self._now, self._draw(tick))
-        new.set_value(self._count, np.array([float(tick)]))
-
-
-OUTPUTS = ("torque", "acceleration", "contact_force", "status")
-"""Ports of the controller that are signals of the loop."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,7 +104,7 @@ def add_whole_body_loop(
     spec = WholeBodySpec() if spec is None else spec
     robot = law.model.robot
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(robot.name))
-    named = [None if m is None else _by_joint(m, law) for m in (models, controller_models or models)]
+    named = [None if m is None else by_joint(m, law) for m in (models, controller_models or models)]
     wiring = WholeBodyBuilder(
         builder,
         spec,
@@ -182,12 +118,11 @@ def add_whole_body_loop(
         controller_models=named[1],
     )
     sensed = spec.state != "plant" or spec.torque == "drives"
-    sensors = add_whole_body_sensors(wiring) if sensed else None
-    springs = add_spring_drives(wiring) if spec.torque == "series_elastic" else None
-    wiring.add("tsid", lambda: RobustTsid(law))
-    _connect_references(wiring, references or {}, contacts)
-    starts = _close(wiring, sensors, springs, contacts)
-    wiring.check_own_systems()
+    sensors = add_whole_body_sensors(wiring, plant) if sensed else None
+    readings = None if sensors is None else sensors.readings
+    actuators, springs = add_spring_drives(wiring, plant) if spec.torque == "series_elastic" else (None, None)
+    control = add_whole_body_control(wiring, readings, springs, references or {}, contacts)
+    starts = [*control.starts, *_drive(wiring, plant, actuators, control)]
     return WholeBodyLoop(
         systems=wiring.systems,
         sensors=sensors,
@@ -198,102 +133,25 @@ def add_whole_body_loop(
     )
 
 
-def _by_joint(models: Models, law: Law) -> dict[str, Any]:
+def by_joint(models: Models, law: Law) -> dict[str, Any]:
+    """Joint to its model, of models by joint or in the order of the robot's joints."""
     joints = law.model.robot.joints
     return dict(zip(joints, model_list(models, joints), strict=True))
 
 
-def _close(
-    wiring: WholeBodyBuilder, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
+def _drive(
+    wiring: WholeBodyBuilder, plant: MultibodyPlant, actuators: ActuatorPlant | None, control: WholeBodyControl
 ) -> list[Start]:
-    """State to the controller, its torques to the robot; what has to be started."""
-    validated = _validated(wiring, sensors, springs, contacts)
-    position = None
-    if validated is not None:
-        sensors, springs, contacts = validated.sensors, validated.springs, validated.contacts
-        position = validated.position
-    elif springs is not None and sensors is not None:
-        position = link_position(wiring, springs, sensors.encoder.GetOutputPort("reading"))
-    state, starts = _known_state(wiring, sensors, position, contacts)
-    torque = _with_error(wiring, wiring.output("tsid", "torque"))
-    if validated is not None:
-        state, springs, torque = stopped(wiring, validated, state, torque)
-    wiring.connect("tsid", "estimated_state", state)
-    starts += _apply_torque(wiring, sensors, springs, torque, state)
-    tsid = wiring.systems["tsid"]
-    wiring.signals |= {name: wiring.output("tsid", name) for name in OUTPUTS if tsid.HasOutputPort(name)}
-    if validated is not None:
-        wiring.flag_names = add_flags(wiring, validated)
-    return starts
-
-
-def _connect_references(
-    wiring: WholeBodyBuilder, references: Mapping[str, System | Trajectory], contacts: OutputPort | None
-) -> None:
-    """What moves; what does not stays as the controller has it. The contacts that carry, if they change."""
-    wiring.references = tuple(references)
-    for name, given in references.items():
-        source: Any = TrajectorySource(given, 2) if isinstance(given, Trajectory) else given
-        port = reference_port(name)
-        if wiring.scenario.validated:
-            source = StoppingReference(source, wiring.period)
-        added = wiring.builder.AddNamedSystem(port, source)
-        wiring.connect("tsid", port, added.get_output_port())
-    if contacts is not None:
-        wiring.connect("tsid", "active_contacts", contacts)
-
-
-def _apply_torque(
-    wiring: WholeBodyBuilder,
-    sensors: SensorSuite | None,
-    springs: SpringDrives | None,
-    torque: OutputPort,
-    state: OutputPort,
-) -> list[Start]:
-    """The torques on their way to the joints: directly, or through drives; what has to be started for it."""
-    if springs is not None:
-        return [control_springs(wiring, springs, torque)]
-    if sensors is not None and wiring.scenario.torque == "drives":
-        add_drives(wiring, sensors, torque, state)
+    """The commands on their way to the joints: directly, or through drives; what has to be started for it."""
+    if actuators is not None and control.springs is not None:
+        return [drive_springs(wiring, actuators, control.springs)]
+    if wiring.scenario.torque == "drives":
+        models = required_models(wiring, "models")
+        actuators = add_actuators(wiring.builder, plant, models, plant.time_step() or wiring.period)
+        wiring.systems["actuators"] = actuators
+        wiring.builder.Connect(control.command, actuators.GetInputPort("command"))
+        wiring.signals["applied_torque"] = actuators.GetOutputPort("actuation")
     else:
-        wiring.signals["applied_torque"] = torque
-        wiring.builder.Connect(torque, wiring.plant.get_actuation_input_port())
+        wiring.signals["applied_torque"] = control.command
+        wiring.builder.Connect(control.command, plant.get_actuation_input_port())
     return []
-
-
-def _validated(
-    wiring: WholeBodyBuilder, sensors: SensorSuite | None, springs: SpringDrives | None, contacts: OutputPort | None
-) -> ValidatedSensors | None:
-    """The checks of the sensors, where the scenario has them."""
-    if sensors is None or springs is None or not wiring.scenario.validated:
-        return None
-    return add_sensor_validation(wiring, sensors, springs, contacts)
-
-
-def _known_state(
-    wiring: WholeBodyBuilder, sensors: SensorSuite | None, position: OutputPort | None, contacts: OutputPort | None
-) -> tuple[OutputPort, list[Start]]:
-    """[q; v] as the controller gets it, and what has to be started for it; joints' encoders where no `position` is."""
-    if sensors is None or wiring.scenario.state == "plant":
-        return wiring.plant.get_state_output_port(), []
-    position = sensors.encoder.GetOutputPort("reading") if position is None else position
-    starts: list[Start] = []
-    if wiring.scenario.state == "base_estimator":
-        state, start = base_state(wiring, sensors, position, contacts)
-        starts.append(start)
-    else:
-        state = estimated_state(wiring, sensors, contacts)
-    wiring.signals["estimated_state"] = state
-    return state, starts
-
-
-def _with_error(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
-    """The torques with the errors on them that the spec asks for."""
-    spec, law, builder = wiring.scenario.torque_error, wiring.law, wiring.builder
-    if spec is None:
-        return torque
-    noise = builder.AddNamedSystem("torque_noise", TorqueNoise(law.error, spec.hold, wiring.scenario.seed, spec.scale))
-    total = builder.AddNamedSystem("erring_torque", Adder(2, law.model.n))
-    for number, port in enumerate((torque, noise.get_output_port())):
-        builder.Connect(port, total.get_input_port(number))
-    return total.get_output_port()

@@ -1,0 +1,90 @@
+"""`ControllerStepper`: a controller's Diagram, one tick at a time, without a simulated robot."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+
+from drake_tc.errors import ParamsError
+from drake_tc.loops.boundary import Controller
+from drake_tc.types import FloatArray
+
+
+class ControllerStepper:
+    """Steps a Diagram from readings to commands; the k-th tick is at the time k dt of the Diagram.
+
+        y[k] = g(x[k], u[k], k dt),   x[k+1] = f(x[k], u[k], k dt)
+
+    with u the input ports and y the output ports. Inputs keep their value until they are given another one; before they
+    are given one they are NaN, which the stages take for a reading that is missing.
+
+    Attributes:
+        diagram: The controller.
+        period: dt [s].
+        inputs: Name of each input port to its size.
+        ticks: Number of ticks that were made.
+    """
+
+    def __init__(self, diagram: Diagram, period: float, outputs: Sequence[str] = ("command",)) -> None:
+        """Make a context. It is started with the readings of the first tick.
+
+        Args:
+            diagram: From `torque_controller` or one of its like.
+            period: dt [s].
+            outputs: Output ports to evaluate at each tick.
+
+        Raises:
+            ParamsError: an output port that the Diagram does not have, or a period that is not positive.
+        """
+        if not (np.isfinite(period) and period > 0.0):
+            raise ParamsError(f"period: expected a positive number [s], got {period!r}")
+        there = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+        for name in outputs:
+            if name not in there:
+                raise ParamsError(f"no output port {name!r} in {diagram.get_name()!r}; ports: {', '.join(there)}")
+        self.diagram, self.period, self.ticks = diagram, period, 0
+        self._started = False
+        self._simulator = Simulator(diagram)
+        self._context: Any = self._simulator.get_mutable_context()
+        self._places: dict[str, Any] = {}
+        for index in range(diagram.num_input_ports()):
+            port: Any = diagram.get_input_port(index)
+            self._places[port.get_name()] = port
+            port.FixValue(self._context, np.full(port.size(), np.nan))
+        self.inputs = {name: int(port.size()) for name, port in self._places.items()}
+        self._outputs: dict[str, Any] = {name: diagram.GetOutputPort(name) for name in outputs}
+
+    def start(self, readings: Mapping[str, FloatArray]) -> None:
+        """Put estimators where a robot that has stood for long with these readings has them; the first tick does it too.
+
+        Args:
+            readings: Input port to its value, of the size of the port.
+        """
+        self._give(readings)
+        if isinstance(self.diagram, Controller):
+            self.diagram.start(self._context)
+        self._simulator.Initialize()
+        self._started = True
+
+    def tick(self, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Evaluate the outputs of this tick, and advance to the next one.
+
+        Args:
+            readings: Input port to its value, of the size of the port.
+
+        Returns:
+            Output port to its value.
+        """
+        if not self._started:
+            self.start(readings)
+        self._give(readings)
+        found = {name: np.array(port.Eval(self._context)) for name, port in self._outputs.items()}
+        self.ticks += 1
+        self._simulator.AdvanceTo(self.ticks * self.period)
+        return found
+
+    def _give(self, readings: Mapping[str, FloatArray]) -> None:
+        for name, value in readings.items():
+            self._places[name].FixValue(self._context, value)

@@ -1,0 +1,103 @@
+"""The boundary of a controller without a plant: input ports for its readings, output ports for its signals.
+
+`add_input` and `Controller` put Drake's `PassThrough` blocks between the stages and the ports of the
+Diagram, so that one input can enter several stages and `fuse` can replace the stages.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import PassThrough
+
+from drake_tc.loops.fused import StageValues, fuse
+
+Start = Callable[[StageValues], None]
+"""Puts a part of a diagram's context where the robot starts."""
+
+
+def add_input(builder: DiagramBuilder, name: str, size: int) -> OutputPort:
+    """An input port of the Diagram, as a port that stages can be connected to.
+
+    Args:
+        builder: Of the Diagram.
+        name: Of the input port, and of the block behind it.
+        size: Of the port.
+    """
+    block: Any = builder.AddNamedSystem(name, PassThrough(size))
+    builder.ExportInput(block.get_input_port(), name)
+    port: OutputPort = block.get_output_port()
+    return port
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlledJoints:
+    """What a controller commands.
+
+    Attributes:
+        joints: Names, in the order of the ports `position` and `command`.
+        servo: Whether the drive of a joint is a position servo, whose command is a position [rad].
+        period: Of the control [s].
+        flag_names: Of the output port `flags`, in order; empty without one.
+    """
+
+    joints: tuple[str, ...]
+    servo: tuple[bool, ...]
+    period: float
+    flag_names: tuple[str, ...] = ()
+
+
+class Controller(Diagram):
+    """A controller without a plant: a Diagram from readings to commands.
+
+    Its ports are those that the function which made it lists, such as `torque_controller`.
+
+    Attributes:
+        controlled: Joints, drives and period.
+    """
+
+    def __init__(
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        controlled: ControlledJoints,
+        signals: Mapping[str, OutputPort],
+        *,
+        left_out: Collection[str] = (),
+        starts: tuple[Start, ...] = (),
+        fused: bool = False,
+    ) -> None:
+        """Build the Diagram, with an output port for each signal that is not left out.
+
+        Args:
+            builder: Holds the stages; built here.
+            name: Of the Diagram.
+            controlled: Joints, drives and period.
+            signals: Name to port; "command" becomes the first output port.
+            left_out: Signals without an output port, as the readings that come in.
+            starts: Put stages where a robot that has stood for long has them, in this order.
+            fused: Run the stages in one system (`fuse`).
+        """
+        super().__init__()
+        names = ["command", *(each for each in signals if each != "command" and each not in left_out)]
+        blocks: dict[str, Any] = {}
+        for each in names:
+            blocks[each] = builder.AddNamedSystem(f"{each}_output", PassThrough(signals[each].size()))
+            builder.Connect(signals[each], blocks[each].get_input_port())
+        self._fused = fuse(builder) if fused else None
+        for each, block in blocks.items():
+            builder.ExportOutput(block.get_output_port(), each)
+        builder.BuildInto(self)
+        self.set_name(name)
+        self.controlled, self._starts = controlled, starts
+
+    def start(self, context: Context) -> None:
+        """Put estimators where a robot that has stood still for long has them.
+
+        Args:
+            context: Of this Diagram, with the first readings at its input ports.
+        """
+        values = StageValues(context, self._fused)
+        for start in self._starts:
+            start(values)

@@ -1,0 +1,103 @@
+"""`torque_controller`: the torque control of a robot as a Diagram without a plant, from readings to commands.
+
+    position, imu, force_torque --> filter, torque_estimator, inverse_dynamics, torque_control, guard --> command
+
+The stages are wired by the same function as those of the simulated loop (`drake_tc.loops.torque.wiring`): fed with the
+readings of a simulated loop, the commands are the same to the last bit.
+"""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.trajectories import Trajectory
+
+from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.control.gains import TorqueGains
+from drake_tc.loops.boundary import ControlledJoints, Controller, add_input
+from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source
+from drake_tc.loops.torque.stages import TorqueLoopBuilder
+from drake_tc.loops.torque.wiring import add_torque_controller
+from drake_tc.robot.robot import Robot
+from drake_tc.sensing.suite import Readings
+
+INPUTS = {"encoder": "position", "imu": "imu", "force_torque": "force_torque", "joint_torque": "joint_torque"}
+"""Field of `Readings` to the input port that brings it."""
+
+
+def torque_controller(
+    robot: Robot,
+    models: Models,
+    motion: Trajectory | Literal["input"] | None = None,
+    spec: TorqueLoopSpec | None = None,
+    *,
+    gains: TorqueGains | None = None,
+    free: bool = False,
+    stages: Mapping[str, System] | None = None,
+    between: Mapping[str, System] | None = None,
+    fused: bool = False,
+) -> Controller:
+    """The torque control of a robot as a Diagram from readings to commands, without a plant.
+
+    Input ports of the Diagram, each read every `spec.dt`:
+        position (n): of the joints, in the order of the robot file [rad].
+        imu (6 per IMU): [gyro; accel] in the IMU's frame [rad/s, m/s^2]; where the robot has an IMU.
+        force_torque (6 per sensor): [force; torque] in the sensor's frame [N, N m]; where it has F/T sensors.
+        joint_torque (n): of joint-torque sensors [N m]; with `spec.torque_from: sensor`.
+        reference (3n): [q_d; qdot_d; qddot_d]; with `motion` "input".
+        force_reference (6 per F/T sensor): f_d [N, N m]; where the gains feed forces back.
+    Output ports of the Diagram:
+        command (n): of the drives: q_d [rad], i [A] or V [V]. Finite whatever comes in, except before the first
+            position has come in: a servo's command is then 0 (`CommandGuard`).
+        and the signals of the stages: `mode` of the guard, `flags`, `estimated_torque`, `desired_torque`, ...
+
+    Args:
+        robot: From `load_robot`.
+        models: What the controller takes the drives for, by joint or in the order of the robot's joints.
+        motion: What the joints shall do: positions (n) over time; None: the robot's posture; "input": what the input
+            port `reference` says.
+        spec: How the joints are controlled; None: the defaults. Its `sensors` say what noise the fault monitor expects,
+            its `faults` are those of simulated sensors and are not used.
+        gains: Feedback gains; None: `TorqueGains.from_servo` of the models.
+        free: Whether nothing may touch the robot; a contact wrench then counts as a fault.
+        stages: Stage to a system of your own in its place, as in `add_torque_loop`.
+        between: "stage.port" to a system of your own behind that output port.
+        fused: Run the stages in one system, which gives the same numbers in less time.
+
+    Raises:
+        ParamsError: models or gains that do not fit the robot, a motion of another size, or a stage or place that the
+            controller does not have.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> controller = torque_controller(robot, load_models(robot.actuators))
+        >>> controller.GetInputPort("position").size(), controller.GetOutputPort("command").size()
+        (6, 6)
+    """
+    spec = TorqueLoopSpec() if spec is None else spec
+    base_source(spec, robot)
+    assumed = model_list(models, robot.joints)
+    gains = TorqueGains.from_servo(assumed) if gains is None else gains
+    builder, n = DiagramBuilder(), len(robot.joints)
+    sizes = {"encoder": n, "imu": 6 * len(robot.imu), "force_torque": 6 * len(robot.force_torque)}
+    sizes["joint_torque"] = n if spec.torque_from == "sensor" else 0
+    ports = {name: add_input(builder, INPUTS[name], size) for name, size in sizes.items() if size}
+    forced = bool(gains.kf.any()) and bool(robot.force_torque)
+    parts = TorqueLoopBuilder(
+        builder,
+        spec,
+        None,
+        spec.dt,
+        stages=stages or {},
+        between=between or {},
+        robot=robot,
+        readings=Readings(**ports),
+        models=list(assumed),
+        gains=gains,
+        force_reference=add_input(builder, "force_reference", sizes["force_torque"]) if forced else None,
+        free=free,
+    )
+    add_torque_controller(parts, add_input(builder, "reference", 3 * n) if isinstance(motion, str) else motion)
+    servo = tuple(model.drive.kind == "position_servo" for model in assumed)
+    controlled = ControlledJoints(joints=robot.joints, servo=servo, period=spec.dt, flag_names=parts.flag_names)
+    return Controller(builder, f"{robot.name}_controller", controlled, parts.signals, left_out=ports, fused=fused)
