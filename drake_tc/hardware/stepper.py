@@ -57,7 +57,7 @@ class ControllerStepper:
         self._outputs: dict[str, Any] = {name: diagram.GetOutputPort(name) for name in outputs}
 
     def start(self, readings: Mapping[str, FloatArray]) -> None:
-        """Put estimators where a robot that has stood for long with these readings has them; the first tick does it too.
+        """Put estimators where a robot that has stood for long has them; the first tick does it where nobody did.
 
         Args:
             readings: Input port to its value, of the size of the port.

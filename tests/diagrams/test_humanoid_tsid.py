@@ -22,7 +22,7 @@ from drake_tc.loops.whole_body.running import (
     write_tsid,
 )
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.wiring import TorqueNoise
+from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.law import Status
