@@ -18,7 +18,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
-    from drake_tc.diagnosis.result.export_trial import ExportErrors
+    from drake_tc.diagnosis.result.applications import ExportErrors
     from drake_tc.exchange.isaaclab import ServoSettings
     from drake_tc.exchange.projection import Projection
 
@@ -119,7 +119,7 @@ def export_command(
     """
     from drake_tc.actuation.model_file import load_model_file
     from drake_tc.config.joint_units import JointUnits
-    from drake_tc.diagnosis.result.export_trial import ExportTrial
+    from drake_tc.diagnosis.result.applications import ExportTrial
     from drake_tc.exchange.comparison import RUNS, changes
     from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.isaaclab import limited_by_supply, to_isaaclab_bam

@@ -12,25 +12,30 @@ from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
-from drake_tc.diagnosis.joint_errors import errors_in_joint_units
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel, Split, with_needed
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import ALTERNATIVE, CANNOT_TELL, DECLARED_CONTRIBUTION, DISTORTED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import known_values
-from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.parameters import plausible_ranges
+from drake_tc.diagnosis.problem.prepared import Prepared, errors_in_joint_units, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
-from drake_tc.diagnosis.residual.band import shared_band
+from drake_tc.diagnosis.residual.over_time import shared_band
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
+from drake_tc.diagnosis.result.errors import run_errors, without_rows
 from drake_tc.diagnosis.result.experiments import next_experiment
-from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
-from drake_tc.diagnosis.result.plausible_ranges import plausible_ranges
-from drake_tc.diagnosis.result.run_errors import run_errors, without_rows
+from drake_tc.diagnosis.result.joint_result import (
+    DidNotHold,
+    Errors,
+    FoundEffect,
+    JointResult,
+    RejectedEffect,
+    Withdrawal,
+)
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Found, Progress, Sets, find, possible, pruned, settled
-from drake_tc.diagnosis.withdrawal import DidNotHold, Withdrawal
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for, uncommon
 from drake_tc.effects.obstacle import Obstacle

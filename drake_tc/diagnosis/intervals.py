@@ -10,8 +10,13 @@ from scipy.stats import norm
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import RunSpread, stands_for
 from drake_tc.diagnosis.priors import RUN_SPREADS
-from drake_tc.diagnosis.problem.estimates import Correlation, Estimate, rests_on_bound
-from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places
+from drake_tc.diagnosis.problem.parameters import (
+    Correlation,
+    Estimate,
+    physical_parameters,
+    rests_on_bound,
+    shape_places,
+)
 from drake_tc.diagnosis.search import as_fit
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray

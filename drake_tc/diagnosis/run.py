@@ -11,28 +11,28 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
+from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.sensor_errors import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
-from drake_tc.diagnosis.result.free_running import FreeRun, with_free_runs
+from drake_tc.diagnosis.result.errors import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.link_causes import link_notes
 from drake_tc.diagnosis.result.links import FittedLinks
-from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SetUpCheck, SharedEffect, is_wrong
 from drake_tc.diagnosis.robot.whole import diagnose_robot
 from drake_tc.diagnosis.run_order import in_order
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.errors import RigError
-from drake_tc.estimation.robot_loads import robot_logs
+from drake_tc.estimation.robot_loads import RobotLogs, robot_logs
 from drake_tc.logs.declared_file import with_declared_file
 from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.readers import LogTable, named_logs
 from drake_tc.logs.record import Run, distinct_notes
 from drake_tc.logs.rig import Rig, load_rig, parse_rig
+from drake_tc.robot.plant import make_plant
 
 Log = Path | str | pd.DataFrame
 """A log file, or a table in memory with the columns of a CSV log: `time` [s] and `joint/quantity`."""
@@ -163,3 +163,21 @@ def _ranked(joint: JointResult, gains: Mapping[tuple[str, str], float]) -> Joint
 def _overall(joints: Iterable[JointResult]) -> Verdict:
     verdicts = {j.verdict for j in joints}
     return next(v for v in SEVERITY if v in verdicts)
+
+
+def link_notes(shared: Sequence[SharedEffect], logs: RobotLogs | None) -> tuple[LoadInAllRuns, ...]:
+    """Which masses of links among `shared` may be loads.
+
+    Gravity acts on a mass at a link's centre as on one beside it: a mass larger than the link's own is hardly an error
+    of the file, but a tool or a load. An F/T sensor or an IMU tells these apart.
+    """
+    masses = [cause for cause in shared if cause.id == "link_mass"]
+    if logs is None or not masses or not logs.robot.fixed_base or logs.reads_imu or logs.robot.force_torque:
+        return ()
+    plant = make_plant(logs.robot, 0.0, followers="free")
+    whole = float(plant.CalcTotalMass(plant.CreateDefaultContext()))  # no arm carries more than itself
+    notes = []
+    for cause in masses:
+        own, found = float(plant.GetBodyByName(cause.where).default_mass()), float(cause.parameters["mass"].value)
+        notes += [LoadInAllRuns(cause.where, found, own)] if own < found < whole else []
+    return tuple(notes)

@@ -33,17 +33,8 @@ HELD_CERTAIN = 0.90
 LEAD_FLOORS = 1.5
 """Noise floors that the declared model must leave before the effort is taken to be recorded late."""
 
-# Search: what counts as a real improvement
-
 LEAST_EFFORT = 0.05
-"""Share of an effort that alone tells an unknown load which drive effects must leave: of less, noise decides. Errors
-count as shares of what is left (`problem.effort_left`), so that a drive that is limited most of the time is found, and
-an effect that takes the effort away is not.
-"""
-LEAST_DRIVE = 0.01
-"""1/K over that of the declared model, below which a set of effects explains the load without the drive."""
-
-# Alternatives, and effects that were not tested
+"""Share of an effort that alone tells an unknown load which declared drive effects must leave."""
 
 SAME_ERROR = 0.02
 """Rise of the error that an effect in another's place may bring to fit as well."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.joint_units import in_units_of
-from drake_tc.diagnosis.result.export_trial import ExportErrors
+from drake_tc.diagnosis.result.applications import ExportErrors
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import simulate_as_bam
 from drake_tc.exchange.drake_run import (

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.actuation.recorded_run import Link, in_plant, plant_side
-from drake_tc.diagnosis.data.recordings import LONGEST, longest_stretch, recording_of
+from drake_tc.actuation.recorded_run import LONGEST, Link, in_plant, longest_stretch, plant_side, recording_of
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.simulator_files.terms import Terms

@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
-from drake_tc.diagnosis.result.export_trial import ExportTrial
+from drake_tc.diagnosis.result.applications import ExportTrial
 from drake_tc.exchange.comparison import RUNS, run_errors, run_notes
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.mujoco_run import file_notes

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from html import escape
 
 from drake_tc.config.joint_units import TURNING, JointUnits
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import Effect
 from drake_tc.report.numbers import interval, pretty_unit, significant

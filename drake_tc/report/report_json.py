@@ -13,15 +13,13 @@ from typing import Any
 from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
 from drake_tc.config.quoted import json_value
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
-from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.closed_loop import ClosedLoop
-from drake_tc.diagnosis.result.export_trial import ExportTrial
-from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RunErrors
+from drake_tc.diagnosis.problem.parameters import Estimate
+from drake_tc.diagnosis.result.applications import ClosedLoop, ExportTrial
+from drake_tc.diagnosis.result.errors import MODELS, mean_absolute_errors, position_errors
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult, Refinement, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.models import MODEL_FILE
-from drake_tc.diagnosis.result.refinement import Refinement
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.result.run_errors import MODELS, mean_absolute_errors, position_errors
 from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.set_up import set_up_json

@@ -17,12 +17,11 @@ from types import MappingProxyType
 from typing import Any
 
 from drake_tc.config.joint_units import TURNING, JointUnits
-from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.export_trial import ExportErrors, ExportTrial
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.problem.parameters import Estimate
+from drake_tc.diagnosis.result.applications import ExportErrors, ExportTrial
+from drake_tc.diagnosis.result.joint_result import JointResult, Refinement, RefinementStatus
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.models import MODEL_FILE
-from drake_tc.diagnosis.result.refinement import Refinement, RefinementStatus
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.numbers import UNKNOWN, interval, percent, pretty_unit, scale_for, significant
 from drake_tc.report.tables import ErrorTable, error_table

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from drake_tc.diagnosis.data.noise_colour import spectral_density
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
-from drake_tc.diagnosis.residual.stretches import spectral_line
+from drake_tc.diagnosis.residual.over_time import spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.thresholds import ResidualThresholds

@@ -14,11 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.closed_loop import JointClosedLoop
+from drake_tc.diagnosis.problem.parameters import Estimate
+from drake_tc.diagnosis.result.applications import JointClosedLoop
+from drake_tc.diagnosis.result.errors import mean_absolute_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.diagnosis.result.run_errors import mean_absolute_errors
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.sections import links_sentence, payload_sentences, refinement_sentence
 from drake_tc.report.sentences.experiments import experiment_sentence

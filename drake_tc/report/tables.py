@@ -17,12 +17,10 @@ import numpy as np
 
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate, PlausibleRange
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect
-from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
-from drake_tc.diagnosis.result.run_errors import MODELS, position_errors
-from drake_tc.diagnosis.withdrawal import DidNotHold
+from drake_tc.diagnosis.result.errors import MODELS, position_errors
+from drake_tc.diagnosis.result.joint_result import DidNotHold, JointResult, RejectedEffect
 from drake_tc.report.numbers import (
     NOT_IDENTIFIED,
     UNKNOWN,

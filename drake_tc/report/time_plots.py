@@ -13,8 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.errors import MODELS
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.run_errors import MODELS
 from drake_tc.report.numbers import Scale, scale_for
 from drake_tc.report.rows import extreme_samples
 from drake_tc.report.svg import (

@@ -17,10 +17,10 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns
-from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.robot.runs import over_samples
+from drake_tc.diagnosis.shared.causes import CauseColumns
+from drake_tc.diagnosis.shared.columns_of_runs import columns_over
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.robot_loads import robot_logs

@@ -23,8 +23,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.result.free_running import FreeRun
-from drake_tc.diagnosis.result.run_errors import position_errors
+from drake_tc.diagnosis.result.errors import FreeRun, position_errors
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.bam_runs import JOINT

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.shared.causes import TITLES
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
+from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.errors import DrakeTcError
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.report.report_json import result_json

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import ParamsError

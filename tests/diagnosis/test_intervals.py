@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.estimates import rests_on_bound
+from drake_tc.diagnosis.problem.parameters import rests_on_bound
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import effect
 

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.robot import whole
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.set_up.find import check_set_up
+from drake_tc.diagnosis.set_up.search import check_set_up
 from tests.benchmarks.importers.ur10e import convert
 
 MASS = 2.805

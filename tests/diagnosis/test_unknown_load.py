@@ -13,9 +13,8 @@ from drake_tc.actuation.model_file import load_model_file
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.effort_left import effort_left
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.regression import fit, score
+from drake_tc.diagnosis.problem.regression import effort_left, fit
 from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
@@ -79,7 +78,7 @@ def test_taking_the_effort_away_explains_nothing() -> None:
     p = prepared(SWING, rig_of(SWING))
     width = 0.9 * float(np.abs(p.train.samples.signals.effort).max())
     wide = Term(effect("deadzone"), {"deadzone": width})
-    assert score(p.train, [*p.terms, wide]).cv_rms > score(p.train, p.terms).cv_rms
+    assert fit(p.train, [*p.terms, wide]).cv_rms > fit(p.train, p.terms).cv_rms
     known = Columns(build_samples(runs_of(SWING)[0], rig_of(SWING), JOINT), declared_gain=None)
     assert not known.effort_is_target and effort_left(known, [wide]) == 1.0
 

@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, UNCOMMON, effect

@@ -5,7 +5,7 @@ import pytest
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.cli.export_command import Target, _document
-from drake_tc.diagnosis.result.export_trial import ExportErrors
+from drake_tc.diagnosis.result.applications import ExportErrors
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf

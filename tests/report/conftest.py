@@ -8,7 +8,7 @@ import pytest
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.notes import LogRemark
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.regression import Fit, fit, predict
 from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.experiments import RepeatRun

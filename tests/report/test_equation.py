@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, Signals, TorqueEffect, plain_signals
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect

@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 
-from drake_tc.diagnosis.result.export_trial import ExportErrors, ExportTrial
+from drake_tc.diagnosis.result.applications import ExportErrors, ExportTrial
 from drake_tc.report.html import render
 from drake_tc.report.report_json import result_json
 from drake_tc.report.sections import cells, headings

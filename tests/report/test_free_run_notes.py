@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.notes import FreeRunDiverges, NoFreeRun
-from drake_tc.diagnosis.result.free_running import with_free_runs
+from drake_tc.diagnosis.result.errors import with_free_runs
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.sentences.notes import note_sentence
 

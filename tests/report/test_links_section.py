@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.links import BaseParameter, FittedLinks, LinkEstimate
 from drake_tc.report.sections import combination, links_section, links_sentence, payload_sentences
 

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.diagnosis.problem.parameters import PlausibleRange, plausible_ranges
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange, plausible_ranges
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.base import Context
 from drake_tc.report.numbers import interval

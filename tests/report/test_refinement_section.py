@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive
-from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.refinement import RefinedParameter, Refinement
+from drake_tc.diagnosis.result.joint_result import JointResult, RefinedParameter, Refinement
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.html import render
 from drake_tc.report.report_json import free_runs_json, refinement_json

@@ -35,7 +35,7 @@ from drake_tc.diagnosis.result.experiments import (
     TellApart,
     VarySignals,
 )
-from drake_tc.diagnosis.withdrawal import DidNotHold
+from drake_tc.diagnosis.result.joint_result import DidNotHold
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, effect
 from drake_tc.report.html import render
 from drake_tc.report.report_json import joint_json

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.html import render
 from drake_tc.report.numbers import percent

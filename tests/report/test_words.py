@@ -8,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_tc.diagnosis.priors import ALTERNATIVE
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, SharedBand, TimeStretch, Unexplained
-from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RejectedEffect
+from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RejectedEffect, Withdrawal
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.diagnosis.withdrawal import Withdrawal
 from drake_tc.report.sentences.notes import warnings
 from drake_tc.report.words import (
     REASONS,

@@ -30,7 +30,7 @@ from drake_tc.analysis.settings import quick_margins
 from drake_tc.analysis.stability_margins import Margins
 from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.control.guard import GuardMode, GuardSpec
-from drake_tc.diagnosis.result.closed_loop import ClosedLoop, JointClosedLoop, LoopFigures
+from drake_tc.diagnosis.result.applications import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.loops.recording import Progress

@@ -1,23 +1,26 @@
-"""From recorded runs to `Samples`: every channel of a joint through common filters."""
+"""From recorded runs to `Samples`: every channel of a joint through common filters.
+
+What fixes the scale of the torques of an unknown load is settled here too (`LoadScale`). Without a load torque the
+balance  y*/K = J qddot + G(q) + friction  holds for every drive gain K: all torques scale with 1/K. A declared drive
+gain fixes the scale, and so does a drive that is commanded in N m. A declared rotor inertia fixes it for a load that
+has no inertia of its own, which is a smooth function of the position: J qddot is then a known torque. An unknown
+pendulum's inertia adds to J, so J fixes nothing. Where nothing fixes the scale, K is set to 1 effort/(N m) and torques
+are told as effort.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from drake_tc.diagnosis.data.age_of_effort import aged
-from drake_tc.diagnosis.data.between_samples import between_samples
-from drake_tc.diagnosis.data.channels import Channels, channels_of
-from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.channels import Channels, aged, channels_of, silent_effort
+from drake_tc.diagnosis.data.clocks import between_samples, timing_of_rows, timing_scatter
 from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
-from drake_tc.diagnosis.data.rest import speed_at_rest
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sensors import encoder_of, resolution_of
-from drake_tc.diagnosis.data.silent_effort import silent_effort
-from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows
-from drake_tc.diagnosis.data.timing_noise import timing_of_rows
-from drake_tc.diagnosis.data.timing_scatter import timing_scatter
+from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows, speed_at_rest
+from drake_tc.diagnosis.notes import ScaleNote, ScaleOfRotorInertia, TorqueAsCommanded, TorqueAsEffort
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.context import LoadKind
 from drake_tc.estimation.coupled_gears import ACCELERATION
@@ -261,3 +264,38 @@ def context_of(samples: Samples, rig: Rig, joint: str) -> Context:
         load_follows_position=not (rig.units_of(joint).slides and unknown_form(load) == "pendulum"),
         **_slow_channels(s, rows),
     )
+
+
+@dataclass(frozen=True)
+class LoadScale:
+    """How a joint's torques are scaled.
+
+    Attributes:
+        gain: Drive gain K [effort/(N m)] at which the fits are held; None: fitted.
+        rotor_inertia: Declared J that takes part in the balance [kg m^2].
+        fitted_inertia: Whether an inertia of the load is part of the fit.
+        as_effort: Whether nothing fixes the scale, so that the torques are told as effort.
+        notes: What the reader must know of it; () where the load is known or the gain is declared.
+    """
+
+    gain: float | None
+    rotor_inertia: float
+    fitted_inertia: bool = False
+    as_effort: bool = False
+    notes: tuple[ScaleNote, ...] = ()
+
+
+def load_scale(rig: Rig, joint: str) -> LoadScale:
+    """What fixes the scale of the joint's torques."""
+    form, declared = unknown_form(rig.load[joint]), rig.drive_gain.get(joint)
+    inertia = rig.known(joint, "rotor_inertia")
+    if form is None:
+        return LoadScale(declared, inertia)
+    if declared is not None:
+        return LoadScale(declared, inertia, fitted_inertia=True)
+    if rig.drive[joint] == "torque":
+        return LoadScale(1.0, inertia, fitted_inertia=True, notes=(TorqueAsCommanded(),))
+    if form == "smooth" and inertia > 0.0:
+        return LoadScale(None, inertia, notes=(ScaleOfRotorInertia(inertia),))
+    note = TorqueAsEffort(rig.drive[joint], declares_inertia=inertia > 0.0)
+    return LoadScale(1.0, 0.0, fitted_inertia=True, as_effort=True, notes=(note,))

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from drake_tc.diagnosis.data.timing_scatter import TimingScatter
+from drake_tc.diagnosis.data.clocks import TimingScatter
 from drake_tc.effects.base import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray, IntArray
@@ -254,14 +254,11 @@ class NoiseFloor:
             timing=np.zeros((3, 3)) if timing is None or not rows.size else np.mean(timing, axis=0),
         )
 
-    def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0, effort_share: float = 1.0) -> float:
-        """RMS [N m] under 1/K = `stiffness` [N m/effort], F_v = `viscous` and J + `more_inertia`.
-
-        `effort_share`: of the variance of the effort's noise, what a filter of the effort lets through.
-        """
+    def torque(self, stiffness: float, viscous: float, more_inertia: float = 0.0) -> float:
+        """RMS [N m] under 1/K = `stiffness` [N m/effort], F_v = `viscous` and J + `more_inertia`."""
         held = self.load_slope + (stiffness if self.servo else 0.0)
         weights = np.array([self.inertia + more_inertia, viscous, held])
-        rounding = stiffness**2 * effort_share * self.effort_variance
+        rounding = stiffness**2 * self.effort_variance
         encoder = weights @ self.encoder_gram @ weights
         return float(np.sqrt(self.torque_variance + rounding + encoder + self.timing_variance(viscous, more_inertia)))
 

@@ -8,16 +8,29 @@ import numpy as np
 
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.data.resolution import NoiseFloor, Resolution
-from drake_tc.diagnosis.data.sensor_prior import SensorPrior
 from drake_tc.diagnosis.notes import RunNote
-from drake_tc.effects.base import DriveEffect, Effect, Shape, Signals
+from drake_tc.effects.base import Effect, Shape, Signals
 from drake_tc.filtering.common_kernel import BlockConvolution, CommonKernel
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
-HELD = 0.5
-"""Age of an effort that is held until the next sample [sampling periods]: the mean over one period."""
 LONGEST_MEMORY = 0.5
 """Of a filter of the effort [s]."""
+
+
+@dataclass(frozen=True)
+class SensorPrior:
+    """Weight of the tolerances in a joint's regression: see `effects.within_tolerance`.
+
+    A parameter of tolerance t has the precision (sigma^2/share)/t^2, in units in which a row's squared residual counts
+    1.
+
+    Attributes:
+        variance: sigma^2 of the residual [N^2 m^2]; each fit then takes its own.
+        share: n/N of N rows that are correlated in time and say as much as n independent ones.
+    """
+
+    variance: float
+    share: float
 
 
 @dataclass(frozen=True)
@@ -121,14 +134,6 @@ class Samples:
     def _on_rows(self, low_pass: BlockConvolution) -> tuple[BlockConvolution, IntArray]:
         """A low-pass and where it finds the rows."""
         return low_pass, low_pass.places(self.rows - low_pass.margin)
-
-    def passed_noise(self, filters: Sequence[tuple[DriveEffect, Shape]]) -> float:
-        """Share of the variance of white noise, after both kernels, that passes linear filters (`DriveEffect`) too."""
-        pulse, piece = self.pulse()
-        response = pulse
-        for effect, shape in filters:
-            response = effect.transform(response, piece, shape)
-        return float(response @ response / (pulse @ pulse))
 
     def pulse(self) -> tuple[FloatArray, Signals]:
         """(M,) one sample through both kernels, followed for `LONGEST_MEMORY`, and signals of that length.

@@ -1,7 +1,5 @@
 """Least squares in a box from normal equations, and whether their columns can be told apart."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from drake_tc.types import BoolArray, FloatArray
@@ -12,23 +10,6 @@ LEAST_OUTSIDE_FOLD = 1e-6
 """Norm of a column outside a fold over that in all folds, below which the other folds do not identify it."""
 SLACK = 1e-12
 """How far beyond its bound a scaled coefficient may lie."""
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """Independent Gaussian knowledge of coefficients, in units in which a row's squared residual counts 1.
-
-    Attributes:
-        precision: (m,) 0 where nothing is known.
-        mean: (m,).
-    """
-
-    precision: FloatArray
-    mean: FloatArray
-
-    def added(self, gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Normal equations (..., m, m), (..., m) with it."""
-        return gram + np.diag(self.precision), moment + self.precision * self.mean
 
 
 def solve_bounded(
@@ -76,7 +57,7 @@ def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def cross_validated(
-    grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, prior: Prior | None = None
+    grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, precision: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Least squares in a box of all folds, and without each of them.
 
@@ -85,7 +66,7 @@ def cross_validated(
         moments: (F, m) X'z by fold.
         lower: (m,) bounds.
         upper: (m,).
-        prior: Counts in full without each of the folds too; None for none.
+        precision: (m,) of a prior about 0, which counts in full without each of the folds too.
 
     Returns:
         beta (m,), and (F, m) fitted without each fold. A coefficient whose column is zero outside a fold is 0 there.
@@ -95,10 +76,8 @@ def cross_validated(
     unseen = np.diagonal(sums, axis1=1, axis2=2) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)
     unseen[0] = False
     rest = np.concatenate([moment[None], moment - moments])
-    if prior is not None:
-        sums, rest = prior.added(sums, rest)
-        unseen &= prior.precision == 0.0
-    solved = _solve_each(sums, rest, lower, upper, unseen)
+    known = np.broadcast_to(precision, moment.shape)
+    solved = _solve_each(sums + np.diag(known), rest, lower, upper, unseen & (known == 0.0))
     return solved[0], solved[1:]
 
 

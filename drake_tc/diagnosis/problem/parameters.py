@@ -1,14 +1,53 @@
-"""From the coefficients and shapes of a fit to the parameters that reports and model files have."""
+"""The parameters that reports and model files have: values with intervals, and the ranges that are possible."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
 
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.effects.base import Context
 from drake_tc.effects.held_gain import HELD_GAIN
+from drake_tc.effects.plausibility import ROUNDING, plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value, unit, 95 % interval that accounts for autocorrelation, and whether it rests on a bound.
+
+    The interval has an infinite end where the parameter acts as the others together do (`is_identified`).
+    """
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+    at_bound: bool
+
+    @property
+    def is_identified(self) -> bool:
+        """Whether the interval is finite."""
+        return bool(np.isfinite(self.ci95).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """Correlation (p, p) of parameters, named "effect.parameter"; the drive gain is "drive.gain"."""
+
+    names: tuple[str, ...]
+    matrix: FloatArray
+
+    def of(self, one: str, other: str) -> float:
+        """Correlation of two parameters."""
+        return float(self.matrix[self.names.index(one), self.names.index(other)])
+
+
+def rests_on_bound(value: float, low: float, high: float) -> bool:
+    """Whether a value is one of its bounds, up to rounding."""
+    return bool(min(abs(value - low), abs(value - high)) <= 1e-9 * max(1.0, abs(value)))
 
 
 def shape_places(terms: Sequence[Term]) -> tuple[list[tuple[int, str]], FloatArray]:
@@ -68,3 +107,86 @@ def _to_true_torque(out: dict[str, dict[str, float]], terms: Sequence[Term], sca
         for p in term.effect.parameters:
             if p.unit.startswith(("N*m", "kg")):
                 out[term.effect.key][p.name] /= scale
+
+
+@dataclass(frozen=True)
+class PlausibleRange:
+    """The values of a parameter that are possible: lower <= value <= upper, in its own unit; infinite where unlimited.
+
+    `source` says why: a law, a definition, a data sheet or a publication.
+    """
+
+    lower: float
+    upper: float
+    source: str
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies in the range, up to rounding."""
+        low, high = self.lower, self.upper
+        return low - ROUNDING * abs(low) <= value <= high + ROUNDING * abs(high)
+
+
+def plausible_ranges(fitted: Fit, context: Context) -> Mapping[str, Mapping[str, PlausibleRange]]:
+    """Ranges by effect key and name of parameter; parameters without one, and those of links, are left out.
+
+    Args:
+        fitted: The final model: some ranges are multiples of its drive gain, viscous or Coulomb friction.
+        context: What the training logs span.
+    """
+    named = physical_parameters(fitted)
+    own = {"gain": named["drive"]["gain"]}
+    own |= {name: named[name][name] for name in ("viscous", "coulomb") if name in named}
+    known = replace(context, fitted=own)
+    out: dict[str, dict[str, PlausibleRange]] = {}
+    for term in fitted.terms:
+        for p in term.effect.parameters:
+            if p.plausible is not None:
+                low, high = plausible_range(p, known)
+                source = context.units.text(p.plausible.on(context.joint_type).source)
+                out.setdefault(term.effect.key, {})[p.name] = PlausibleRange(low, high, source)
+    return out
+
+
+Parameters = Mapping[str, Mapping[str, Estimate]]
+
+
+def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Parameters:
+    """The parameters with wider intervals, which end at the bounds of the parameters.
+
+    Args:
+        parameters: Of the fit, by effect and name.
+        fitted: One joint's fit.
+        spread: Covariance that its own intervals do not know of, (k + s, k + s) of its beta and its shape parameters,
+            or (k, k) of its beta alone.
+    """
+    size = fitted.beta.size
+    point = np.concatenate([fitted.beta, shape_places(fitted.terms)[1]])
+    named = physical_parameters(fitted, fitted.beta, point[size:])
+    slopes: dict[tuple[str, str], FloatArray] = {
+        (key, name): np.zeros(point.size) for key in named for name in named[key]
+    }
+    for k in range(point.size):
+        step = 1e-6 * abs(point[k]) + 1e-12
+        changed_point = point.copy()
+        changed_point[k] += step
+        changed = physical_parameters(fitted, changed_point[:size], changed_point[size:])
+        for (key, name), slope in slopes.items():
+            slope[k] = (changed[key][name] - named[key][name]) / step
+    bounds = {(t.effect.key, p.name): (p.lower, p.upper) for t in fitted.terms for p in t.effect.parameters}
+    bounds["drive", "gain"] = (0.0, np.inf)
+    flat, unbounded = np.zeros(point.size), (-np.inf, np.inf)
+    return {
+        key: {
+            name: _wider(e, slopes.get((key, name), flat), spread, bounds.get((key, name), unbounded))
+            for name, e in group.items()
+        }
+        for key, group in parameters.items()
+    }
+
+
+def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray, bounds: tuple[float, float]) -> Estimate:
+    slope = slope[: len(spread)]
+    more = float(norm.ppf(0.975)) ** 2 * max(float(slope @ spread @ slope), 0.0)
+    low, high = (abs(estimate.value - end) for end in estimate.ci95)
+    ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))
+    return replace(estimate, ci95=(max(float(ends[0]), bounds[0]), min(float(ends[1]), bounds[1])))

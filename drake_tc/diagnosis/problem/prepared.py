@@ -3,26 +3,23 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
-from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.noise_colour import left_by_effort_noise
-from drake_tc.diagnosis.data.preparation import build_samples, context_of
-from drake_tc.diagnosis.data.samples import HELD, Samples
-from drake_tc.diagnosis.joint_errors import errors_in_joint_units
+from drake_tc.diagnosis.data.channels import HELD
+from drake_tc.diagnosis.data.preparation import build_samples, context_of, load_scale
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.command_hold import command_is_held
 from drake_tc.diagnosis.problem.declared import (
+    command_is_held,
     declared_terms,
     fit_declared,
     known_taken_off,
     require_positions,
 )
-from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression
-from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
+from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_consistent_signs, require_torque_unit
+from drake_tc.diagnosis.problem.regression import fit, noise_floor
 from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
-from drake_tc.diagnosis.problem.signs import require_consistent_signs
-from drake_tc.diagnosis.problem.torque_scale import require_torque_unit
 from drake_tc.diagnosis.problem.unknown_load import (
     possible_loads,
     require_identified_load,
@@ -35,6 +32,27 @@ from drake_tc.errors import IdentificationError
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+
+P = ParamSpec("P")
+R = TypeVar("R")
+OfJoint = Callable[Concatenate[Sequence[Run], Sequence[Run], Rig, str, P], R]
+
+
+def errors_in_joint_units(function: OfJoint[P, R]) -> OfJoint[P, R]:
+    """The function of (training runs, held-out runs, rig, joint, ...), whose errors have the units of the joint."""
+
+    @wraps(function)
+    def told(
+        train: Sequence[Run], held: Sequence[Run], rig: Rig, joint: str, /, *args: P.args, **kwargs: P.kwargs
+    ) -> R:
+        try:
+            return function(train, held, rig, joint, *args, **kwargs)
+        except IdentificationError as error:
+            if not rig.units_of(joint).slides:
+                raise
+            raise IdentificationError(rig.units_of(joint).text(str(error))) from error
+
+    return told
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,37 +151,23 @@ def prepare_joint(
     if train.load_unknown:
         require_identified_load(first, plain, joint, context)
     elif context.load != "links":
-        _require_identified(first, plain.terms)
+        names = ["drive gain", *(p.name for t in plain.terms for p in t.effect.coefficients)]
+        least_squares(first.design(plain.terms), first.target, names=names, max_condition=MAX_CONDITION)
     if context.load != "links":  # else the load is not yet fitted
         require_torque_unit(first, rig, joint, context.load)
         require_consistent_signs(first, plain, rig, joint, context.load)
         plain = at_reverse_regression(first, plain, context.drive)
     context = replace(context, tolerances=rig.joint_sensors(joint).tolerances(context.drive, plain.gain))
-    first, other, plain = _with_sensor_errors(first, other, plain, context)
+    errors = errors_of(context)
+    if errors is not None:
+        first, other = (weighed(each, first, plain) for each in (first, other))
+        plain = fit(first, [*plain.terms, Term(errors)])
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
-    floor = noise_floor(first, plain)
-    if servo:
-        first = first.changed(effort_noise=left_by_effort_noise(first.samples, plain.residual, floor))
     return Prepared(
         train=first,
         held=other,
         terms=plain.terms,
-        floor=floor,
+        floor=noise_floor(first, plain),
         context=with_torque_span(context, first),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )
-
-
-def _with_sensor_errors(train: Columns, held: Columns, declared: Fit, context: Context) -> tuple[Columns, Columns, Fit]:
-    """Both sides and the declared model with the errors that the joint's sensors may have within tolerance."""
-    errors = errors_of(context)
-    if errors is None:
-        return train, held, declared
-    train, held = (weighed(each, train, declared) for each in (train, held))
-    return train, held, fit(train, [*declared.terms, Term(errors)])
-
-
-def _require_identified(columns: Columns, terms: Sequence[Term]) -> None:
-    """Refuse a motion that cannot separate the parameters of the declared model."""
-    labels = ["drive gain", *(p.name for t in terms for p in t.effect.coefficients)]
-    least_squares(columns.design(terms), columns.target, names=labels, max_condition=MAX_CONDITION)

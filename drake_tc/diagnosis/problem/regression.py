@@ -1,4 +1,4 @@
-"""Least squares of a set of effects, with everything cross-validation needs in one pass.
+"""Least squares of a set of effects, with blockwise cross-validation.
 
 Residuals are told in the drive's effort: K (z - z_hat), the effort that the model asks too little (`columns`).
 """
@@ -10,16 +10,23 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.bounded import collinear, cross_validated
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, prior_coefficients
-from drake_tc.diagnosis.problem.effort_left import effort_left
-from drake_tc.diagnosis.problem.normal_equations import FOLDS, Normal, fold_of
-from drake_tc.diagnosis.thresholds import LEAST_DRIVE, LEAST_EFFORT
+from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.diagnosis.thresholds import LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.within_tolerance import WithinTolerance
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 LEAST_STIFFNESS = 1e-12
 """Lower bound of 1/K [N m/effort]."""
+FOLDS = 5
+NUDGE = 1e-3
+"""Step of a difference quotient over the standard deviation of the effort."""
+
+
+def fold_of(block: IntArray) -> IntArray:
+    """Blocks dealt to folds in pairs, so that neighbours mostly share a fold."""
+    return np.asarray((block // 2) % FOLDS)
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,7 @@ class Fit:
         beta: (1 + sum k,) [1/K, theta ...].
         residual: (N,) K (z - z_hat) on the training rows [effort].
         rms: Of the residual.
-        cv_rms: The same, every fold predicted from the others, noise let through weighed (`Columns.noise_ratio`).
+        cv_rms: The same, every fold predicted from the others; infinite where the columns are no model.
         block_sse: (B,) cross-validated squared residual by block [effort^2].
     """
 
@@ -46,11 +53,6 @@ class Fit:
     def gain(self) -> float:
         """K [effort/(N m)]."""
         return float(1.0 / self.beta[0]) if self.beta[0] > 0.0 else float("nan")
-
-    @property
-    def size(self) -> int:
-        """Number of parameters, shapes included."""
-        return 1 + sum(t.size for t in self.terms)
 
 
 def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tuple[FloatArray, FloatArray]:
@@ -75,55 +77,69 @@ def bounds_of(terms: Sequence[Term], declared_gain: float | None = None) -> tupl
     return np.array(lower), np.array(upper)
 
 
-@dataclass(frozen=True)
-class Score:
-    """Coefficients and errors of a set of terms without its residual.
+def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
+    """Least squares with blockwise cross-validation, from normal equations of the folds.
 
-    Attributes:
-        terms: In the order of the columns.
-        beta: (1 + sum k,). by_fold: (FOLDS, 1 + sum k) fitted without each fold.
-        cv_rms: Cross-validated, noise let through weighed.
-        gain: K in which errors are told. noise_correction: Weight of the noise let through, and of effort taken away.
+    The cross-validated error is infinite where the columns cannot be told apart, and where the effects explain the load
+    without the drive, 1/K then being zero.
+
+    Args:
+        columns: Reduced columns of the training rows.
+        terms: The effects.
     """
-
-    terms: tuple[Term, ...]
-    beta: FloatArray
-    by_fold: FloatArray
-    cv_rms: float
-    gain: float
-    noise_correction: float
-
-
-def score(columns: Columns, terms: Sequence[Term]) -> Score:
-    """Least squares with blockwise cross-validation, from normal equations alone.
-
-    The error is infinite where the columns cannot be told apart, and where the effects explain the load without the
-    drive: 1/K is then zero or nearly so, and every value in units of the effort loses its meaning.
-    """
-    normal = columns.normal(terms)
+    x, z, block = columns.design(terms), columns.target, columns.samples.block
+    fold = fold_of(block)
+    parts = [(x[rows], z[rows]) for rows in (fold == f for f in range(FOLDS))]
+    grams, moments = np.array([a.T @ a for a, _ in parts]), np.array([a.T @ b for a, b in parts])
     low, high = bounds_of(terms, columns.declared_gain)
-    prior = normal.prior
-    beta, by_fold = cross_validated(normal.grams, normal.moments, low, high, prior)
+    precision = columns.prior_precision(terms)
+    beta, by_fold = cross_validated(grams, moments, low, high, precision)
     if columns.samples.sensor_prior is not None:  # their prior counts against the noise that this fit leaves
-        left = float(np.sum(_squared_errors(normal, np.broadcast_to(beta, by_fold.shape))))
-        prior = columns.prior(terms, left / columns.target.size)
-        beta, by_fold = cross_validated(normal.grams, normal.moments, low, high, prior)
-    gain = columns.gain or 1.0 / float(beta[0])
-    drives = float(beta[0]) > LEAST_STIFFNESS and (columns.gain is None or beta[0] * columns.gain > LEAST_DRIVE)
-    gram = prior.added(normal.grams.sum(0), normal.moments.sum(0))[0]
+        precision = columns.prior_precision(terms, float(np.mean((z - x @ beta) ** 2)))
+        beta, by_fold = cross_validated(grams, moments, low, high, precision)
     told = ~(prior_coefficients(terms) & (low == high))
     told[0] = not columns.effort_is_target
     left = effort_left(columns, terms)
-    least = LEAST_EFFORT
-    sound = drives and left > least and not collinear(gram[np.ix_(told, told)])
-    if not sound:
-        return Score(tuple(terms), beta, by_fold, np.inf, gain, np.inf)
-    correction = columns.noise_ratio(beta, terms) * max(noise_smoothed(columns, terms, beta), 1.0 / left)
-    cv_rms = gain * correction * float(np.sqrt(_squared_errors(normal, by_fold).sum() / columns.target.size))
-    return Score(tuple(terms), beta, by_fold, cv_rms, gain, correction)
+    gram = (grams.sum(0) + np.diag(precision))[np.ix_(told, told)]
+    sound = beta[0] > LEAST_STIFFNESS and left > LEAST_EFFORT and not collinear(gram)
+    gain = columns.gain or 1.0 / float(beta[0])
+    held = np.full_like(z, np.inf)
+    if sound:
+        held = (z - np.einsum("nk,nk->n", x, by_fold[fold])) * gain
+        held *= max(_noise_smoothed(columns, terms, z - x @ beta), 1.0 / left)
+    residual = (z - x @ beta) * gain
+    return Fit(
+        terms=tuple(terms),
+        beta=beta,
+        residual=residual,
+        rms=rms(residual),
+        cv_rms=rms(held),
+        block_sse=np.bincount(block, held**2, int(block.max()) + 1).astype(float),
+    )
 
 
-def noise_smoothed(columns: Columns, terms: Sequence[Term], beta: FloatArray) -> float:
+def predict(columns: Columns, fitted: Fit) -> FloatArray:
+    """Residual K (z - z_hat) (N,) of a fit on other samples, e.g. held-out runs."""
+    return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * (columns.gain or fitted.gain))
+
+
+def effort_left(columns: Columns, terms: Sequence[Term]) -> float:
+    """Share of the effort y that the drive effects f among the terms leave; 1 where the effort is not the target.
+
+    Without a known torque a dead zone or a limit could explain the effort, or its noise, by taking it away. An error is
+    therefore told as a share of the effort that is left: the smaller of std(f(y))/std(y) and the RMS of the slope
+    df/dy, at most 1, which is the share of white noise that passes f.
+    """
+    if not columns.effort_is_target or not columns.drives(terms):
+        return 1.0
+    whole = max(float(np.std(columns.effort(()))), 1e-300)
+    nudge = NUDGE * whole
+    high, low = (columns.acting_effort(terms, by)[columns.samples.rows] for by in (nudge, -nudge))
+    passed = min(rms((high - low) / (2.0 * nudge)), 1.0)
+    return min(float(np.std(columns.effort(terms))) / whole, passed)
+
+
+def _noise_smoothed(columns: Columns, terms: Sequence[Term], residual: FloatArray) -> float:
     """RMS of the residual before the lags among the terms over that after them, e + T de/dt over e; at least 1.
 
     Where the effort is the target, a lag would otherwise explain whatever is fast in it by smoothing it away.
@@ -131,50 +147,10 @@ def noise_smoothed(columns: Columns, terms: Sequence[Term], beta: FloatArray) ->
     lags = [t.shape["lag"] for t in terms if isinstance(t.effect, CurrentLag)]
     if not columns.effort_is_target or not lags:
         return 1.0
-    before = residual = columns.target - columns.design(terms) @ beta
+    before = residual
     for lag in lags:
         before = before + lag * columns.samples.rate(before)
-    return max(float(np.linalg.norm(before)) / max(float(np.linalg.norm(residual)), 1e-300), 1.0)
-
-
-def _squared_errors(normal: Normal, by_fold: FloatArray) -> FloatArray:
-    """(FOLDS,) squared error [N^2 m^2] of the rows of each fold under its beta (FOLDS, m)."""
-    explained = np.einsum("fi,fij,fj->f", by_fold, normal.grams, by_fold)
-    crossed = np.einsum("fi,fi->f", by_fold, normal.moments)
-    return np.asarray(np.maximum(normal.squares - 2.0 * crossed + explained, 0.0))
-
-
-def fit(columns: Columns, terms: Sequence[Term]) -> Fit:
-    """Least squares with blockwise cross-validation, from normal equations of the folds.
-
-    Args:
-        columns: Reduced columns of the training rows.
-        terms: The effects.
-    """
-    found = score(columns, terms)
-    x, z, block = columns.design(terms), columns.target, columns.samples.block
-    folds = fold_of(block)
-    held = np.empty_like(z)
-    for f in range(FOLDS):
-        rows = folds == f
-        held[rows] = z[rows] - x[rows] @ found.by_fold[f]
-    infinite = not np.isfinite(found.noise_correction)  # of a residual of 0 too
-    held = np.full_like(z, np.inf) if infinite else held * (found.gain * found.noise_correction)
-    residual = (z - x @ found.beta) * found.gain
-    count = int(block.max()) + 1
-    return Fit(
-        terms=found.terms,
-        beta=found.beta,
-        residual=residual,
-        rms=float(np.sqrt(np.mean(residual**2))),
-        cv_rms=float(np.sqrt(np.mean(held**2))),
-        block_sse=np.bincount(block, held**2, count).astype(float),
-    )
-
-
-def predict(columns: Columns, fitted: Fit) -> FloatArray:
-    """Residual K (z - z_hat) (N,) of a fit on other samples, e.g. held-out runs."""
-    return np.asarray((columns.target - columns.design(fitted.terms) @ fitted.beta) * (columns.gain or fitted.gain))
+    return max(rms(before) / max(rms(residual), 1e-300), 1.0)
 
 
 def noise_floor(columns: Columns, fitted: Fit) -> float:

@@ -1,13 +1,8 @@
-"""Errors of a joint's own sensors within tolerance: their prior, their uncertainty, and runs without them.
+"""Errors of a joint's own sensors within tolerance: their prior, and runs without them.
 
 The errors theta ~ N(0, diag(t_i^2)), cut off at 3 t_i, are part of the model before and of the model after
 (`effects.within_tolerance`). Least squares with this prior counts N rows that are correlated in time as their n
-effective samples, as the regression of a whole robot does (`problem.shared.stacked`). With that regression's
-covariance S of theta, and G = (X' X)^-1 X' C for the model's other columns X and the errors' columns C, the fit's
-coefficients have, beyond their own intervals, the covariance
-
-    [ G S G'  -G S ]
-    [ -S G'      S ]                                                                          (others, theta)
+effective samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,15 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.data.sensor_prior import SensorPrior
+from drake_tc.diagnosis.data.samples import Samples, SensorPrior
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.problem.resampling import effective_samples
 from drake_tc.effects.base import Context, plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance
+from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import COMMAND_COLUMN, Rig
+from drake_tc.types import FloatArray
 
 
 def errors_of(context: Context) -> WithinTolerance | None:
@@ -47,7 +43,7 @@ def errors_of(context: Context) -> WithinTolerance | None:
 def weighed(columns: Columns, rows: Columns, fitted: Fit) -> Columns:
     """The columns with the errors' prior weighed by what a fit to the training rows `rows` leaves."""
     residual = rows.target - rows.design(fitted.terms) @ fitted.beta
-    share = effective_samples(residual, rows.samples) / residual.size
+    share = _effective_samples(residual, rows.samples) / residual.size
     prior = SensorPrior(variance=float(np.mean(residual**2)), share=share)
     samples = replace(columns.samples, sensor_prior=prior)
     return columns.changed(samples=samples)
@@ -81,3 +77,9 @@ def _restored(
     changed = {names[signal]: getattr(restored, signal) for signal in known}
     changed |= {name: run.columns[name] - by for name, by in bias.items() if name in run.columns}
     return replace(run, columns=dict(run.columns) | changed)
+
+
+def _effective_samples(residual: FloatArray, samples: Samples) -> float:
+    """N over the integrated autocorrelation time of a residual (N,), no lag counted across runs; at least 3."""
+    lengths = [int(n) for n in np.bincount(samples.run) if n]
+    return max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.data.load_scale import load_scale
-from drake_tc.diagnosis.data.preparation import SLOWER
+from drake_tc.diagnosis.data.preparation import SLOWER, load_scale
 from drake_tc.diagnosis.problem.bounded import solve_bounded
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of
@@ -74,7 +73,7 @@ def with_fitted_load(columns: Columns, fitted: Fit) -> Columns:
     rms = float(np.sqrt(np.mean(slope[samples.rows] ** 2)))
     floor = replace(samples.floor, inertia=s.rotor_inertia + inertia, load_slope=rms)
     samples = replace(samples, signals=signals, floor=floor)
-    return columns.changed(samples=samples, floor=floor)
+    return columns.changed(samples=samples)
 
 
 def _moved(signals: Signals, step: float) -> Signals:

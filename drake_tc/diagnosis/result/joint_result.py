@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import Note
-from drake_tc.diagnosis.problem.estimates import Correlation, Estimate
+from drake_tc.diagnosis.problem.parameters import Correlation, Estimate, PlausibleRange
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
 from drake_tc.diagnosis.result.experiments import NextExperiment
-from drake_tc.diagnosis.result.plausible_ranges import PlausibleRange
-from drake_tc.diagnosis.result.refinement import Refinement
-from drake_tc.diagnosis.result.shown import Shown, residual_plot
-from drake_tc.diagnosis.withdrawal import DidNotHold
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.types import FloatArray
@@ -22,13 +20,100 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from drake_tc.actuation.model import ActuatorModel
-
+RefinementStatus = Literal[
+    "accepted", "no_gain", "worse_held_out", "implausible", "resolved", "nothing_to_simulate", "nothing_to_refine"
+]
+"""Why the refined model stands or does not, as a word."""
+Withdrawal = Literal["noise_of_one_channel", "worse_on_held_out", "below_floor"]
+"""Why: only the noise of one channel asks for it; it lowers the predictive density of the held-out runs; it contributes
+less than `priors.NAMED_FLOORS` noise floors."""
 INTERVAL_COLUMNS = ("effect", "parameter", "value", "low", "high", "unit")
 """Of `JointResult.intervals`."""
-
 Rejection = Literal["too_little_evidence", "cannot_be_looked_for", "not_recorded", "not_excited"]
 """Why an effect was tried and not added, or could not be tried (`drake_tc.effects.obstacle.Obstacle`)."""
+
+
+@dataclass(frozen=True)
+class RefinedParameter:
+    """One number before and after: effect key ("drive" for the gain), name, unit, and whether it rests on a bound."""
+
+    key: str
+    name: str
+    unit: str
+    equation_error: float
+    output_error: float
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Output error on the training runs.
+
+    Attributes:
+        status: Accepted, or why not.
+        why: For "implausible", the effect library's own sentence on values, law and source; "" otherwise.
+        model: The refined model; None unless accepted.
+        parameters: Numbers that the search was free to change; empty where there was no search.
+        train: (model after, refined) mean absolute position error of the free runs of the training runs [rad].
+        cross_validated: The same on stretches of runs that were left out in turn.
+        error_train, error_heldout: RMS of the model equation under the refined numbers [effort], with the drive gain of
+            the model after; None where it cannot be computed.
+        free_run_heldout: RMS of the position error of its free runs on the held-out runs [rad]; None without any.
+    """
+
+    status: RefinementStatus
+    why: str = ""
+    model: ActuatorModel | None = None
+    parameters: tuple[RefinedParameter, ...] = ()
+    train: tuple[float, float] | None = None
+    cross_validated: tuple[float, float] | None = None
+    error_train: float | None = None
+    error_heldout: float | None = None
+    free_run_heldout: float | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether there is a refined model."""
+        return self.model is not None
+
+
+def named_values(model: ActuatorModel) -> Mapping[str, Mapping[str, float]]:
+    """Numbers by effect key, with the gain of the drive under "drive"."""
+    return {"drive": {"gain": model.drive.gain}, **{v.key: dict(v.parameters) for v in model.effects}}
+
+
+@dataclass(frozen=True)
+class DidNotHold:
+    """An effect that the training runs chose and that is not believed.
+
+    Attributes:
+        key, id, title: Of the effect. reason: why not.
+    """
+
+    key: str
+    id: str
+    title: str
+    reason: Withdrawal
+
+
+class Shown:
+    """A result: its `repr` is what the command prints, and a notebook shows the residual of each joint too."""
+
+    def __repr__(self) -> str:
+        return str(_render("summary", "result_text", self))
+
+    def _repr_html_(self) -> str:
+        return str(_render("summary", "result_html", self))
+
+
+def residual_plot(joint: object) -> "Figure":
+    """The residual of a joint over time."""
+    figure: Figure = _render("time_plots", "residual_figure", joint)
+    return figure
+
+
+def _render(module: str, name: str, found: object) -> Any:
+    return getattr(import_module(f"drake_tc.report.{module}"), name)(found)
 
 
 @dataclass(frozen=True)
@@ -146,14 +231,14 @@ class JointResult(Shown):
     correlation: Correlation | None = None
 
     @property
-    def model(self) -> "ActuatorModel":
+    def model(self) -> ActuatorModel:
         """The model after, as model_after.yaml holds it."""
         from drake_tc.diagnosis.result.models import model_of
 
         return model_of(self, final=True)
 
     @property
-    def model_before(self) -> "ActuatorModel":
+    def model_before(self) -> ActuatorModel:
         """The declared model with its fitted parameters, as model_before.yaml holds it."""
         from drake_tc.diagnosis.result.models import model_of
 

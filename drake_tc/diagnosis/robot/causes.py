@@ -21,9 +21,8 @@ from drake_tc.diagnosis.priors import (
     NAMED_FLOORS,
     UNIFORM,
 )
-from drake_tc.diagnosis.problem.shared.causes import LINK_INERTIA_ID, TITLES, Cause
-from drake_tc.diagnosis.problem.shared.robot_causes import FARTHEST
 from drake_tc.diagnosis.robot.joints import RobotFit, Shared
+from drake_tc.diagnosis.shared.causes import FARTHEST, LINK_INERTIA_ID, TITLES, Cause
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.types import FloatArray
 

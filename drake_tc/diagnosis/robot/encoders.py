@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
-from drake_tc.diagnosis.problem.shared.causes import CauseColumns, Piece
-from drake_tc.diagnosis.problem.shared.late_encoder_columns import OwnMotion, late_encoder_columns
 from drake_tc.diagnosis.robot.joints import RobotFit
 from drake_tc.diagnosis.robot.runs import LONGEST_S, RobotRuns
+from drake_tc.diagnosis.shared.causes import CauseColumns, Piece
+from drake_tc.diagnosis.shared.timing import OwnMotion, late_encoder_columns
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.record import Run
 

@@ -12,11 +12,11 @@ from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.model import JointModel, SharedColumns
 from drake_tc.diagnosis.priors import NEGLIGIBLE
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.robot.messages import Belief, Message, belief, message, message_of_both, residual_at
 from drake_tc.diagnosis.robot.runs import RobotRuns
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import find
+from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.types import FloatArray, IntArray
 
 

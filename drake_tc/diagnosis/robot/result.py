@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
-from drake_tc.diagnosis.result.rig_result import SharedEffect
-from drake_tc.diagnosis.result.set_up import SetUpCheck
+from drake_tc.diagnosis.result.rig_result import SetUpCheck, SharedEffect
 from drake_tc.logs.record import Run
 
 

@@ -11,10 +11,10 @@ from drake_tc.diagnosis.model import JointModel, rate_inside
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.shared.causes import Cause, CauseColumns
-from drake_tc.diagnosis.problem.shared.correction import corrected
-from drake_tc.diagnosis.problem.shared.momentum import LinkMomenta
 from drake_tc.diagnosis.search import Progress
+from drake_tc.diagnosis.shared.causes import Cause, CauseColumns
+from drake_tc.diagnosis.shared.columns_of_runs import corrected
+from drake_tc.diagnosis.shared.timing import LinkMomenta
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.estimation.coupled_gears import at_motors

@@ -8,22 +8,19 @@ import numpy as np
 
 from drake_tc.diagnosis.diagnose import asked_of, joint_result
 from drake_tc.diagnosis.intervals import CRITICAL, parameters_of
-from drake_tc.diagnosis.problem.estimates import Estimate
+from drake_tc.diagnosis.problem.parameters import Estimate, widened
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.problem.shared.causes import Cause
 from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.errors import robot_gains, run_errors
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
-from drake_tc.diagnosis.result.links import SEEN, FittedLinks, LinkPosterior, links_of
-from drake_tc.diagnosis.result.rig_result import SharedEffect
-from drake_tc.diagnosis.result.run_errors import run_errors
-from drake_tc.diagnosis.result.set_up import SetUpCheck
-from drake_tc.diagnosis.result.shared_effects import body_parameters
-from drake_tc.diagnosis.result.widening import robot_gains, widened
+from drake_tc.diagnosis.result.links import SEEN, FittedLinks, LinkPosterior, body_parameters, links_of
+from drake_tc.diagnosis.result.rig_result import SetUpCheck, SharedEffect
 from drake_tc.diagnosis.robot.causes import NAMES, Causes, Named
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS
 from drake_tc.diagnosis.root_mean_square import rms
+from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig

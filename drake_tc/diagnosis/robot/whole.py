@@ -16,10 +16,7 @@ import numpy as np
 
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import FALLS, NAMED_FLOORS
-from drake_tc.diagnosis.problem.shared.causes import Cause
-from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
-from drake_tc.diagnosis.problem.shared.momentum import momenta_over
-from drake_tc.diagnosis.result.set_up import SetUpCheck, is_wrong
+from drake_tc.diagnosis.result.rig_result import SetUpCheck, is_wrong
 from drake_tc.diagnosis.robot.causes import Causes, Named, most_probable
 from drake_tc.diagnosis.robot.encoders import in_time, with_encoders
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint, Shared, declared_fit, searched_fit, tempered
@@ -28,7 +25,10 @@ from drake_tc.diagnosis.robot.runs import ALL_JOINTS, RobotRuns
 from drake_tc.diagnosis.robot.told import robot_result
 from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Progress
-from drake_tc.diagnosis.set_up.find import check_set_up
+from drake_tc.diagnosis.set_up.search import check_set_up
+from drake_tc.diagnosis.shared.causes import Cause
+from drake_tc.diagnosis.shared.columns_of_runs import columns_over
+from drake_tc.diagnosis.shared.timing import momenta_over
 from drake_tc.diagnosis.thresholds import HELD_FROM_PERIOD
 from drake_tc.estimation.coupled_gears import motor_turns
 from drake_tc.estimation.robot_loads import RobotLogs, with_robot_loads

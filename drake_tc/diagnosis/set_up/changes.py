@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import minimize
 
-from drake_tc.diagnosis.result.set_up import SET_UP_ERRORS, SetUpErrorKind
+from drake_tc.diagnosis.result.rig_result import SET_UP_ERRORS, SetUpErrorKind
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
 from drake_tc.types import FloatArray, IntArray
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from drake_tc.diagnosis.data.clocks import timing_moments
 from drake_tc.diagnosis.data.preparation import final_kernel
 from drake_tc.diagnosis.data.resolution import NoiseFloor, final_widths, light_width
-from drake_tc.diagnosis.data.timing_noise import timing_moments
 from drake_tc.effects.base import Signals
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.filtering.common_kernel import CommonKernel

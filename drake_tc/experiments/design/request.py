@@ -12,7 +12,7 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models
 from drake_tc.config.files import is_file
 from drake_tc.config.quoted import did_you_mean
-from drake_tc.diagnosis.data.load_scale import load_scale
+from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.config.quoted import json_value
-from drake_tc.diagnosis.result.set_up import SET_UP_ERRORS, SetUpCheck, SetUpError
+from drake_tc.diagnosis.result.rig_result import SET_UP_ERRORS, SetUpCheck, SetUpError
 from drake_tc.report.numbers import percent, significant
 from drake_tc.report.words import joined
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.data.age_of_effort import aged
-from drake_tc.diagnosis.data.samples import HELD
+from drake_tc.diagnosis.data.channels import HELD, aged
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.data.between_samples import between_samples
-from drake_tc.diagnosis.data.sample_noise import interpolated_noise
+from drake_tc.diagnosis.data.clocks import between_samples
+from drake_tc.diagnosis.data.sensors import interpolated_noise
 from drake_tc.filtering.common_kernel import CommonKernel
 
 from .test_slower_channel import PERIOD, TOPIC

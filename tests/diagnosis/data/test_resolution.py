@@ -16,7 +16,7 @@ from drake_tc.diagnosis.data.resolution import (
     light_width,
     quantisation_error,
 )
-from drake_tc.diagnosis.data.sample_noise import between_lines, sample_noise, white_noise
+from drake_tc.diagnosis.data.sensors import between_lines, sample_noise, white_noise
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.effects.base import Signals
 from drake_tc.effects.library import effect

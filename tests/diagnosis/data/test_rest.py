@@ -4,8 +4,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.data.rest import speed_at_rest
-from drake_tc.diagnosis.data.sliding import direction_of_motion
+from drake_tc.diagnosis.data.sliding import direction_of_motion, speed_at_rest
 from drake_tc.types import FloatArray
 
 PERIOD, COUNT = 1e-3, 30_000

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.data.sample_noise import interpolated_noise, sample_noise
+from drake_tc.diagnosis.data.sensors import interpolated_noise, sample_noise
 from drake_tc.filtering.common_kernel import CommonKernel
 
 PERIOD, SIGMA, COUNT = 4e-3, 0.03, 60_000

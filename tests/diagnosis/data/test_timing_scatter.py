@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.data.timing_noise import timing_moments
-from drake_tc.diagnosis.data.timing_scatter import timing_scatter
+from drake_tc.diagnosis.data.clocks import timing_moments, timing_scatter
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 

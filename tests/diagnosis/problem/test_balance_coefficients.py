@@ -1,13 +1,11 @@
 """Viscous and Coulomb friction are found by effect: nothing depends on the order in which terms are declared."""
 
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.data.resolution import NoiseFloor
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.residual.structure import FEATURES, features
@@ -45,10 +43,6 @@ def test_absent_friction_is_zero() -> None:
 
 def test_noise_floor_error_and_features_do_not_depend_on_the_order(columns: Columns, fitted: Fit) -> None:
     first = fit(columns, TERMS)
-    weighed = Columns(columns.samples, columns.gain, encoder_floor(columns.samples.floor))
-    assert_allclose(
-        weighed.noise_ratio(fitted.beta, fitted.terms), weighed.noise_ratio(first.beta, first.terms), rtol=1e-6
-    )
     assert_allclose(noise_floor(columns, fitted), noise_floor(columns, first), rtol=1e-6)
     assert_allclose(fitted.cv_rms, first.cv_rms, rtol=1e-6)
     known = [columns.with_model(f.terms, f.beta, servo=True).samples.signals for f in (fitted, first)]
@@ -60,15 +54,3 @@ def test_noise_floor_error_and_features_do_not_depend_on_the_order(columns: Colu
     ]
     expected = FEATURES.index("expected_torque")
     assert_allclose(tables[0][:, expected], tables[1][:, expected], atol=1e-6)
-
-
-def encoder_floor(floor: NoiseFloor) -> NoiseFloor:
-    """Noise of the velocity alone, so that the viscous coefficient decides."""
-    return replace(floor, torque_variance=0.0, effort_variance=0.0, encoder_gram=np.diag([0.0, 1e-6, 0.0]))
-
-
-def test_the_noise_floor_is_that_of_the_viscous_coefficient(columns: Columns) -> None:
-    made = Columns(columns.samples, columns.gain, encoder_floor(columns.samples.floor))
-    declared = columns.samples.signals.viscous
-    ratio = made.noise_ratio(np.array([12.5, 999.0, 1.25 * declared]), (TERMS[1], TERMS[0]))
-    assert_allclose(ratio, 1.0 / 1.25, rtol=1e-9)

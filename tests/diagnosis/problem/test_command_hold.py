@@ -8,11 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.problem import command_hold
+from drake_tc.diagnosis.problem import declared
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.declared import better_share
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.problem.resampling import better_share
 from drake_tc.diagnosis.thresholds import HELD_CERTAIN
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
@@ -85,8 +85,8 @@ def test_all_rows_decide_where_those_around_reversals_leave_it_open(monkeypatch,
     def drops(build, *others):
         return alike if build.keywords.get("both_sides") else everywhere
 
-    monkeypatch.setattr(command_hold, "drop_by_hold", drops)
-    assert command_hold.command_is_held(partial(build_samples), rig_of(SERVO), JOINT, ()) is held
+    monkeypatch.setattr(declared, "drop_by_hold", drops)
+    assert declared.command_is_held(partial(build_samples), rig_of(SERVO), JOINT, ()) is held
 
 
 def test_the_example_that_leans_does_lean():

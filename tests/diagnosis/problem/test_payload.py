@@ -7,7 +7,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.problem.shared.payload import payload_of
+from drake_tc.diagnosis.shared.columns_of_runs import payload_of
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import parse_rig

@@ -9,8 +9,8 @@ from scipy.optimize import lsq_linear
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.problem.bounded import cross_validated, solve_bounded
-from drake_tc.diagnosis.problem.columns import FOLDS, Columns, Term, fold_of
-from drake_tc.diagnosis.problem.regression import fit, predict, score
+from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.regression import FOLDS, fit, fold_of, predict
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, motion, problem, record, rig_of
@@ -31,7 +31,6 @@ def test_fit_is_numpys_least_squares(columns):
     assert_allclose(found.beta, wanted, rtol=1e-7, atol=1e-9)  # normal equations of a well-conditioned design
     assert_allclose(found.residual, (z - x @ wanted) / wanted[0], atol=1e-9)
     assert_allclose(found.rms, np.sqrt(np.mean(((z - x @ wanted) / wanted[0]) ** 2)), rtol=1e-9)
-    assert found.size == 4
 
 
 def test_cross_validation_is_leaving_each_fold_out(columns):
@@ -51,14 +50,6 @@ def test_neighbouring_blocks_share_a_fold_in_pairs():
     fold = fold_of(np.arange(40))
     assert_allclose(fold[0::2], fold[1::2])
     assert set(fold) == set(range(FOLDS))
-
-
-def test_a_score_has_the_errors_of_the_fit(columns):
-    for terms in (TERMS, TERMS[:1], TERMS[::-1]):
-        found, quick = fit(columns, terms), score(columns, terms)
-        assert_allclose(quick.beta, found.beta, rtol=1e-12)
-        # squared errors are differences of squares a million times as large
-        assert_allclose(quick.cv_rms, found.cv_rms, rtol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -99,6 +90,11 @@ def test_a_coefficient_that_would_be_negative_rests_on_its_bound():
     found, without = fit(p.columns, terms), fit(p.columns, p.declared)
     assert found.beta[3] == 0.0
     assert_allclose(found.beta[:3], without.beta, rtol=1e-6)
+
+
+def test_columns_that_say_the_same_are_no_explanation(columns):
+    bias = Term(effect("torque_sensor_bias"))
+    assert not np.isfinite(fit(columns, [*TERMS[:2], bias, replace(bias)]).cv_rms)
 
 
 def test_prediction_on_other_runs_is_the_balance_there():

@@ -9,8 +9,8 @@ from pydrake.multibody.tree import MultibodyForces_
 from robot_files import write_robot as write_arm
 from scipy.spatial.transform import Rotation
 
-from drake_tc.diagnosis.problem.shared import cause_columns as cc
-from drake_tc.diagnosis.problem.shared.body_motion import body_motion, joint_is_prismatic, structure_of
+from drake_tc.diagnosis.shared import cause_columns as cc
+from drake_tc.diagnosis.shared.body_motion import body_motion, joint_is_prismatic, structure_of
 from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.robot.plant import make_plant

@@ -10,9 +10,8 @@ from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.drive_gain import tells_drive_gain
+from drake_tc.diagnosis.problem.drive_gain import require_consistent_signs, tells_drive_gain
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.problem.signs import require_consistent_signs
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.record import Run

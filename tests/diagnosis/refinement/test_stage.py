@@ -17,12 +17,10 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.refinement.balance import equation_errors
-from drake_tc.diagnosis.refinement.stage import refine_joint
-from drake_tc.diagnosis.result.free_running import with_free_runs
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.refinement.stage import equation_errors, refine_joint
+from drake_tc.diagnosis.result.errors import with_free_runs
+from drake_tc.diagnosis.result.joint_result import JointResult, Refinement, named_values
 from drake_tc.diagnosis.result.models import model_of
-from drake_tc.diagnosis.result.refinement import Refinement, named_values
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.logs.record import Run

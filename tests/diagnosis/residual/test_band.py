@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.residual.band import shared_band
+from drake_tc.diagnosis.residual.over_time import shared_band
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 
 from ..rigs import Joint, record, rig_of

@@ -8,9 +8,9 @@ import pytest
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.residual.extrapolation import beyond_training
 from drake_tc.diagnosis.residual.structure import FEATURES
 from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.residual.verdict import beyond_training
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import effect
 

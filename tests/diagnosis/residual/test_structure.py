@@ -12,9 +12,8 @@ from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.residual.stretches import slow_share, spectral_line
-from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, features
-from drake_tc.diagnosis.residual.trees import cross_predict, share_explained
+from drake_tc.diagnosis.residual.over_time import slow_share, spectral_line
+from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, cross_predict, features, share_explained
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import effect

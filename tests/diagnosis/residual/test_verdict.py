@@ -12,10 +12,10 @@ from drake_tc.diagnosis.data.preparation import build_samples, context_of
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import fit, noise_floor
-from drake_tc.diagnosis.residual.stretches import loud_stretches
+from drake_tc.diagnosis.residual.over_time import loud_stretches
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, DataSplit, Unexplained
 from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
-from drake_tc.diagnosis.result.run_errors import run_errors
+from drake_tc.diagnosis.result.errors import run_errors
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, problem, record, rig_of

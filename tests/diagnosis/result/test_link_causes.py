@@ -7,9 +7,9 @@ from fitted_arm import JOINTS, URDF, rig_file
 from robot_files import joint_tag, link_tag, write_robot
 
 from drake_tc.diagnosis.notes import LoadInAllRuns
-from drake_tc.diagnosis.problem.estimates import Estimate
-from drake_tc.diagnosis.result.link_causes import link_notes
+from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.rig_result import SharedEffect
+from drake_tc.diagnosis.run import link_notes
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.sentences.notes import note_sentence

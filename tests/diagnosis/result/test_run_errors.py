@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.notes import RunsWithoutMotion
-from drake_tc.diagnosis.result.run_errors import mean_absolute_errors, without_rows
+from drake_tc.diagnosis.result.errors import mean_absolute_errors, without_rows
 
 from ..rigs import Joint, problem
 

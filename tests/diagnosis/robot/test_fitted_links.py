@@ -11,8 +11,8 @@ from robot_files import write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.diagnosis.shared.columns_of_runs import columns_over
 from drake_tc.errors import DrakeTcError, ParamsError, RigError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from robot_files import write_robot
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.problem.shared.momentum import momenta_over
+from drake_tc.diagnosis.shared.timing import momenta_over
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

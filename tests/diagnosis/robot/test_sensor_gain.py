@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
+from drake_tc.diagnosis.shared.columns_of_runs import columns_over
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

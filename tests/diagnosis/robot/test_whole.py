@@ -12,9 +12,9 @@ from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.linear import Prior, Products, posterior
 from drake_tc.diagnosis.model import SharedColumns
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.shared.columns_of_runs import columns_over
 from drake_tc.diagnosis.robot.joints import Shared, declared_fit
 from drake_tc.diagnosis.robot.runs import RobotRuns
+from drake_tc.diagnosis.shared.columns_of_runs import columns_over
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

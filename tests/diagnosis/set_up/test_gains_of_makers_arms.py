@@ -7,7 +7,7 @@ import yaml
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.robot import whole
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.set_up.find import check_set_up
+from drake_tc.diagnosis.set_up.search import check_set_up
 from tests.benchmarks.blind_arm.cases import arm_case, record_case
 
 SEED = 901

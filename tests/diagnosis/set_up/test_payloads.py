@@ -7,7 +7,7 @@ from fitted_arm import JOINTS, PAYLOAD, RIG, URDF, record, rig_file
 from numpy.testing import assert_allclose
 from robot_files import write_robot
 
-from drake_tc.diagnosis.set_up.find import check_set_up
+from drake_tc.diagnosis.set_up.search import check_set_up
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

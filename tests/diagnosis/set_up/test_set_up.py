@@ -14,7 +14,7 @@ from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up import balance, changes
-from drake_tc.diagnosis.set_up.find import check_set_up
+from drake_tc.diagnosis.set_up.search import check_set_up
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

@@ -28,7 +28,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.shared.body_motion import BodyMotion, Link, Structure
+from drake_tc.diagnosis.shared.body_motion import BodyMotion, Link, Structure
 from drake_tc.estimation.off_line import Row
 from drake_tc.estimation.plant import skew
 from drake_tc.estimation.torque_model import TorqueModel

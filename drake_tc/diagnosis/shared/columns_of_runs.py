@@ -1,31 +1,58 @@
-"""The columns of a robot's causes over its runs."""
+"""The columns of a robot's causes over its runs, what a link carries in some of them, and loads without the causes."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.shared import cause_columns
-from drake_tc.diagnosis.problem.shared.body_motion import (
+from drake_tc.config.quoted import did_you_mean
+from drake_tc.diagnosis.shared import cause_columns
+from drake_tc.diagnosis.shared.body_motion import (
     BodyMotion,
     Structure,
     body_motion,
     joint_is_prismatic,
     structure_of,
 )
-from drake_tc.diagnosis.problem.shared.causes import GRID_SECONDS, CauseColumns, Piece
-from drake_tc.diagnosis.problem.shared.payload import Payload, payload_of
-from drake_tc.diagnosis.problem.shared.robot_causes import encoders_alone, list_causes
+from drake_tc.diagnosis.shared.causes import GRID_SECONDS, CauseColumns, Piece, encoders_alone, list_causes
+from drake_tc.errors import RigError
 from drake_tc.estimation.off_line import OffLineFilter, Row, smoothed
 from drake_tc.estimation.robot_loads import RobotLogs, filters_of, smoothed_motion, usable_stretches
 from drake_tc.filtering.window_choice import Window
+from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.link_parameters import LinkModel, link_model
 from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 COLUMN_WINDOWS = 3
 """Windows of the columns' motion over those of the torques."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """An unknown load.
+
+    Attributes:
+        runs: Names of the logs in which it is carried; one load for each.
+        link: Number of the link that carries it, in the order of the tree.
+    """
+
+    runs: tuple[str, ...]
+    link: int
+
+    def columns(self, links: FloatArray, run: str) -> FloatArray:
+        """Columns (T, n, 10 m) of the m loads in one run: those of the link that carries them, 0 of other runs' loads.
+
+        Args:
+            links: (T, n, 10 n) columns of all links' parameters in this run.
+            run: Its name.
+        """
+        size = len(LINK_PARAMETERS)
+        own = links[:, :, size * self.link : size * (self.link + 1)]
+        parts = [own if run == name else np.zeros_like(own) for name in self.runs]
+        return np.concatenate([links[:, :, :0], *parts], axis=2)
 
 
 def columns_over(
@@ -147,3 +174,64 @@ def _imu(
     felt = np.array([row[3][3:] for row in rows])
     gain = np.einsum("tjp,tp->tj", accel, felt)[:, :, None]
     return [accel, gyro, gain, cause_columns.gyro_columns(after(turned), structure, slides)]
+
+
+def payload_of(rig: Rig, runs: Sequence[str], links: LinkModel) -> Payload:
+    """The unknown load that a rig file declares.
+
+    Args:
+        rig: Of the robot.
+        runs: Names of all logs.
+        links: The robot's moving links.
+
+    Raises:
+        RigError: A log is not among the runs, the robot's joints move no link of that name, or the rig file names no
+            link and the robot has several outermost ones.
+    """
+    load = next(iter(rig.load.values()))
+    if not isinstance(load, RobotLoad) or not load.payload:
+        return Payload((), 0)
+    source, known = rig.source or "rig", links.tree.links
+    for name in load.payload:
+        if name not in runs:
+            raise RigError(
+                f"{source}: load: unknown_payload: no log {name!r}{did_you_mean(name, runs)}; logs: {', '.join(runs)}"
+            )
+    if not load.carrier and len(links.outermost) > 1:
+        raise RigError(
+            f"{source}: load: payload_link: the robot has several outermost links ({', '.join(links.outermost)}); name "
+            "the one that carries the unknown load"
+        )
+    carrier = load.carrier or links.outermost[0]
+    if carrier not in known:
+        raise RigError(
+            f"{source}: load: payload_link: no joint of the robot moves a link {carrier!r}"
+            f"{did_you_mean(carrier, known)}; "
+            f"links: {', '.join(known)}"
+        )
+    return Payload(load.payload, known.index(carrier))
+
+
+def corrected(
+    runs: Sequence[Run], causes: CauseColumns, joints: Sequence[str], columns: IntArray, delta: FloatArray
+) -> list[Run]:
+    """The runs with tau_meas - C delta as torque, joint by joint.
+
+    Args:
+        runs: With torque columns from the robot's model.
+        causes: Columns over these runs.
+        joints: Of the rig.
+        columns: (p,) which of them. delta: (p,).
+        delta: Their coefficients.
+    """
+    if columns.size == 0:
+        return list(runs)
+    out = []
+    for run in runs:
+        changed = {}
+        for joint in joints:
+            name = f"{joint}/torque"
+            extra = causes.of(run.name, joint, run.time - run.time[0])[:, columns] @ delta
+            changed[name] = np.asarray(run.columns[name] - extra)
+        out.append(replace(run, columns=dict(run.columns) | changed))
+    return out

@@ -1,7 +1,7 @@
-"""Scatter of the instants at which a position was sampled, read from how its white noise grows with the speed.
+"""What the clocks of a log do to the balance: sampling instants that scatter, and a torque on a slower clock.
 
-A position that is sampled at t_k + delta_k, while the log says t_k, errs by qdot(t_k) delta_k. In blocks of the log,
-the density at high frequencies is then that of white noise of the variance
+**Scatter.** A position that is sampled at t_k + delta_k, while the log says t_k, errs by qdot(t_k) delta_k. In blocks
+of the log, the density at high frequencies is then that of white noise of the variance
 
     sigma^2 + delta^2 <qdot^2>,
 
@@ -9,16 +9,39 @@ with sigma the noise of the encoder and delta the standard deviation of the delt
 differences of each block at each frequency between a quarter and half of the sampling rate. A scatter is taken only
 where it is beyond doubt, and where it matters: what grows with the speed for another reason, such as a vibration, a
 controller's steps or the rounding of an encoder, is not white, does not grow in proportion to the speed, or stays below
-a step.
+a step. Through the filters of acceleration and velocity, with the momentum p = M qdot of links that a robot's model
+gives, row i of the balance errs by
+
+    n_i = sum_m delta_m (J k''_(i-m) qdot_m + l''_(i-m) p_m + F_v k'_(i-m) qdot_m)
+
+whose variance is that of independent delta_m. Effort and load are sampled with the position and err with it; what they
+add is small beside the differentiated position, and partly cancels: it is left out.
+
+**A slower torque.** A torque that is sampled every T_s and interpolated between turns a jump by A into a ramp over one
+T_s. The jump itself lies a time u from the middle of the ramp, with u anywhere within +-T_s/2. Through both filters
+k (1/s), which are wide against T_s, a row at t errs by A u k(t - t_A), of the variance
+
+    s^2(t) = (T_s^2/12) sum_A A^2 k(t - t_A)^2.
+
+If the jumps recur at the samples' own rhythm, u is the same at each of them, so the error looks like an effect that
+acts at jumps: a saturation, a payload, a delay. It is noise of unknown sign none the less. Where the torque jumps is
+read from the torque. With x its interpolated curve and h = T_s/2,
+
+    D(t) = d(t) - (d(t - T_s) + d(t + T_s))/2,    d(t) = x(t + h) - x(t - h)
+
+is near 0 of a smooth curve, and the integral of D^2 over time is 2/3 A^2 T_s for a jump by A. Values that the noise of
+the torque explains are no jumps.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import oaconvolve
 
+from drake_tc.diagnosis.data.channels import Channels
 from drake_tc.filtering.common_kernel import CommonKernel
-from drake_tc.types import FloatArray
+from drake_tc.types import FloatArray, IntArray
 
 BLOCK = 32
 """Samples of a block; blocks overlap by half."""
@@ -45,6 +68,14 @@ LEAST_GROUP = 15
 MOST_BLOCKS = 4000
 LEAST_NOISE = 1e-12
 """Of a position at rest [rad]."""
+Part = tuple[FloatArray, FloatArray]
+"""Values (T,) that the scatter multiplies, and the weights of an odd number of samples through which they pass."""
+OF_A_JUMP = 2.0 / 3.0
+"""Integral of D^2 over time, over A^2 T_s."""
+BEYOND_NOISE = 5.0
+"""Standard deviations of D from which on it is a jump."""
+DEVIATION_OF_MEDIAN = 1.4826
+"""Standard deviation over the median magnitude, of a normal distribution."""
 
 
 @dataclass(frozen=True)
@@ -145,3 +176,85 @@ def _in_proportion(power: FloatArray, speed2: FloatArray, noise: float, growth: 
     relative = np.minimum(power / model, MOST_POWER)
     slower, faster = (float(np.median(np.mean(relative[part], axis=0))) for part in np.array_split(order, 2))
     return max(slower, faster) < UNEVEN * min(slower, faster)
+
+
+def timing_moments(scatter: float, parts: Sequence[Part], rows: IntArray) -> FloatArray:
+    """(N, n, n) second moments of sum_m delta_m w_(i-m) x_m on the rows (N,), for n parts (x, w).
+
+    Args:
+        scatter: Standard deviation of delta [s].
+        parts: Of one uniform clock.
+        rows: Where.
+    """
+    longest = max(weights.size for _, weights in parts)
+    padded = [(x, np.pad(w, (longest - w.size) // 2)) for x, w in parts]
+    out = np.zeros((rows.size, len(parts), len(parts)))
+    for a, (x, w) in enumerate(padded):
+        for b, (y, u) in enumerate(padded[: a + 1]):
+            passed = oaconvolve(np.pad(x * y, longest // 2), w * u, mode="valid")
+            out[:, a, b] = out[:, b, a] = scatter**2 * passed[rows]
+    return out
+
+
+def timing_of_rows(
+    scatter: float, channels: Channels, light: CommonKernel, final: CommonKernel, velocity: FloatArray, rows: IntArray
+) -> FloatArray:
+    """(N, 3, 3) moments of what passes the inertia, the viscous friction and the links, of rows of a joint's channels.
+
+    Runs with `acceleration_weights` have accelerations and loads that passed these weights before the light kernel.
+
+    Args:
+        scatter: Standard deviation of the sampling instants [s].
+        channels: Of the joint; their `momentum` is that of the links [N m s], nil where there is none.
+        light: First kernel.
+        final: Second kernel.
+        velocity: (T,) [rad/s].
+        rows: (N,) of T.
+    """
+    momentum = np.nan_to_num(channels.raw("momentum"))
+    rate = np.convolve(light.kernels[1], final.kernels[0])
+    out = np.zeros((rows.size, 3, 3))
+    for number, run in {i: run for i, run, _ in channels.pieces}.items():
+        mine = channels.run_of_sample[rows] == number
+        weights = run.acceleration_weights
+        first = light.kernels[2] if weights is None else np.convolve(weights, light.kernels[0])
+        inertial = np.convolve(first, final.kernels[0])
+        parts = ((velocity, inertial), (velocity, rate), (momentum, inertial))
+        out[mine] = timing_moments(scatter, parts, rows[mine])
+    return out
+
+
+def jumps_squared(torque: FloatArray, ratio: float) -> FloatArray:
+    """(T,) A^2 spread over the samples near each jump: its sum over them is the sum of A^2 over the jumps.
+
+    Args:
+        torque: (T,) of one stretch, interpolated between the samples of a slower clock [N m].
+        ratio: T_s over the period of the log.
+    """
+    at = np.arange(torque.size, dtype=np.float64)
+    steps = [
+        np.interp(at + (shift + 0.5) * ratio, at, torque) - np.interp(at + (shift - 0.5) * ratio, at, torque)
+        for shift in (-1.0, 0.0, 1.0)
+    ]
+    jump = steps[1] - (steps[0] + steps[2]) / 2.0
+    noise = DEVIATION_OF_MEDIAN * float(np.median(np.abs(jump)))
+    return np.where(np.abs(jump) > BEYOND_NOISE * noise, jump**2 / (OF_A_JUMP * ratio), 0.0)
+
+
+def between_samples(
+    torque: FloatArray, segments: Sequence[slice], ratios: Sequence[float], weights: FloatArray
+) -> FloatArray:
+    """(T,) variances s^2 of what a torque lacks between its samples, after the filters [N m]^2.
+
+    Args:
+        torque: (T,) interpolated between its samples [N m].
+        segments: Uniform stretches.
+        ratios: Of each stretch, T_s over the period of the log; 1 where the torque has the clock of the log.
+        weights: Of both filters together, an odd number that sums to 1.
+    """
+    jumps = np.zeros(torque.size)
+    for segment, ratio in zip(segments, ratios, strict=True):
+        if ratio > 1.0:
+            jumps[segment] = ratio**2 / 12.0 * jumps_squared(torque[segment], ratio)
+    passed = oaconvolve(np.pad(jumps, weights.size // 2), weights**2, mode="valid")
+    return np.asarray(np.maximum(passed, 0.0))

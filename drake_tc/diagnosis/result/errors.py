@@ -1,23 +1,73 @@
-"""Free-run errors on held-out runs: the Drake diagram of each model, driven by the recorded command alone."""
+"""Errors of the model equation and of the free runs: by run, of whole joints, and of the whole robot."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunObstacle, NoFreeRun, Note
-from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunObstacle, NoFreeRun, Note, RunsWithoutMotion
+from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.result.joint_result import JointResult, Refinement, RunErrors
 from drake_tc.diagnosis.result.models import model_of
-from drake_tc.diagnosis.result.refinement import Refinement
-from drake_tc.diagnosis.result.run_errors import MODELS
+from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
+MODELS = ("before", "after", "refined")
+"""Models whose free runs there may be."""
 FreeRun = Callable[[ActuatorModel, Rig, str, Run], tuple[FloatArray, FloatArray, FloatArray] | None]
 """(model, rig, joint, run) -> (time, recorded, simulated position), or None where it cannot run."""
+
+
+def run_errors(splits: Sequence[DataSplit]) -> Iterator[RunErrors]:
+    """Errors of every run, training runs first."""
+    for split, heldout in zip(splits, (False, True), strict=True):
+        for number, name in enumerate(split.samples.runs):
+            mine = split.samples.run == number
+            if mine.any():
+                before, after = split.before[mine], split.after[mine]
+                absolute = [float(np.mean(np.abs(x))) for x in (before, after)]
+                yield RunErrors(name, heldout, int(mine.sum()), rms(before), rms(after), *absolute)
+
+
+def mean_absolute_errors(joint: JointResult) -> dict[str, dict[str, float | None]]:
+    """Mean absolute errors of the models before and after, under the names that their RMS has in `Errors`."""
+    out: dict[str, dict[str, float | None]] = {}
+    for name in ("before", "after"):
+        traces = [trace for trace in joint.free_run.values() if name in trace]
+        free = float(np.mean(np.concatenate([np.abs(t[name] - t["recorded"]) for t in traces]))) if traces else np.nan
+        out[name] = {
+            "train": float(np.mean(np.abs(getattr(joint.train, name)))),
+            "heldout": float(np.mean(np.abs(getattr(joint.heldout, name)))),
+            "free_run_heldout": free if np.isfinite(free) else None,
+        }
+    return out
+
+
+def position_errors(trace: Mapping[str, FloatArray], name: str) -> tuple[float, float] | None:
+    """(RMS, mean absolute) position error [rad] of the free run `name`; None without it, NaN where it has diverged."""
+    if name not in trace:
+        return None
+    error = trace[name] - trace["recorded"]
+    return rms(error), float(np.mean(np.abs(error)))
+
+
+def without_rows(parts: Sequence[Samples]) -> tuple[RunsWithoutMotion, ...]:
+    """A note on the runs that say nothing; of one that is held out, no verdict is about it.
+
+    Args:
+        parts: Of the training runs and of the held-out runs.
+    """
+    silent = [
+        name for samples in parts for number, name in enumerate(samples.runs) if not (samples.run == number).any()
+    ]
+    if not silent:
+        return ()
+    return (RunsWithoutMotion(tuple(silent), parts[0].kernel.actual_width_s),)
 
 
 def with_free_runs(
@@ -96,3 +146,29 @@ def _rms(parts: Sequence[FloatArray]) -> float | None:
         return None
     value = float(np.sqrt(np.mean(np.concatenate(parts))))
     return value if np.isfinite(value) else None
+
+
+def robot_gains(joints: Mapping[str, JointResult], sigma: Mapping[str, float]) -> dict[tuple[str, str], float]:
+    """Held-out gain of the whole robot by joint and effect key, told as that of a shared cause.
+
+    1 - sqrt(S/S_0), S the sum over the joints of their held-out squares over sigma_j^2, S_0 the same without the
+    effect.
+
+    Args:
+        joints: Results.
+        sigma: By joint, RMS residual of the shared fit [N m].
+    """
+    squares = {}
+    for name, joint in joints.items():
+        stiffness = max(float(joint.final.beta[0]), 1e-12)
+        squares[name] = float(np.sum((joint.heldout.after * stiffness) ** 2)) / sigma[name] ** 2
+    total = max(sum(squares.values()), 1e-300)
+
+    def excess(gain: float) -> float:  # by how much the squared error grows without an effect, relative
+        return 1.0 / max(1.0 - gain, 1e-6) ** 2 - 1.0
+
+    return {
+        (name, effect.key): 1.0 - 1.0 / float(np.sqrt(1.0 + squares[name] * excess(effect.heldout_gain) / total))
+        for name, joint in joints.items()
+        for effect in joint.effects
+    }
