@@ -20,6 +20,7 @@ from drake_tc.cli.export_command import export_command
 from drake_tc.cli.identify_command import identify_command
 from drake_tc.cli.log_commands import check_command, import_logs, inspect_command
 from drake_tc.cli.reproduce_command import reproduce_command
+from drake_tc.cli.run_command import run_command
 from drake_tc.cli.schema_command import schema_command
 from drake_tc.cli.stability_command import stability_command, stability_map_command
 from drake_tc.cli.tune_command import tune_command
@@ -50,6 +51,7 @@ app.command("import", cls=Command, short_help="Convert BAM servo recordings.")(i
 app.command("export", cls=Command, short_help="Write a model for a simulator.")(export_command)
 app.command("inspect", cls=Command, short_help="List what a log contains.")(inspect_command)
 app.command("schema", cls=Command, short_help="Print the schema of an input file.")(schema_command)
+app.command("run", cls=Command, short_help="Run a controller in real time.")(run_command)
 app.command("simulate", cls=Command, short_help="Simulate a diagram.")(simulate_command)
 app.command("graph", cls=Command, short_help="Draw a diagram.")(graph_command)
 app.command("rehearse", cls=Command, short_help="Count how often an effect is found.")(rehearse_command)

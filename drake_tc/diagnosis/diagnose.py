@@ -69,7 +69,7 @@ def diagnose_joint(
         IdentificationError: the training runs cannot identify even the declared model.
     """
     progress("filtering", 0.0)
-    prepared = prepare_joint(train_runs, held_runs, rig, joint, common=options.common)
+    prepared = prepare_joint(train_runs, held_runs, rig, joint, command_held=options.command_held)
     model = joint_model(prepared)
     asked = asked_of(prepared, options)
     found = find(Evidence(model).heard(model.declared, spread=False), asked.usable, progress)
@@ -114,8 +114,7 @@ def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
     """What is looked for in a joint."""
     context = prepared.context
     rare = uncommon(context) if options.effects is None else ()
-    library = [e for e in (*looked_for(context, options.effects), *rare) if e.id not in options.without]
-    return Asked(*candidates(library, context, prepared.declared))
+    return Asked(*candidates([*looked_for(context, options.effects), *rare], context, prepared.declared))
 
 
 def decided(found: Found) -> Decided:

@@ -4,8 +4,6 @@ They were set on simulated rigs of calibration seeds, many of which lack nothing
 seeds (drake_tc/diagnosis/README.md).
 """
 
-from dataclasses import dataclass
-
 # Signs of columns, and whether the declared model can be fitted at all
 
 NO_STIFFNESS = 1e-9
@@ -44,45 +42,35 @@ CERTAINLY_BETTER = 0.98
 
 # What is left
 
-
-@dataclass(frozen=True)
-class ResidualThresholds:
-    """When a remainder counts as structure, and when it counts as more than noise.
-
-    Attributes:
-        least_floors: RMS of the residual in noise floors below which nothing is flagged.
-        most_floors: ... above which more is left than the floor explains, if it is also more than `least_of_before`.
-        least_fraction: Smallest share of the residual's variance that a function of the signals must explain.
-        least_rms: Smallest RMS of that share, in noise floors.
-        least_of_before: ... and as a share of the error before.
-        least_of_signal: ... and as a share of the RMS of the effort: no drive gain, clock or filter is more accurate.
-        least_log_evidence: Evidence of that share, in effective samples of what is left: noise that wanders has few.
-        most_growth: How many times the training error the held-out one may be: beyond it the model does not carry over.
-        least_growth: ... by at least this share of the held-out error before; so too for all that lies beyond the
-            range of the training runs, for stretches and for lines.
-        least_burst: How many times the typical half-second RMS a confined stretch must reach.
-        least_line: Share of the residual's variance that one spectral line must hold.
-        least_wander: Share of the held-out residual, its mean included, that its own neighbourhood in time must explain
-            where a sensor is said to wander.
-        least_beyond: Share of the held-out residual's energy that must lie outside the range of the training runs for
-            the residual to be called an error of extrapolation.
-    """
-
-    least_floors: float = 1.5
-    most_floors: float = 3.0
-    least_fraction: float = 0.25
-    least_rms: float = 0.6
-    least_of_before: float = 0.05
-    least_of_signal: float = 0.002
-    least_log_evidence: float = 25.0
-    most_growth: float = 2.5
-    least_growth: float = 0.25
-    least_burst: float = 3.0
-    least_line: float = 0.25
-    least_wander: float = 0.6
-    least_beyond: float = 0.8
-
-
+LEAST_FLOORS = 1.5
+"""RMS of the residual in noise floors below which nothing is flagged."""
+MOST_FLOORS = 3.0
+"""... above which more is left than the floor explains, if it is also more than `LEAST_OF_BEFORE`."""
+LEAST_FRACTION = 0.25
+"""Smallest share of the residual's variance that a function of the signals must explain."""
+LEAST_RMS = 0.6
+"""Smallest RMS of that share, in noise floors ..."""
+LEAST_OF_BEFORE = 0.05
+"""... as a share of the error before ..."""
+LEAST_OF_SIGNAL = 0.002
+"""... and as a share of the RMS of the effort: no drive gain, clock or filter is more accurate."""
+LEAST_LOG_EVIDENCE = 25.0
+"""Evidence of that share, in effective samples of what is left: noise that wanders has few."""
+MOST_GROWTH = 2.5
+"""How many times the training error the held-out one may be: beyond it the model does not carry over ..."""
+LEAST_GROWTH = 0.25
+"""... by at least this share of the held-out error before; so too for all that lies beyond the range of the training
+runs, for stretches and for lines."""
+LEAST_BURST = 3.0
+"""How many times the typical half-second RMS a confined stretch must reach."""
+LEAST_LINE = 0.25
+"""Share of the residual's variance that one spectral line must hold."""
+LEAST_WANDER = 0.6
+"""Share of the held-out residual, its mean included, that its own neighbourhood in time must explain where a sensor is
+said to wander."""
+LEAST_BEYOND = 0.8
+"""Share of the held-out residual's energy that must lie outside the range of the training runs for the residual to be
+called an error of extrapolation."""
 LONGEST_CORRELATION = 0.5
 """Longest correlation time [s] of the quiet part of a residual in which a loud stretch is an event."""
 LOUD_SHARE = 0.25

@@ -13,7 +13,7 @@ from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.over_time import spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.diagnosis.thresholds import LEAST_LINE
 from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant
 from drake_tc.report.svg import AFTER, BEFORE, INK, MUTED, SHADE, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
@@ -108,7 +108,7 @@ def _lines(joint: JointResult, split: DataSplit) -> list[tuple[float, str]]:
     for name in ("before", "after"):
         residual = split.before if name == "before" else split.after
         hertz, share = spectral_line(DataSplit(split.samples, split.before, residual))
-        if share >= ResidualThresholds().least_line:
+        if share >= LEAST_LINE:
             where = f"The residual {name} has a line at {significant(hertz)} Hz"
             out.append((hertz, f"{where}, which holds {percent(share)} of its variance."))
     left = joint.unexplained.period_hz

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.residual.unexplained import BeyondTraining, Unexplained,
 from drake_tc.diagnosis.result.joint_result import JointResult, RejectedEffect, Withdrawal
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.shared.causes import TITLES
-from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.diagnosis.thresholds import LEAST_FRACTION, MOST_GROWTH
 from drake_tc.effects.library import all_effects
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, scale_for, significant, times
@@ -170,7 +170,7 @@ def dependence_words(left: Unexplained) -> str:
 
 def _is_function(left: Unexplained) -> bool:
     """Whether a function of the signals explains so large a share that only its small size keeps it from counting."""
-    return left.fraction >= ResidualThresholds().least_fraction
+    return left.fraction >= LEAST_FRACTION
 
 
 def unexplained(joint: JointResult) -> str:
@@ -205,7 +205,7 @@ def unexplained(joint: JointResult) -> str:
     if left.period_hz is not None:
         parts.append(f"the remaining error repeats at {significant(left.period_hz)} Hz")
     growth = joint.after.heldout / max(joint.after.train, 1e-300)
-    if growth <= ResidualThresholds().most_growth:
+    if growth <= MOST_GROWTH:
         return (joined(parts) or "the remaining error is larger on the held-out runs than on the training runs") + "."
     other = (
         f"the remaining error is {significant(growth, 2)} times as large on the held-out runs as on the training runs, "

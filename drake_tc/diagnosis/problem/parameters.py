@@ -156,37 +156,18 @@ def widened(parameters: Parameters, fitted: Fit, spread: FloatArray) -> Paramete
     Args:
         parameters: Of the fit, by effect and name.
         fitted: One joint's fit.
-        spread: Covariance that its own intervals do not know of, (k + s, k + s) of its beta and its shape parameters,
-            or (k, k) of its beta alone.
+        spread: (k, k) covariance of its beta that its own intervals do not know of.
     """
-    size = fitted.beta.size
-    point = np.concatenate([fitted.beta, shape_places(fitted.terms)[1]])
-    named = physical_parameters(fitted, fitted.beta, point[size:])
-    slopes: dict[tuple[str, str], FloatArray] = {
-        (key, name): np.zeros(point.size) for key in named for name in named[key]
-    }
-    for k in range(point.size):
-        step = 1e-6 * abs(point[k]) + 1e-12
-        changed_point = point.copy()
-        changed_point[k] += step
-        changed = physical_parameters(fitted, changed_point[:size], changed_point[size:])
-        for (key, name), slope in slopes.items():
-            slope[k] = (changed[key][name] - named[key][name]) / step
+    named, steps = physical_parameters(fitted), 1e-6 * np.abs(fitted.beta) + 1e-12
+    changed = [physical_parameters(fitted, fitted.beta + step) for step in np.diag(steps)]
     bounds = {(t.effect.key, p.name): (p.lower, p.upper) for t in fitted.terms for p in t.effect.parameters}
     bounds["drive", "gain"] = (0.0, np.inf)
-    flat, unbounded = np.zeros(point.size), (-np.inf, np.inf)
-    return {
-        key: {
-            name: _wider(e, slopes.get((key, name), flat), spread, bounds.get((key, name), unbounded))
-            for name, e in group.items()
-        }
-        for key, group in parameters.items()
-    }
 
+    def wider(key: str, name: str, estimate: Estimate) -> Estimate:
+        slope = np.array([each[key][name] - named[key][name] for each in changed]) / steps
+        more = float(norm.ppf(0.975)) * np.sqrt(max(float(slope @ spread @ slope), 0.0))
+        below, above = (float(np.hypot(estimate.value - end, more)) for end in estimate.ci95)
+        low, high = bounds.get((key, name), (-np.inf, np.inf))
+        return replace(estimate, ci95=(max(estimate.value - below, low), min(estimate.value + above, high)))
 
-def _wider(estimate: Estimate, slope: FloatArray, spread: FloatArray, bounds: tuple[float, float]) -> Estimate:
-    slope = slope[: len(spread)]
-    more = float(norm.ppf(0.975)) ** 2 * max(float(slope @ spread @ slope), 0.0)
-    low, high = (abs(estimate.value - end) for end in estimate.ci95)
-    ends = (estimate.value - np.hypot(low, np.sqrt(more)), estimate.value + np.hypot(high, np.sqrt(more)))
-    return replace(estimate, ci95=(max(float(ends[0]), bounds[0]), min(float(ends[1]), bounds[1])))
+    return {key: {name: wider(key, name, e) for name, e in group.items()} for key, group in parameters.items()}

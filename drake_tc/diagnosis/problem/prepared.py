@@ -112,7 +112,6 @@ def prepare_joint(
     held_runs: Sequence[Run],
     rig: Rig,
     joint: str,
-    width_s: float | None = None,
     common: Sequence[Term] = (),
     sampled_late: float = 0.0,
     command_held: bool | None = None,
@@ -124,7 +123,6 @@ def prepare_joint(
         held_runs: Held-out runs; where there are none, the training rows stand for them.
         rig: Says drive, load and what is declared.
         joint: Which.
-        width_s: Width of the light kernel [s]; None lets the data choose.
         common: Terms of all joints, which the declared model has besides the joint's own.
         sampled_late: Age of the effort beyond that of a held command [sampling periods].
         command_held: Whether position servos hold their commands, where that is decided; None lets this joint decide.
@@ -134,7 +132,7 @@ def prepare_joint(
             identify the declared model.
     """
     loads = possible_loads(rig, joint)
-    build = partial(build_samples, rig=rig, joint=joint, width_s=width_s)
+    build = partial(build_samples, rig=rig, joint=joint)
     servo = rig.drive[joint] == "position_servo"
     if command_held is None or not servo:
         command_held = command_is_held(partial(build, train_runs), rig, joint, loads)

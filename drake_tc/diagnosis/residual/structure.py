@@ -22,7 +22,20 @@ from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.over_time import loud_stretches, slow_share, spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.diagnosis.thresholds import (
+    LEAST_BURST,
+    LEAST_FLOORS,
+    LEAST_FRACTION,
+    LEAST_GROWTH,
+    LEAST_LINE,
+    LEAST_LOG_EVIDENCE,
+    LEAST_OF_BEFORE,
+    LEAST_OF_SIGNAL,
+    LEAST_RMS,
+    LEAST_WANDER,
+    MOST_FLOORS,
+    MOST_GROWTH,
+)
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import BoolArray, FloatArray, IntArray
@@ -152,7 +165,6 @@ def _of_wandering_sensor(
     rows: _Rows,
     held: DataSplit,
     found: _Dependence,
-    options: ResidualThresholds,
     seed: int,
     executor: Executor | None,
 ) -> _Dependence | None:
@@ -162,12 +174,12 @@ def _of_wandering_sensor(
     chance, so it speaks for structure only together with a faster one: friction that changes with the temperature
     changes its sign with the motion.
     """
-    if slow_share(held, GROUP_SECONDS) < options.least_wander or found.interplay >= options.least_fraction:
+    if slow_share(held, GROUP_SECONDS) < LEAST_WANDER or found.interplay >= LEAST_FRACTION:
         return None
     fast = rows.x[:, [name != "temperature" for name in FEATURES]]
     (by_fast,) = cross_predict((fast,), rows.y, rows.group, seed, executor)
     share = share_explained(rows.y[rows.held], by_fast[rows.held])
-    return replace(found, fraction=share, signals=share) if share < options.least_fraction else None
+    return replace(found, fraction=share, signals=share) if share < LEAST_FRACTION else None
 
 
 def assess_residual(
@@ -175,10 +187,10 @@ def assess_residual(
     held: DataSplit,
     x: tuple[FloatArray, FloatArray],
     floor: float,
-    options: ResidualThresholds,
     seed: int = 0,
     executor: Executor | None = None,
     *,
+    least_of_before: float = LEAST_OF_BEFORE,
     sensor: bool = False,
 ) -> Unexplained:
     """What is left of both splits after the final model, and whether it is structure or simply more than noise.
@@ -188,37 +200,31 @@ def assess_residual(
         held: The same of the held-out runs.
         x: Of each split, its `features`.
         floor: Noise floor [effort].
-        options: Thresholds.
         seed: Of the folds.
         executor: Fits the regressors beside each other; None fits them here.
+        least_of_before: As a share of the error before, what must be left to be flagged.
         sensor: Whether the load is that of a torque sensor, which may wander.
     """
     after, train_after = rms(held.after), rms(train.after)
     before = rms(held.before)
-    effort = _effort_rms(held)
+    effort = rms(held.weight * held.samples.signals.effort[held.samples.rows])
     floors = after / floor if floor > 0.0 else np.inf
     most = max(after, train_after) / floor if floor > 0.0 else np.inf
     rows = _rows(train, held, x)
     found = _dependence(rows, seed, executor)
-    least = max(options.least_rms * floor, options.least_of_before * before)
-    enough = max(least if rows.carried else max(least, options.least_growth * before), options.least_of_signal * effort)
-    functional = (
-        found.fraction >= options.least_fraction
-        and found.rms >= enough
-        and found.log_evidence >= options.least_log_evidence
-    )
-    event = max(2.0 * least, options.most_floors * floor, options.least_growth * before)
-    stretches = tuple(s for split in (train, held) for s in loud_stretches(split, options.least_burst, event))
+    least = max(LEAST_RMS * floor, least_of_before * before)
+    enough = max(least if rows.carried else max(least, LEAST_GROWTH * before), LEAST_OF_SIGNAL * effort)
+    functional = found.fraction >= LEAST_FRACTION and found.rms >= enough and found.log_evidence >= LEAST_LOG_EVIDENCE
+    event = max(2.0 * least, MOST_FLOORS * floor, LEAST_GROWTH * before)
+    stretches = tuple(s for split in (train, held) for s in loud_stretches(split, LEAST_BURST, event))
     frequency, line = max((spectral_line(s) for s in (train, held)), key=lambda p: p[1])
-    periodic = line >= options.least_line and np.sqrt(line) * after >= event
+    periodic = line >= LEAST_LINE and np.sqrt(line) * after >= event
     grown = (
-        after > options.most_growth * train_after
-        and after - train_after > max(least, options.least_growth * before)
-        and not stretches
+        after > MOST_GROWTH * train_after and after - train_after > max(least, LEAST_GROWTH * before) and not stretches
     )
-    structured = most >= options.least_floors and bool(functional or stretches or periodic or grown)
+    structured = most >= LEAST_FLOORS and bool(functional or stretches or periodic or grown)
     if sensor and structured and not (stretches or periodic):
-        wander = _of_wandering_sensor(rows, held, found, options, seed, executor)
+        wander = _of_wandering_sensor(rows, held, found, seed, executor)
         found, structured = wander or found, wander is None
     names = depends_on(rows.x, rows.y, rows.group, seed) if structured and (functional or grown) else []
     if structured and ((found.needs_time and functional) or stretches or periodic):
@@ -226,7 +232,7 @@ def assess_residual(
     return Unexplained(
         floors=float(floors),
         floors_anywhere=float(max(most, worst_rms(held) / floor if floor > 0.0 else np.inf)),
-        excess=is_excess((train, held), (floor, floor), options),
+        excess=is_excess((train, held), (floor, floor), least_of_before),
         share_of_signal=after / max(effort, 1e-300),
         fraction=found.fraction,
         structured=structured,
@@ -237,20 +243,20 @@ def assess_residual(
     )
 
 
-def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], options: ResidualThresholds) -> bool:
+def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], least_of_before: float) -> bool:
     """Whether the training runs, the held-out runs, or one of the latter have more left than noise: more than the
     noise floor, and more than a remainder of what the model explains, which an effect's imperfect form leaves.
 
     Args:
         splits: Training and held-out runs.
         floors: Noise floor of each [effort].
-        options: What counts.
+        least_of_before: As in `assess_residual`.
     """
     train, held = splits
     parts = [(train, slice(None), floors[0]), *((held, rows, floors[1]) for rows in parts_of(held))]
     for split, rows, floor in parts:
         after, before = rms(split.after[rows]), rms(split.before[rows])
-        if after > options.most_floors * floor and after > options.least_of_before * before:
+        if after > MOST_FLOORS * floor and after > least_of_before * before:
             return True
     return False
 
@@ -264,11 +270,6 @@ def parts_of(held: DataSplit) -> list[slice | BoolArray]:
 def worst_rms(held: DataSplit) -> float:
     """Largest RMS after [effort] of all held-out runs together and of each: quiet ones do not excuse a loud one."""
     return max(rms(held.after[rows]) for rows in parts_of(held))
-
-
-def _effort_rms(split: DataSplit) -> float:
-    """RMS of the effort on the rows of the residual, weighted as the residual is."""
-    return rms(split.weight * split.samples.signals.effort[split.samples.rows])
 
 
 def depends_on(x: FloatArray, y: FloatArray, group: IntArray, seed: int) -> list[str]:

@@ -1,6 +1,6 @@
 """What is left of a residual, as data."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from drake_tc.diagnosis.data.samples import Samples
@@ -105,7 +105,3 @@ class Unexplained:
     period_hz: float | None = None
     explainable_rms: float = float("nan")
     beyond: BeyondTraining | None = None
-
-    def with_floors(self, heldout: float, anywhere: float, *, excess: bool) -> "Unexplained":
-        """The same held against another noise floor."""
-        return replace(self, floors=heldout, floors_anywhere=anywhere, excess=excess)

@@ -6,7 +6,7 @@ friction, and that of a run with larger efforts is the error of the extrapolated
 effect is missing within the range, and neither is an event.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ from drake_tc.diagnosis.residual.structure import (
 )
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit, Unexplained, Verdict
 from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, ResidualThresholds
+from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, LEAST_BEYOND, LEAST_OF_BEFORE, MOST_FLOORS
 from drake_tc.effects.base import Context, DriveKind, Effect, TransmissionEffect
 from drake_tc.types import FloatArray
 
@@ -55,16 +55,18 @@ def what_is_left(
     known = BalanceCoefficients.of(chosen.terms, chosen.beta)
     first, second = (features(s.samples, known, servo=servo, load_measured=sensor) for s in splits)
     x = (first, second)
-    thresholds = _residual_options(options.residual, chosen)
+    gears = any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms)  # modelled at rest only
+    least = (3.0 if gears else 1.0) * LEAST_OF_BEFORE
     equal = with_equal_noise(splits, chosen, floor)
-    notes: tuple[NoiseNote, ...] = _scattering(splits)
+    timing = [s.samples.resolution.timing for s in splits]
+    notes: tuple[NoiseNote, ...] = tuple(ScatteringTimes(t.time, t.fastest, t.noise) for t in timing if t)[:1]
     if equal.by_effort > CORRELATED_NOISE_NOTED:
         notes = (*notes, NoiseOfRecordedEffort(context.drive, equal.by_effort))
     judged, levels = equal.splits, list(equal.floors)
-    left = assess_residual(*judged, x, min(levels), thresholds, options.seed, executor, sensor=sensor)
+    left = assess_residual(*judged, x, min(levels), options.seed, executor, least_of_before=least, sensor=sensor)
     if left.structured or left.excess:
         effects = [t.effect for t in chosen.terms]
-        left = replace(left, beyond=beyond_training(judged, x, effects, context.drive, min(levels), thresholds))
+        left = replace(left, beyond=beyond_training(judged, x, effects, context.drive, min(levels)))
     if left.structured:
         return equal.unweighted(left, splits[1], min(levels)), equal.unweighted_floor(min(levels)), notes
     if sensor and not splits[0].samples.resolution.torque_is_declared:
@@ -75,25 +77,13 @@ def what_is_left(
         ]
         if levels[1] > CORRELATED_NOISE_NOTED * equal.floors[1] and noise[1] is not None:
             notes = (*notes, CorrelatedTorqueNoise(levels[1] / equal.floors[1], noise[1].correlation_time))
-    left = left.with_floors(
-        rms(judged[1].after) / levels[1],
-        max(rms(judged[0].after) / levels[0], worst_rms(judged[1]) / levels[1]),
-        excess=is_excess(judged, levels, thresholds),
+    left = replace(
+        left,
+        floors=rms(judged[1].after) / levels[1],
+        floors_anywhere=max(rms(judged[0].after) / levels[0], worst_rms(judged[1]) / levels[1]),
+        excess=is_excess(judged, levels, least),
     )
     return equal.unweighted(left, splits[1], levels[1]), equal.unweighted_floor(levels[1]), notes
-
-
-def _scattering(splits: Sequence[DataSplit]) -> tuple[ScatteringTimes, ...]:
-    """The note on sampling instants that scatter, as the training runs or else the held-out runs show it."""
-    found = [s.samples.resolution.timing for s in splits]
-    return tuple(ScatteringTimes(t.time, t.fastest, t.noise) for t in found if t is not None)[:1]
-
-
-def _residual_options(options: ResidualThresholds, chosen: Fit) -> ResidualThresholds:
-    """Thresholds of this fit: three times as much may be left with a soft gear or backlash, modelled at rest only."""
-    if not any(isinstance(t.effect, TransmissionEffect) for t in chosen.terms):
-        return options
-    return replace(options, least_of_before=3.0 * options.least_of_before)
 
 
 def verdict_of(left: Unexplained, *, found: bool) -> Verdict:
@@ -111,11 +101,10 @@ def beyond_training(
     effects: Collection[Effect],
     drive: DriveKind,
     floor: float,
-    options: ResidualThresholds,
 ) -> BeyondTraining | None:
     """The signal beyond whose training range nearly all of the held-out residual lies; None where there is none.
 
-    The RMS of the rows inside the range must be at most `options.most_floors` noise floors, and the RMS of the rows
+    The RMS of the rows inside the range must be at most `MOST_FLOORS` noise floors, and the RMS of the rows
     outside at least twice as large.
 
     Args:
@@ -125,7 +114,6 @@ def beyond_training(
             every model has a drive gain.
         drive: Kind of drive, which decides the unit of the effort, together with the type of the joint.
         floor: Noise floor [effort].
-        options: Uses `most_floors` and `least_beyond`.
     """
     names = {CURVES_OVER[n] for e in effects for n in (e.signature.x, *e.needs) if n in CURVES_OVER}
     signals = {name: (x[0][:, FEATURES.index(name)], x[1][:, FEATURES.index(name)]) for name in sorted(names)}
@@ -137,7 +125,7 @@ def beyond_training(
             continue
         share = float(np.sum(held.after[beyond] ** 2) / np.sum(held.after**2))
         near, far = rms(held.after[~beyond]), rms(held.after[beyond])
-        if share >= options.least_beyond and near <= options.most_floors * floor and far >= 2.0 * near:
+        if share >= LEAST_BEYOND and near <= MOST_FLOORS * floor and far >= 2.0 * near:
             runs = [held.samples.runs[k] for k in np.unique(held.samples.run[beyond])]
             trained, reached = ((float(part.min()), float(part.max())) for part in (train, now))
             unit = held.samples.units.on(drive).effort if name == EFFORT else ""

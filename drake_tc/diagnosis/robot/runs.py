@@ -80,13 +80,12 @@ class RobotRuns:
         A delay of all joints is part of each model. Where it is negative, all efforts are recorded late.
         """
         train, held = self.at(delta)
-        options, delay = self.options, float(delta[-1])
+        delay = float(delta[-1])
         made = partial(
             prepare_joint,
-            width_s=options.width_s,
-            common=(*options.common, *([Term(CommonDelay(), {"delay": delay})] if delay > 0.0 else [])),
-            command_held=options.command_held,
-            sampled_late=options.effort_age + min(delay, 0.0) / self.train[0].period,
+            common=[Term(CommonDelay(), {"delay": delay})] if delay > 0.0 else [],
+            command_held=self.options.command_held,
+            sampled_late=min(delay, 0.0) / self.train[0].period,
         )
         return {joint: made(train, held, self.rig, joint) for joint in names or self.rig.joints}
 

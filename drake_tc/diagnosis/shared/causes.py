@@ -1,7 +1,8 @@
 """The causes that no single joint owns: which ones a robot can have, their parameters and their columns over runs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from drake_tc.diagnosis.shared.cause_columns import alignment_columns, gain_colu
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import Rig
-from drake_tc.robot.link_parameters import UNITS, LinkModel, link_model
+from drake_tc.robot.link_parameters import UNITS, link_model
 from drake_tc.robot.rigid_regressor import LINK_PARAMETERS
 from drake_tc.types import BoolArray, FloatArray
 
@@ -52,8 +53,7 @@ class Cause:
         columns: Its places among all columns.
         tolerance: (p,) standard deviations that its sensor's data sheet or owner gives the parameters; empty where
             nothing is known of them (a link's mass).
-        prior: (p,) standard deviations that the parameters keep where the cause is found; empty where they have none.
-        special: Keys of causes that are special cases of this one.
+        prior: (p,) standard deviations that the inertias of a link have whose mass or centre is asked for.
         possible: Smallest and largest value that each of the reported parameters can have.
     """
 
@@ -64,7 +64,6 @@ class Cause:
     columns: slice
     tolerance: tuple[float, ...] = ()
     prior: tuple[float, ...] = ()
-    special: frozenset[str] = frozenset()
     possible: tuple[float, float] = (-np.inf, np.inf)
 
     @property
@@ -147,21 +146,19 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
         where: str,
         parts: Sequence[tuple[str, str]],
         tolerance: Sequence[float] = (),
-        possible: tuple[float, float] = (-np.inf, np.inf),
+        **more: Any,
     ) -> None:
         first = found[-1].columns.stop if found else 0
         names, units = zip(*parts, strict=True)
-        place = slice(first, first + len(parts))
-        found.append(Cause(name, where, names, units, place, tuple(tolerance), possible=possible))
+        found.append(Cause(name, where, names, units, slice(first, first + len(parts)), tuple(tolerance), **more))
 
-    load = next(iter(rig.load.values()))
+    load, ten = next(iter(rig.load.values())), list(zip(LINK_PARAMETERS, UNITS, strict=True))
     if logs.links is not None and isinstance(load, RobotLoad):
         spread = logs.links.deviations(load.tolerance).reshape(-1, len(UNITS))
         for name, each in zip(logs.links.tree.links, spread, strict=True):
-            add(LINK_PARAMETERS_ID, name, list(zip(LINK_PARAMETERS, UNITS, strict=True)), each.tolist())
+            add(LINK_PARAMETERS_ID, name, ten, each.tolist())
         for run in load.payload:
-            spread_of = logs.links.payload_deviations.tolist()
-            add(PAYLOAD_ID, run, list(zip(LINK_PARAMETERS, UNITS, strict=True)), spread_of)
+            add(PAYLOAD_ID, run, ten, logs.links.payload_deviations.tolist())
         return tuple(found)
     heaviest = HEAVIEST * sum(link.mass for link in structure.links)
     for link in structure.links:
@@ -174,11 +171,10 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
             add("encoder_offset", joint, [("offset", "m" if slides else "rad")], [offset] if offset else ())
         links = link_model(logs.robot)
         for carrier in links.outermost:
-            found.append(_payload(carrier, links, structure, logs.robot.joints, found[-1].columns.stop))
+            add("payload", carrier, ten)
         spread = links.deviations(INERTIA_TOLERANCE).reshape(-1, len(UNITS))[:, 4:]
         for name, each in zip(links.tree.links, spread, strict=True):
-            add(LINK_INERTIA_ID, name, list(zip(LINK_PARAMETERS[4:], UNITS[4:], strict=True)))
-            found[-1] = replace(found[-1], prior=tuple(each.tolist()))
+            add(LINK_INERTIA_ID, name, ten[4:], prior=tuple(each.tolist()))
     turns = [(f"turn_{a}", "rad") for a in AXES]
     for mount in logs.robot.force_torque:
         known = rig.force_torque_tolerance(mount.name)
@@ -199,18 +195,3 @@ def list_causes(logs: RobotLogs, structure: Structure, rig: Rig) -> tuple[Cause,
 def encoders_alone(logs: RobotLogs) -> bool:
     """Whether the loads are made of the joints' positions alone: other sensors would show a wrong encoder too."""
     return logs.robot.fixed_base and not logs.reads_imu and not logs.robot.force_torque
-
-
-def _payload(carrier: str, links: LinkModel, structure: Structure, joints: Sequence[str], first: int) -> Cause:
-    """What an outermost link carries beyond the robot's file; a wrong mass or centre of it is a special case."""
-    joint = links.tree.joints[links.tree.links.index(carrier)]
-    own = [link.name for link in structure.links if link.loads[joints.index(joint)]]  # nothing else hangs on it
-    return Cause(
-        "payload",
-        carrier,
-        LINK_PARAMETERS,
-        UNITS,
-        slice(first, first + len(UNITS)),
-        prior=tuple(links.payload_deviations.tolist()),
-        special=frozenset(f"{name}@{link}" for name in ("link_mass", "link_com") for link in own),
-    )

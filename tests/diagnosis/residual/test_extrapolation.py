@@ -11,13 +11,11 @@ from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.structure import FEATURES
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.residual.verdict import beyond_training
-from drake_tc.diagnosis.thresholds import ResidualThresholds
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, record, rig_of
 
 FLOOR = 0.01
-OPTIONS = ResidualThresholds()
 THERMAL = (effect("thermal_friction"),)
 JOINT = Joint(duration=12.0, period=4e-3)
 
@@ -37,7 +35,7 @@ def found(samples: Samples, gain, effects=THERMAL, hottest: float = 60.0):
     noise = FLOOR * np.random.default_rng(2).standard_normal(size)
     after = noise * np.vectorize(gain)(warming)
     split = DataSplit(samples, after, after)
-    return beyond_training((split, split), (x[0], x[1]), effects, "current", FLOOR, OPTIONS)
+    return beyond_training((split, split), (x[0], x[1]), effects, "current", FLOOR)
 
 
 def hot(celsius: float) -> float:
@@ -98,7 +96,7 @@ def test_an_error_where_the_efforts_are_larger_than_any_before(samples, units, d
     after = np.where(large, 20.0, 1.0) * noise
     small = replace(samples, signals=replace(samples.signals, effort=np.clip(samples.signals.effort, -most, most)))
     splits = (DataSplit(small, noise, noise), DataSplit(samples, after, after))
-    beyond = beyond_training(splits, (x[0], x[1]), (), drive, FLOOR, OPTIONS)
+    beyond = beyond_training(splits, (x[0], x[1]), (), drive, FLOOR)
     assert beyond is not None
     assert (beyond.signal, beyond.unit, beyond.runs) == ("effort", unit, ("warm",))
     assert np.ptp(beyond.trained) < 0.95 * np.ptp(beyond.reached)

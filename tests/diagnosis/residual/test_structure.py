@@ -15,7 +15,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.diagnosis.residual.over_time import slow_share, spectral_line
 from drake_tc.diagnosis.residual.structure import FEATURES, assess_residual, cross_predict, features, share_explained
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.diagnosis.thresholds import ResidualThresholds
+from drake_tc.diagnosis.thresholds import LEAST_FRACTION
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, record, rig_of
@@ -23,7 +23,6 @@ from ..rigs import Joint, record, rig_of
 JOINT = Joint(duration=30.0, period=4e-3, torque_noise=0.25)
 NOISE = 0.02
 FLOOR = 0.5 * NOISE
-OPTIONS = ResidualThresholds()
 KNOWN = BalanceCoefficients(1.0 / JOINT.gain, JOINT.viscous, JOINT.coulomb, 0.0)
 
 
@@ -48,7 +47,7 @@ def sides(samples, left, seed=0, rho=0.0):
 
 def assess(made, floor, seed=0, **load):
     x = tuple(features(s.samples, KNOWN, servo=False, load_measured=True) for s in made)
-    return assess_residual(*made, x, floor, OPTIONS, seed, **load)
+    return assess_residual(*made, x, floor, seed, **load)
 
 
 def nothing(s, x):
@@ -125,7 +124,7 @@ def test_a_held_out_run_on_which_the_torque_sensor_has_wandered_is_no_structure(
     found = assess(made, FLOOR, sensor=True)
     assert not found.structured
     assert found.excess
-    assert found.fraction < OPTIONS.least_fraction
+    assert found.fraction < LEAST_FRACTION
     assert assess(made, FLOOR).structured, "without a torque sensor the model does not carry over"
 
 
@@ -217,7 +216,7 @@ def test_noise_on_one_channel_is_no_structure(drive, channel, rms, band):
             )
         )
     floor = 0.25 * float(np.sqrt(np.mean(splits[1].after ** 2)))
-    found = assess_residual(*splits, tuple(x), floor, OPTIONS)
+    found = assess_residual(*splits, tuple(x), floor)
     assert not found.structured, found
     assert found.excess  # four floors are left: that is said, but not called structure
 
