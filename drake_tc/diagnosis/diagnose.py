@@ -9,6 +9,7 @@ import numpy as np
 from drake_tc.diagnosis.attenuation import corrected, without_noise
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.preparation import load_scale
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
@@ -22,10 +23,9 @@ from drake_tc.diagnosis.problem.parameters import plausible_ranges
 from drake_tc.diagnosis.problem.prepared import Prepared, errors_in_joint_units, prepare_joint
 from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.residual.over_time import shared_band
-from drake_tc.diagnosis.residual.unexplained import DataSplit
+from drake_tc.diagnosis.residual.unexplained import DataSplit, next_experiment
 from drake_tc.diagnosis.residual.verdict import verdict_of, what_is_left
 from drake_tc.diagnosis.result.errors import run_errors, without_rows
-from drake_tc.diagnosis.result.experiments import next_experiment
 from drake_tc.diagnosis.result.joint_result import (
     DidNotHold,
     Errors,
@@ -34,7 +34,6 @@ from drake_tc.diagnosis.result.joint_result import (
     RejectedEffect,
     Withdrawal,
 )
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Found, Progress, Sets, find, possible, pruned, settled
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for, uncommon

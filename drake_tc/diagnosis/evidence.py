@@ -6,13 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray, IntArray

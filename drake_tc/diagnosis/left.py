@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.priors import NAMED_FLOORS, SEEN
-from drake_tc.diagnosis.root_mean_square import rms
 
 
 def visible_share(evidence: Evidence, scored: Scored, floor: float) -> float:

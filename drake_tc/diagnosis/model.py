@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.preparation import SLOWER
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.noise import INDEPENDENT, Rows
@@ -34,7 +34,6 @@ from drake_tc.diagnosis.priors import (
     UNIFORM,
 )
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.effects.base import Context, DriveEffect, Effect
 from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
 from drake_tc.effects.plausibility import plausible_range

@@ -12,9 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.priors import MEMORIES_S, NEAR_REST, RATIOS, RESTS
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import FloatArray, IntArray
 

@@ -21,14 +21,13 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SetUpCheck, SharedEffect, is_wrong
 from drake_tc.diagnosis.robot.whole import diagnose_robot
-from drake_tc.diagnosis.run_order import in_order
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.errors import RigError
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs
 from drake_tc.logs.declared_file import with_declared_file
 from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
-from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.readers import LogTable, named_logs
 from drake_tc.logs.record import Run, distinct_notes
 from drake_tc.logs.rig import Rig, load_rig, parse_rig

@@ -25,6 +25,13 @@ class ControllerStepper:
         period: dt [s].
         inputs: Name of each input port to its size.
         ticks: Number of ticks that were made.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> spec = TorqueLoopSpec(dt=2e-3)
+        >>> stepper = ControllerStepper(torque_controller(robot, load_models(robot.actuators), spec=spec), spec.dt)
+        >>> stepper.tick({"position": robot.posture})["command"].size
+        6
     """
 
     def __init__(self, diagram: Diagram, period: float, outputs: Sequence[str] = ("command",)) -> None:
@@ -77,13 +84,21 @@ class ControllerStepper:
         Returns:
             Output port to its value.
         """
+        found = self.evaluate(readings)
+        self.advance()
+        return found
+
+    def evaluate(self, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """The outputs y[k] of this tick, as `tick`."""
         if not self._started:
             self.start(readings)
         self._give(readings)
-        found = {name: np.array(port.Eval(self._context)) for name, port in self._outputs.items()}
+        return {name: np.array(port.Eval(self._context)) for name, port in self._outputs.items()}
+
+    def advance(self) -> None:
+        """To the next tick, with the readings that were given last."""
         self.ticks += 1
         self._simulator.AdvanceTo(self.ticks * self.period)
-        return found
 
     def _give(self, readings: Mapping[str, FloatArray]) -> None:
         for name, value in readings.items():

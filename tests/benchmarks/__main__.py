@@ -136,6 +136,23 @@ def _together(scores: Mapping[int, "BenchmarkScore"]) -> "BenchmarkScore":
     return score_outcomes([outcome for score in scores.values() for outcome in score.outcomes])
 
 
+@app.command("real-time", short_help="Deadlines of a real-time controller.")
+def real_time(
+    seconds: Annotated[
+        float, typer.Option(min=1.0, max=3600.0, help="Length of a round [s]; 600 for ten minutes.")
+    ] = 10.0,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds; the best one is printed.")] = 3,
+    as_json: AsJson = False,
+    seed: UnusedSeed = 0,
+) -> None:
+    """A controller at 1 kHz against the simulated leg in another process: missed deadlines and jitter."""
+    from tests.benchmarks.real_time import real_time_rows
+
+    with progress_bar("bench real-time", quiet=as_json) as progress:
+        table = real_time_rows(seconds, rounds, progress)
+    print_rows("real-time", table, as_json=as_json)
+
+
 @app.command("check", short_help="What a check predicts.")
 def check(
     kind: Annotated[list[str] | None, typer.Option(help="Effect, such as stribeck; repeat. Default: all.")] = None,

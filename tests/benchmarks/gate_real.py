@@ -25,10 +25,9 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.run_order import in_order
 from drake_tc.effects.library import effect
 from drake_tc.estimation.robot_loads import robot_logs
-from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.report.report_json import result_json

@@ -25,9 +25,8 @@ from drake_tc.config.quoted import did_you_mean
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import ParamsError
-from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray, IntArray

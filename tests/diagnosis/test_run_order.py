@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_tc.diagnosis.run_order import in_order
+from drake_tc.logs.prepare import in_order
 from drake_tc.logs.record import Run
 
 from .rigs import Joint, record, rig_of, servo

@@ -10,8 +10,7 @@ from drake_tc.diagnosis.notes import LogRemark
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.regression import Fit, fit, predict
-from drake_tc.diagnosis.residual.unexplained import DataSplit, TimeStretch, Unexplained
-from drake_tc.diagnosis.result.experiments import RepeatRun
+from drake_tc.diagnosis.residual.unexplained import DataSplit, RepeatRun, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, FoundEffect, JointResult, RejectedEffect
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.effects.library import effect

@@ -25,8 +25,8 @@ from drake_tc.diagnosis.notes import (
     TorqueAsCommanded,
     TorqueAsEffort,
 )
-from drake_tc.diagnosis.residual.unexplained import BeyondTraining
-from drake_tc.diagnosis.result.experiments import (
+from drake_tc.diagnosis.residual.unexplained import (
+    BeyondTraining,
     CoverRange,
     FindPeriodicSource,
     NextExperiment,

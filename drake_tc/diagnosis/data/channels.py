@@ -170,14 +170,7 @@ def _mean_over_hold(effort: FloatArray, segments: Sequence[slice], age: float) -
 
 
 def silent_effort(channels: Channels, column: str, effort: FloatArray, moving: BoolArray) -> tuple[SilentEffort, ...]:
-    """A note on each run whose effort is exactly 0 in much of the motion: the drive's report has a dead zone.
-
-    Args:
-        channels: Of the joint.
-        column: Of the effort, `<joint>/current` or `<joint>/torque_command`; other efforts may be 0 while it coasts.
-        effort: (T,) as recorded.
-        moving: (T,) where the joint resolvably moves.
-    """
+    """A note on each run whose effort is exactly 0 in much of the motion: the drive's report has a dead zone."""
     if column.rpartition("/")[2] not in ("current", "torque_command"):
         return ()
     out = []

@@ -202,14 +202,6 @@ def timing_of_rows(
     """(N, 3, 3) moments of what passes the inertia, the viscous friction and the links, of rows of a joint's channels.
 
     Runs with `acceleration_weights` have accelerations and loads that passed these weights before the light kernel.
-
-    Args:
-        scatter: Standard deviation of the sampling instants [s].
-        channels: Of the joint; their `momentum` is that of the links [N m s], nil where there is none.
-        light: First kernel.
-        final: Second kernel.
-        velocity: (T,) [rad/s].
-        rows: (N,) of T.
     """
     momentum = np.nan_to_num(channels.raw("momentum"))
     rate = np.convolve(light.kernels[1], final.kernels[0])

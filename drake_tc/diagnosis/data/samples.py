@@ -170,3 +170,8 @@ class Samples:
 def one_clock(samples: Sequence[Samples]) -> bool:
     """Whether all sides count the same samples."""
     return all(s.segments == samples[0].segments and s.signals.period == samples[0].signals.period for s in samples)
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square of values (N,); 0 of none."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

@@ -176,13 +176,6 @@ def _reach(final: CommonKernel) -> int:
 def require_rows(rows: IntArray, moving: BoolArray, resolution: Resolution, final: CommonKernel, label: str) -> None:
     """Refuse runs in which the joint does not move long enough at a stretch.
 
-    Args:
-        rows: (N,) that `choose_rows` found.
-        moving: (T,) of `direction_of_motion`.
-        resolution: Of the position.
-        final: Kernel whose window must lie in motion.
-        label: Joint and runs, which begin the message.
-
     Raises:
         IdentificationError: Fewer than 50 rows.
     """

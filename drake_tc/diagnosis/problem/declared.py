@@ -176,12 +176,6 @@ def command_is_held(build: Callable[..., Samples], rig: Rig, joint: str, loads: 
     that turns over within a small speed looks like an older command in the others. A log of few reversals has few such
     rows. Where more than half of their resamples, but fewer than 90 %, speak for a held command, all rows decide, and
     98 % of their resamples must.
-
-    Args:
-        build: Makes the training samples; takes `effort_age` and `both_sides`.
-        rig: Says drive and load.
-        joint: Which joint.
-        loads: What an unknown load may be.
     """
     if rig.command_hold is not None or rig.drive[joint] != "position_servo":
         return bool(rig.command_hold)
@@ -201,12 +195,6 @@ def drop_by_hold(build: Callable[..., Samples], rig: Rig, joint: str, loads: Seq
     """(B,) by how much the squared error of each block drops if the command is held, over the mean of all blocks.
 
     Empty on a fast clock. One number where the kernels leave other rows: nothing can be compared block by block.
-
-    Args:
-        build: Makes the training samples; takes `effort_age`.
-        rig: Says drive and load.
-        joint: A position servo.
-        loads: What an unknown load may be.
     """
     continuous = build()
     if continuous.signals.period < HELD_FROM_PERIOD:
@@ -227,12 +215,7 @@ def _block_errors(samples: Samples, rig: Rig, joint: str, loads: Sequence[Effect
 
 
 def better_share(difference: FloatArray, seed: int = 0) -> float:
-    """Share of resamples of pairs of neighbouring blocks in which a sum of differences (B,) is positive.
-
-    Args:
-        difference: By block, squared error of the smaller model less that of the larger one.
-        seed: Of the resampling.
-    """
+    """Share of resamples of pairs of neighbouring blocks in which a sum of differences (B,) is positive."""
     if difference.size % 2:
         difference = np.append(difference, 0.0)
     pairs = difference.reshape(-1, 2).sum(axis=1)

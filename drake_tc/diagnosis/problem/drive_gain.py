@@ -26,9 +26,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.problem.regression import Fit, fit
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, LOAD_EXPLAINS, NO_STIFFNESS
 from drake_tc.effects.base import EFFORT_UNIT, DriveKind
 from drake_tc.effects.context import LoadKind
@@ -70,11 +70,6 @@ def at_reverse_regression(columns: Columns, declared: Fit, drive: DriveKind) -> 
     With y the effort and l the load with the rotor's torque, both less what else explains of them (`beside_the_load`),
     K = (y . l)/(l . l), which is positive where the load explains anything of the effort (`require_consistent_signs`).
     Elsewhere the declared model is returned as it is.
-
-    Args:
-        columns: Training rows.
-        declared: The declared model, fitted to them.
-        drive: Of the joint.
     """
     if tells_drive_gain(columns, declared):
         return declared
@@ -96,13 +91,6 @@ def require_consistent_signs(
     columns: Columns, declared: Fit, rig: Rig, joint: str, load_kind: LoadKind = "torque"
 ) -> None:
     """Refuse rows whose load or effort has the wrong sign.
-
-    Args:
-        columns: Training rows.
-        declared: The declared model, fitted to them.
-        rig: Says the drive, and the units for the message.
-        joint: Which.
-        load_kind: For the message: only a measured load has a column that can be turned.
 
     Raises:
         IdentificationError: One line that names the column and the repair.
@@ -167,12 +155,6 @@ def require_torque_unit(columns: Columns, rig: Rig, joint: str, load_kind: LoadK
     """Refuse the torque of a drive that is 1000 times as large, or as small, as its known load asks for.
 
     A unit that the rig file states as a number is believed.
-
-    Args:
-        columns: Training rows.
-        rig: Says the drive, its gain and the units.
-        joint: Which.
-        load_kind: Where the load comes from.
 
     Raises:
         IdentificationError: One line that names both units and the entry of the rig file.

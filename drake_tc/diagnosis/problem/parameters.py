@@ -127,12 +127,7 @@ class PlausibleRange:
 
 
 def plausible_ranges(fitted: Fit, context: Context) -> Mapping[str, Mapping[str, PlausibleRange]]:
-    """Ranges by effect key and name of parameter; parameters without one, and those of links, are left out.
-
-    Args:
-        fitted: The final model: some ranges are multiples of its drive gain, viscous or Coulomb friction.
-        context: What the training logs span.
-    """
+    """Ranges by effect key and name of parameter; parameters without one, and those of links, are left out."""
     named = physical_parameters(fitted)
     own = {"gain": named["drive"]["gain"]}
     own |= {name: named[name][name] for name in ("viscous", "coulomb") if name in named}

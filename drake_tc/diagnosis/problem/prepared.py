@@ -166,6 +166,6 @@ def prepare_joint(
         held=other,
         terms=plain.terms,
         floor=noise_floor(first, plain),
-        context=with_torque_span(context, first),
+        context=with_torque_span(context, first.samples),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )

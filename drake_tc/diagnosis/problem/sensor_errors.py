@@ -50,14 +50,7 @@ def weighed(columns: Columns, rows: Columns, fitted: Fit) -> Columns:
 
 
 def without_errors(runs: Sequence[Run], rig: Rig, joint: str, fitted: Fit) -> list[Run]:
-    """The runs as the joint's sensors would have recorded them without the errors within tolerance.
-
-    Args:
-        runs: As recorded.
-        rig: Says which column the effort is.
-        joint: Whose columns are changed.
-        fitted: Its model; the runs themselves where it has no such errors.
-    """
+    """The runs as the joint's sensors would have recorded them without the errors within tolerance."""
     for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
         if isinstance(term.effect, WithinTolerance):
             values = term.effect.physical(theta, {}, fitted.gain)

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.preparation import SLOWER, load_scale
-from drake_tc.diagnosis.problem.bounded import solve_bounded
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.regression import Fit, bounds_of
+from drake_tc.diagnosis.problem.regression import Fit, bounds_of, solve_bounded
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, MAX_CONDITION
 from drake_tc.effects.base import Context, Signals
 from drake_tc.effects.unknown_load import CURVE_LOADS, PENDULUM, SLIDER, SMOOTH_LOADS, UnknownLoadEffect
@@ -80,22 +80,16 @@ def _moved(signals: Signals, step: float) -> Signals:
     return replace(signals, position=signals.position + step)
 
 
-def with_torque_span(context: Context, columns: Columns) -> Context:
+def with_torque_span(context: Context, samples: Samples) -> Context:
     """The context with the torques that a fitted load spans; the context itself where the load is known."""
     if context.load != "unknown":
         return context
-    torque = columns.samples.signals.load_torque[columns.samples.rows]
+    torque = samples.signals.load_torque[samples.rows]
     return replace(context, torque_span=(float(torque.min()), float(torque.max())))
 
 
 def require_identified_load(columns: Columns, declared: Fit, joint: str, context: Context) -> None:
     """Refuse rows whose motion cannot tell the parts of the unknown load apart, or whose effort has the wrong sign.
-
-    Args:
-        columns: Training rows.
-        declared: The declared model, fitted to them.
-        joint: For the message.
-        context: What the rows span.
 
     Raises:
         IdentificationError: One line that says what to record or to declare instead.

@@ -21,6 +21,7 @@ from drake_tc.diagnosis.data.preparation import context_of
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term, prior_coefficients
 from drake_tc.diagnosis.problem.parameters import physical_parameters, shape_places, with_shapes
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.problem.unknown_load import with_torque_span
 from drake_tc.diagnosis.refinement.trials import start_of, trials_of, whole_runs
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult, RefinedParameter, Refinement, named_values
@@ -180,11 +181,8 @@ def _context(result: JointResult, rig: Rig, model: ActuatorModel) -> Context:
     """What the training rows span, with the fitted values that other numbers are compared with."""
     named = named_values(model)
     own = {"gain": model.drive.gain, **{k: named[k][k] for k in ("viscous", "coulomb") if k in named}}
-    context = context_of(result.train.samples, rig, result.joint)
-    if context.load == "unknown":
-        torque = result.train.samples.signals.load_torque[result.train.samples.rows]
-        context = replace(context, torque_span=(float(torque.min()), float(torque.max())))
-    return replace(context, fitted=own)
+    samples = result.train.samples
+    return replace(with_torque_span(context_of(samples, rig, result.joint), samples), fitted=own)
 
 
 def _ranges(result: JointResult, model: ActuatorModel, context: Context) -> dict[tuple[str, str], tuple[float, float]]:

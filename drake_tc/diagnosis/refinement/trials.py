@@ -99,12 +99,7 @@ def _trial(run: Run, rig: Rig, joint: str, piece: slice, number: int, step: floa
 
 
 def start_of(model: ActuatorModel, context: Context) -> ActuatorModel:
-    """The model with every effect of undetermined shape in the middle of the values that a search would try.
-
-    Args:
-        model: With 95 % intervals, as the equation error gives it.
-        context: What the training rows span.
-    """
+    """The model with every effect of undetermined shape in the middle of the values that a search would try."""
     return replace(model, effects=tuple(_started(value, context) for value in model.effects))
 
 

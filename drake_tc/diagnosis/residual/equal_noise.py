@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import left_by_effort_noise
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.types import FloatArray
 
 LEAST_OTHER_NOISE = 0.01

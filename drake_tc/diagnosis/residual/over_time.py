@@ -138,10 +138,6 @@ def shared_band(train: DataSplit, held: DataSplit) -> SharedBand | None:
 
     None where the model explains the effort up to the end of the filters' band. Where it does not explain half of the
     effort's power even below half a hertz, there is no band: the limit is 0 and the errors are NaN.
-
-    Args:
-        train: Training rows.
-        held: Held-out rows.
     """
     samples = train.samples
     frequency, left = spectral_density(samples, train.after)

@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.data.sliding import LEAST_ROWS
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.residual.over_time import loud_stretches, slow_share, spectral_line
 from drake_tc.diagnosis.residual.unexplained import DataSplit, Unexplained
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import (
     LEAST_BURST,
     LEAST_FLOORS,
@@ -246,11 +245,6 @@ def assess_residual(
 def is_excess(splits: Sequence[DataSplit], floors: Sequence[float], least_of_before: float) -> bool:
     """Whether the training runs, the held-out runs, or one of the latter have more left than noise: more than the
     noise floor, and more than a remainder of what the model explains, which an effect's imperfect form leaves.
-
-    Args:
-        splits: Training and held-out runs.
-        floors: Noise floor of each [effort].
-        least_of_before: As in `assess_residual`.
     """
     train, held = splits
     parts = [(train, slice(None), floors[0]), *((held, rows, floors[1]) for rows in parts_of(held))]
@@ -296,16 +290,7 @@ def cross_predict(
     executor: Executor | None = None,
     folds: int = 4,
 ) -> list[FloatArray]:
-    """Out-of-fold predictions (N,) of gradient-boosted trees from each set of features (N, k).
-
-    Args:
-        features: One set for each of the predictions.
-        y: (N,) what is predicted.
-        group: (N,) samples of one group share a fold.
-        seed: Of the folds and of the trees.
-        executor: Fits the trees beside each other; None fits them here.
-        folds: Number of folds.
-    """
+    """Out-of-fold predictions (N,) of gradient-boosted trees from each set of features (N, k)."""
     fold = np.random.default_rng(seed).permutation(int(group.max()) + 1)[group] % folds
     held = [rows for f in range(folds) if (rows := fold == f).any() and (~rows).sum() > 100]
     jobs = [(x[~rows], y[~rows], x[rows], seed) for x in features for rows in held]

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
@@ -27,7 +28,6 @@ from drake_tc.diagnosis.residual.structure import (
     worst_rms,
 )
 from drake_tc.diagnosis.residual.unexplained import BeyondTraining, DataSplit, Unexplained, Verdict
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.thresholds import CORRELATED_NOISE_NOTED, LEAST_BEYOND, LEAST_OF_BEFORE, MOST_FLOORS
 from drake_tc.effects.base import Context, DriveKind, Effect, TransmissionEffect
 from drake_tc.types import FloatArray

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.notes import FreeRunDiverges, FreeRunObstacle, NoFreeRun, Note, RunsWithoutMotion
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult, Refinement, RunErrors
 from drake_tc.diagnosis.result.models import model_of
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -57,11 +56,7 @@ def position_errors(trace: Mapping[str, FloatArray], name: str) -> tuple[float, 
 
 
 def without_rows(parts: Sequence[Samples]) -> tuple[RunsWithoutMotion, ...]:
-    """A note on the runs that say nothing; of one that is held out, no verdict is about it.
-
-    Args:
-        parts: Of the training runs and of the held-out runs.
-    """
+    """A note on the runs that say nothing; of one that is held out, no verdict is about it."""
     silent = [
         name for samples in parts for number, name in enumerate(samples.runs) if not (samples.run == number).any()
     ]

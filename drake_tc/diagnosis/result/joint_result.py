@@ -10,8 +10,7 @@ from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import Note
 from drake_tc.diagnosis.problem.parameters import Correlation, Estimate, PlausibleRange
 from drake_tc.diagnosis.problem.regression import Fit
-from drake_tc.diagnosis.residual.unexplained import DataSplit, SharedBand, Unexplained, Verdict
-from drake_tc.diagnosis.result.experiments import NextExperiment
+from drake_tc.diagnosis.residual.unexplained import DataSplit, NextExperiment, SharedBand, Unexplained, Verdict
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
 from drake_tc.types import FloatArray

@@ -78,14 +78,7 @@ class LinkPosterior:
 
 
 def links_of(model: LinkModel, causes: Sequence[Cause], told: LinkPosterior, seen: FloatArray) -> FittedLinks:
-    """The links' parameters and the combinations of them that the logs identify.
-
-    Args:
-        model: Of the robot's file.
-        causes: Of the robot.
-        told: By the fit.
-        seen: (N, P) some rows of the shared parameters' columns.
-    """
+    """The links' parameters and the combinations of them that the logs identify."""
     units = [unit for cause in causes for unit in cause.units]
     places = [p for c in causes if c.id == LINK_PARAMETERS_ID for p in range(c.columns.start, c.columns.stop)]
     links = np.isin(told.columns, places)

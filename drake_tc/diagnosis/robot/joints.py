@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.diagnose import Decided, asked_of, decided, joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior
@@ -14,7 +15,6 @@ from drake_tc.diagnosis.priors import NEGLIGIBLE
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.robot.messages import Belief, Message, belief, message, message_of_both, residual_at
 from drake_tc.diagnosis.robot.runs import RobotRuns
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import find
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.types import FloatArray, IntArray

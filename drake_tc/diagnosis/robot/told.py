@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.diagnose import asked_of, joint_result
 from drake_tc.diagnosis.intervals import CRITICAL, parameters_of
 from drake_tc.diagnosis.problem.parameters import Estimate, widened
@@ -19,7 +20,6 @@ from drake_tc.diagnosis.robot.causes import NAMES, Causes, Named
 from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.estimation.robot_loads import RobotLogs
 from drake_tc.logs.loads import RobotLoad

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import FALLS, NAMED_FLOORS
 from drake_tc.diagnosis.result.rig_result import SetUpCheck, is_wrong
@@ -23,7 +24,6 @@ from drake_tc.diagnosis.robot.joints import RobotFit, RobotJoint, Shared, declar
 from drake_tc.diagnosis.robot.result import RobotResult
 from drake_tc.diagnosis.robot.runs import ALL_JOINTS, RobotRuns
 from drake_tc.diagnosis.robot.told import robot_result
-from drake_tc.diagnosis.root_mean_square import rms
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.set_up.search import check_set_up
 from drake_tc.diagnosis.shared.causes import Cause

@@ -85,13 +85,7 @@ class SetUpRows:
 
 
 def set_up_rows(logs: RobotLogs, runs: Sequence[Run], rig: Rig) -> SetUpRows:
-    """The rows of these runs, evenly spaced in time, without the ends of the filters' windows.
-
-    Args:
-        logs: The robot.
-        runs: With the columns of all of its joints.
-        rig: Names the efforts.
-    """
+    """The rows of these runs, evenly spaced in time, without the ends of the filters' windows."""
     parts = [(run.name, part) for run in runs for part in _stretches(logs, run, rig)]
     step = max(1, sum(len(part) for _, part in parts) // MOST_ROWS)
     every = np.concatenate([part[::step] for _, part in parts])

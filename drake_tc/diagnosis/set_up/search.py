@@ -198,16 +198,7 @@ def check_set_up(
     rig: Rig,
     left: Mapping[str, float],
 ) -> SetUpCheck | None:
-    """What the runs say against the set-up; None where the declared model leaves little of every joint's effort.
-
-    Args:
-        logs: The robot.
-        links: Of its file.
-        train: Runs to fit.
-        held: Held-out runs, which confirm what was found.
-        rig: With a `RobotLoad`.
-        left: By joint, share of the effort that the declared model of the diagnosis leaves.
-    """
+    """What the runs say against the set-up; None where the declared model leaves little of every joint's effort."""
     names = logs.robot.joints
     load = next(iter(rig.load.values()))
     if not isinstance(load, RobotLoad):

@@ -43,12 +43,7 @@ class Payload:
     link: int
 
     def columns(self, links: FloatArray, run: str) -> FloatArray:
-        """Columns (T, n, 10 m) of the m loads in one run: those of the link that carries them, 0 of other runs' loads.
-
-        Args:
-            links: (T, n, 10 n) columns of all links' parameters in this run.
-            run: Its name.
-        """
+        """Columns (T, n, 10 m) of the m loads in one run, of all links' (T, n, 10 n): 0 of other runs' loads."""
         size = len(LINK_PARAMETERS)
         own = links[:, :, size * self.link : size * (self.link + 1)]
         parts = [own if run == name else np.zeros_like(own) for name in self.runs]
@@ -179,11 +174,6 @@ def _imu(
 def payload_of(rig: Rig, runs: Sequence[str], links: LinkModel) -> Payload:
     """The unknown load that a rig file declares.
 
-    Args:
-        rig: Of the robot.
-        runs: Names of all logs.
-        links: The robot's moving links.
-
     Raises:
         RigError: A log is not among the runs, the robot's joints move no link of that name, or the rig file names no
             link and the robot has several outermost ones.
@@ -215,15 +205,7 @@ def payload_of(rig: Rig, runs: Sequence[str], links: LinkModel) -> Payload:
 def corrected(
     runs: Sequence[Run], causes: CauseColumns, joints: Sequence[str], columns: IntArray, delta: FloatArray
 ) -> list[Run]:
-    """The runs with tau_meas - C delta as torque, joint by joint.
-
-    Args:
-        runs: With torque columns from the robot's model.
-        causes: Columns over these runs.
-        joints: Of the rig.
-        columns: (p,) which of them. delta: (p,).
-        delta: Their coefficients.
-    """
+    """The runs with tau_meas - C delta as torque, joint by joint."""
     if columns.size == 0:
         return list(runs)
     out = []

@@ -51,14 +51,7 @@ class LinkMomenta:
     nominal: FloatArray
 
     def added(self, runs: Sequence[Run], joints: Sequence[str], columns: IntArray, delta: FloatArray) -> list[Run]:
-        """The runs with `<joint>/momentum` [N m s], where the parameters are nominal less delta.
-
-        Args:
-            runs: With loads at these parameters.
-            joints: Of the rig.
-            columns: (p,) of the parameters.
-            delta: (p,) what is taken off them.
-        """
+        """The runs with `<joint>/momentum` [N m s], where the parameters are nominal less delta."""
         parameters = self.nominal.copy()
         parameters[columns] -= delta
         out = []
@@ -78,14 +71,7 @@ class LinkMomenta:
 
 
 def momenta_over(logs: RobotLogs, links: LinkModel, sides: Sequence[Sequence[Run]], rig: Rig) -> LinkMomenta | None:
-    """The links' momenta; None where the sampling instants of no joint scatter.
-
-    Args:
-        logs: The robot.
-        links: Its links.
-        sides: Training runs and held-out runs.
-        rig: Of the robot.
-    """
+    """The links' momenta; None where the sampling instants of no joint scatter."""
     if not any(_scatters(runs, joint) for runs in sides for joint in rig.joints):
         return None
     runs = [run for side in sides for run in side]
@@ -130,15 +116,7 @@ class OwnMotion:
 def late_encoder_columns(
     logs: RobotLogs, links: LinkModel, runs: Sequence[Run], pi: FloatArray, own: Mapping[str, OwnMotion]
 ) -> CauseColumns:
-    """One column -s_ij for each joint j of the robot, whose coefficient is the delay d of its encoder [s].
-
-    Args:
-        logs: The robot.
-        links: Its links by the robot file.
-        runs: With all of its joints' positions.
-        pi: (10 n,) the links' parameters.
-        own: By joint.
-    """
+    """One column -s_ij for each joint j of the robot, whose coefficient is the delay d of its encoder [s]."""
     joints = logs.robot.joints
     causes = tuple(Cause("delay", joint, ("delay",), ("s",), slice(k, k + 1)) for k, joint in enumerate(joints))
     friction = np.array([[own[joint].viscous, own[joint].inertia] for joint in joints])

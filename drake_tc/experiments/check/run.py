@@ -10,7 +10,6 @@ from threadpoolctl import threadpool_limits
 
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.coupled_gears import at_motors, motor_turns
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
@@ -18,7 +17,7 @@ from drake_tc.experiments.check.consistency import Finding, findings
 from drake_tc.experiments.check.joint import JointEffects, joint_effects
 from drake_tc.experiments.check.late_columns import late_columns
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.types import FloatArray

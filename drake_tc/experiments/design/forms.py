@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from drake_tc.diagnosis.problem.bounded import solve_bounded
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.regression import solve_bounded
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.effects.servo_gain import ServoGain

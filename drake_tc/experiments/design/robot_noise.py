@@ -14,17 +14,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.robot.whole import declared_robot
-from drake_tc.diagnosis.root_mean_square import rms
-from drake_tc.diagnosis.run_order import in_order
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs, with_robot_loads
 from drake_tc.experiments.check.joint import joint_effects
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.design.robot_goal import RobotNoise
+from drake_tc.logs.prepare import in_order
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.robot.robot import Robot

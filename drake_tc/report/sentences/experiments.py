@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import assert_never
 
 from drake_tc.config.joint_units import TURNING, JointUnits
-from drake_tc.diagnosis.result.experiments import (
+from drake_tc.diagnosis.residual.unexplained import (
     CoverRange,
     FindPeriodicSource,
     NextExperiment,

@@ -8,9 +8,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.problem.bounded import cross_validated, solve_bounded
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.regression import FOLDS, fit, fold_of, predict
+from drake_tc.diagnosis.problem.regression import FOLDS, cross_validated, fit, fold_of, predict, solve_bounded
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, motion, problem, record, rig_of

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.problem.bounded import cross_validated, solve_bounded
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.regression import fit, fold_of
+from drake_tc.diagnosis.problem.regression import cross_validated, fit, fold_of, solve_bounded
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.library import effect
 

@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 
-from drake_tc.diagnosis.residual.unexplained import BeyondTraining, TimeStretch, Unexplained
-from drake_tc.diagnosis.result.experiments import (
+from drake_tc.diagnosis.residual.unexplained import (
+    BeyondTraining,
     CoverRange,
     FindPeriodicSource,
     RepeatRun,
     RepeatUnchanged,
     TellApart,
+    TimeStretch,
+    Unexplained,
     VarySignals,
     next_experiment,
 )

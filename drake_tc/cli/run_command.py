@@ -1,0 +1,152 @@
+"""`drake-tc run`: a controller against wall-clock time, between a robot's readings and its commands."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from drake_tc.errors import DrakeTcError, ParamsError
+
+if TYPE_CHECKING:
+    from drake_tc.hardware.link import RobotLink
+    from drake_tc.hardware.report import RunReport
+    from drake_tc.loops.boundary import Controller
+
+LCM, STOPPED_EARLY = "lcm", 3
+"""The transport that is built in; and the exit code of a run that no sound readings came in for."""
+
+
+def run_command(
+    controller: Annotated[
+        str, typer.Argument(help="module:attribute of a function that returns a controller, as torque_controller does.")
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(
+            help="lcm, lcm=URL, or module:attribute of a function that returns an object with read() and write()."
+        ),
+    ] = LCM,
+    duration: Annotated[float | None, typer.Option(help="Seconds until the stop; without end when left out.")] = None,
+    dry: Annotated[bool, typer.Option("--dry", help="Send no commands.")] = False,
+    offset_limit: Annotated[
+        float | None, typer.Option(help="Largest offset of a servo from its joint [rad], or |command| of other drives.")
+    ] = None,
+    rate_limit: Annotated[float | None, typer.Option(help="Largest rate of a command [1/s].")] = None,
+    start_time: Annotated[float | None, typer.Option(help="From the first position to the command [s].")] = None,
+    max_age: Annotated[float, typer.Option(help="Readings that are older are missing [s].")] = 5e-3,
+    patience: Annotated[float, typer.Option(help="How long to wait for sound readings [s].")] = 10.0,
+    stop_time: Annotated[float, typer.Option(help="How long to hold and damp after a stop [s].")] = 1.0,
+    spin: Annotated[float, typer.Option(help="How long before a tick to look at the clock, not to sleep [s].")] = 0.0,
+    priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0,
+    stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Run a controller against wall-clock time. SIGINT, SIGTERM and the robot's stop message stop it."""
+    from drake_tc.control.guard import GuardSpec
+    from drake_tc.hardware.lcm_link import URL, send_stop
+    from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
+
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise typer.BadParameter(f"expected a positive number [s], got {duration!r}", param_hint="--duration")
+    if stop:
+        send_stop(_url(robot) or URL)
+        return
+    given = {"offset_limit": offset_limit, "rate_limit": rate_limit, "start_time": start_time}
+    limits = {name: value for name, value in given.items() if value is not None}
+    spec = RealTimeSpec(
+        guard=GuardSpec(**limits) if limits else None,
+        max_age=max_age,
+        patience=patience,
+        stop_time=stop_time,
+        spin=spin,
+        priority=priority,
+        dry=dry,
+    )
+    made = _controller(controller)
+    report = RealTimeLoop(made, _link(robot, made), spec).run(math.inf if duration is None else duration)
+    if as_json:
+        print(json.dumps(report.to_json()))
+    else:
+        print("\n".join(lines(report)))
+    if report.ended == "no readings":
+        print(
+            f"run: no sound readings within {patience:g} s: expected all of them, finite, with joints within their"
+            " ranges",
+            file=sys.stderr,
+        )
+        raise typer.Exit(STOPPED_EARLY)
+
+
+def lines(report: "RunReport") -> list[str]:
+    """The report for people."""
+    counts, times = report.counts, report.percentiles()
+    told = [
+        f"ended by {report.ended} after {report.seconds:.2f} s and {counts.ticks} ticks of {1e3 * report.period:g} ms",
+        f"deadlines missed {counts.missed} ({100.0 * report.miss_share:.3f} %), ticks skipped {counts.skipped}",
+        f"readings late {counts.late}, missing {counts.missing}, malformed {counts.malformed}",
+        f"ticks held or damped {counts.held}, errors of the link {counts.link_errors}, of the controller"
+        f" {counts.controller_errors}",
+    ]
+    for name, title in (("wake", "began late by"), ("work", "took")):
+        shares = ", ".join(f"{share.replace('_', '.')} {1e6 * value:.0f}" for share, value in times[name].items())
+        told.append(f"a tick {title} [us]: {shares}")
+    if report.flags:
+        told.append("flags [ticks]: " + ", ".join(f"{name} {n}" for name, n in report.flags.items()))
+    return told + ([f"last error: {report.last_error}"] if report.last_error else [])
+
+
+def _controller(text: str) -> "Controller":
+    from drake_tc.loops.boundary import Controller
+
+    made = _made(text, "CONTROLLER")
+    if not isinstance(made, Controller):
+        raise ParamsError(
+            f"{text}: expected a function that returns a controller, such as torque_controller(...), got"
+            f" {type(made).__name__}"
+        )
+    return made
+
+
+def _url(robot: str) -> str | None:
+    """URL of LCM; empty for its default, None where the robot is another."""
+    name, _, url = robot.partition("=")
+    return url if name == LCM else None
+
+
+def _link(robot: str, controller: "Controller") -> "RobotLink":
+    from drake_tc.hardware.lcm_link import URL, LcmLink
+    from drake_tc.hardware.link import CallbackLink
+
+    url = _url(robot)
+    if url is not None:
+        ports = [controller.get_input_port(index) for index in range(controller.num_input_ports())]
+        sizes = {port.get_name(): int(port.size()) for port in ports}
+        return LcmLink(sizes, len(controller.controlled.joints), url or URL)
+    made = _made(robot, "--robot")
+    missing = [name for name in ("read", "write") if not callable(getattr(made, name, None))]
+    if missing:
+        raise ParamsError(f"{robot}: expected an object with read() and write(), got none with {missing[0]}()")
+    whole = all(hasattr(made, name) for name in ("stop_requested", "close"))
+    link: RobotLink = made if whole else CallbackLink(made.read, made.write)
+    return link
+
+
+def _made(text: str, where: str) -> Any:
+    """What the function that `module:attribute` names returns; modules of the working directory are found."""
+    from drake_tc.registry import loaded
+
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        make = loaded(text)
+    except ParamsError as error:
+        raise ParamsError(f"{where}: {error}") from None
+    try:
+        return make() if callable(make) else make
+    except DrakeTcError:
+        raise
+    except Exception as error:
+        raise ParamsError(f"{where}: {text}() raised {type(error).__name__}: {' '.join(str(error).split())}") from error

@@ -1,0 +1,368 @@
+"""`RealTimeLoop`: a controller against wall-clock time. Nothing raises in its loop, and what goes out is finite.
+
+    waiting --(sound readings for arm_time)--> running --(stop)--> stopping --(stop_time)--> stopped
+
+Between the controller and the robot stands a last guard of the library's own (`drake_tc.control.guard.GuardLaw`): it
+limits offset and rate of the command whatever the controller is, holds the last command and then damps when readings
+are missing, a deadline was missed by too much, the controller failed or returned NaN, and when the loop is stopped.
+"""
+
+import gc
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from drake_tc.control.guard import GuardLaw, GuardMode, GuardSpec
+from drake_tc.errors import ParamsError
+from drake_tc.hardware.clock import Clock, WallClock, real_time_priority
+from drake_tc.hardware.link import Message, RobotLink
+from drake_tc.hardware.report import Counts, Ending, RunReport
+from drake_tc.hardware.stepper import ControllerStepper
+from drake_tc.loops.boundary import Controller
+from drake_tc.types import FloatArray
+
+MADE_UP = 10
+"""Ticks that are made up after a gap."""
+KEPT = 1 << 20
+"""Ticks whose times are kept; of a longer run the last ones."""
+
+
+@dataclass(frozen=True)
+class RealTimeSpec:
+    """How a controller runs against wall-clock time.
+
+    Attributes:
+        guard: Limits of the last guard. None: those of `GuardSpec`, which are for position servos; other drives need
+            limits of their own.
+        max_age: Readings that are older are missing [s].
+        arm_time: How long readings must be complete, finite and within the joints' ranges before the first command
+            goes out [s].
+        patience: How long to wait for that [s].
+        stop_time: How long the guard holds and damps after a stop, before commands end [s].
+        spin: How long before a tick the clock is looked at instead of sleeping [s]; costs a core's time.
+        priority: Real-time priority of the process while it runs, from 1 to 99 (SCHED_FIFO); 0: none.
+        dry: No command goes out: the controller runs on the robot's readings, and the report tells what it did.
+
+    Raises:
+        ParamsError: a time that is not possible.
+
+    Example:
+        >>> RealTimeSpec(max_age=0.004).stop_time
+        1.0
+    """
+
+    guard: GuardSpec | None = None
+    max_age: float = 5e-3
+    arm_time: float = 0.1
+    patience: float = 10.0
+    stop_time: float = 1.0
+    spin: float = 0.0
+    priority: int = 0
+    dry: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("max_age", "arm_time", "patience", "stop_time", "spin"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ParamsError(f"{name}: expected a time >= 0 [s], got {getattr(self, name)!r}")
+
+
+@dataclass
+class _Tick:
+    """What a run knows between two ticks."""
+
+    readings: dict[str, FloatArray]
+    age: float = np.inf
+    speed: Any = 0.0
+    """(n,) of the positions, a tick [rad]."""
+    counts: Counts = field(default_factory=Counts)
+    last_error: str = ""
+    inner: float = 0.0
+    """Mode of the controller's own guard, where it has one."""
+    flagged: Any = 0
+    """(flags) ticks in which each of the controller's flags was up."""
+
+
+class RealTimeLoop:
+    """Steps a controller against wall-clock time, between a robot's readings and its commands.
+
+    In each tick: take the newest readings; step the controller; pass its command through the last guard; send it.
+
+    Where nothing new has come in, the last readings stand in for at most `max_age`, positions going on at their last
+    speed, after which the stages are told that there are no readings. A tick that is not done when the next one is due
+    is counted as a miss. The next one is then at the next multiple of the period, and up to `MADE_UP` ticks in between
+    are made up without a command, their positions interpolated, so that the controller's time is that of the clock. A
+    gap of more than `max_age` is a fault for the guard.
+
+    An exception of link or controller is counted, its text kept, and the guard holds. Commands are positions within the
+    joints' ranges for position servos.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> models = load_models(robot.actuators)
+        >>> leg = SimulatedRobot(robot, models)
+        >>> link = CallbackLink(leg.read, lambda sent: leg.advance(sent["command"]))
+        >>> RealTimeLoop(torque_controller(robot, models, fused=True), link).run(0.2).ended
+        'duration'
+    """
+
+    def __init__(
+        self, controller: Controller, link: RobotLink, spec: RealTimeSpec | None = None, clock: Clock | None = None
+    ) -> None:
+        """Make the stepper and the guard.
+
+        Args:
+            controller: From `torque_controller` or one of its like.
+            link: To the robot.
+            spec: How it runs; None: the defaults.
+            clock: None: the wall clock.
+
+        Raises:
+            ParamsError: drives that are no position servos without limits of their own.
+        """
+        self._spec = RealTimeSpec() if spec is None else spec
+        joints = controller.controlled
+        if self._spec.guard is None and not all(joints.servo):
+            raise ParamsError(
+                "guard: expected limits [N m | A | V] for drives that are no position servos, got none:"
+                " RealTimeSpec(guard=GuardSpec(offset_limit=..., rate_limit=...))"
+            )
+        self._joints, self._n = joints, len(joints.joints)
+        self._link, self._clock = link, WallClock(self._spec.spin) if clock is None else clock
+        outputs = [name for name in ("command", "mode", "flags") if controller.HasOutputPort(name)]
+        self._stepper = ControllerStepper(controller, joints.period, outputs)
+        self._guard = GuardLaw(self._n, joints.period, self._spec.guard or GuardSpec(), joints.servo)
+        self._position = next((name for name in ("position", "motor_position") if name in self._stepper.inputs), None)
+        self._nothing = {name: np.full(size, np.nan) for name, size in self._stepper.inputs.items()}
+        servo = np.array(joints.servo)
+        self._range = np.where(servo, joints.lower, -np.inf), np.where(servo, joints.upper, np.inf)
+        self._ending: Ending | None = None
+
+    def stop(self, ending: Ending = "stopped") -> None:
+        """End the run: the guard holds and damps for `stop_time`, then commands end. May be called from any thread."""
+        if self._ending is None:
+            self._ending = ending
+
+    def run(self, duration: float = np.inf) -> RunReport:
+        """Wait for sound readings, run, and stop.
+
+        Args:
+            duration: Time from the first command to the stop [s].
+
+        Returns:
+            What it came to; it does not raise for what happens while it runs.
+
+        Raises:
+            ParamsError: a priority that the process may not have.
+        """
+        self._ending = None
+        tick = _Tick(dict(self._nothing))
+        times = np.zeros((KEPT, 2))
+        with real_time_priority(self._spec.priority), stopping_signals(self), paused_garbage_collection():
+            begin = self._clock.now()
+            if self._wait(tick):
+                begin = self._clock.now()
+                self._run(tick, begin, duration, times)
+            seconds = self._clock.now() - begin
+            try:
+                self._link.close()
+            except Exception as error:
+                self._told(tick, error)
+        joints = self._joints
+        used = times[: min(tick.counts.ticks, KEPT)]
+        return RunReport(
+            ended=self._ending or "no readings",
+            seconds=seconds,
+            counts=tick.counts,
+            wake=used[:, 0],
+            work=used[:, 1],
+            last_error=tick.last_error,
+            flags={name: int(n) for name, n in zip(joints.flag_names, np.atleast_1d(tick.flagged), strict=False) if n},
+            period=joints.period,
+        )
+
+    def _wait(self, tick: _Tick) -> bool:
+        """Whether readings were sound for `arm_time` within `patience`, before a stop."""
+        start, period, sound = self._clock.now(), self._joints.period, 0.0
+        for number in range(round(self._spec.patience / period) + 1):
+            self._clock.wait_until(start + number * period)
+            self._read(tick)
+            if self._asked_to_stop(tick):
+                return False
+            sound = sound + period if self._sound(tick) else 0.0
+            if sound >= self._spec.arm_time:
+                tick.counts.late = tick.counts.missing = 0  # of the time before the first command
+                return True
+        return False
+
+    def _sound(self, tick: _Tick) -> bool:
+        """Whether the readings are recent, finite, and within the joints' ranges."""
+        if tick.age > self._spec.max_age or not all(np.all(np.isfinite(value)) for value in tick.readings.values()):
+            return False
+        where = None if self._position is None else tick.readings[self._position]
+        return where is None or bool(np.all((where >= self._range[0]) & (where <= self._range[1])))
+
+    def _run(self, tick: _Tick, begin: float, duration: float, times: FloatArray) -> None:
+        """Ticks until the stop has ended."""
+        period, counts = self._joints.period, tick.counts
+        state, after = self._guard.initial(), self._guard.initial()
+        due, passed, left = begin, 0, None
+        while left is None or left > 0.0:
+            self._clock.wait_until(due)
+            start = self._clock.now()
+            before = tick.readings
+            self._read(tick)
+            self._make_up(tick, before, passed)
+            if self._ending is None and start - begin >= duration - 0.5 * period:
+                self.stop("duration")
+            if left is None and self._asked_to_stop(tick):
+                left = self._spec.stop_time
+            fault = left is not None or passed * period > self._spec.max_age
+            self._guard.step(state, self._command(tick), self._where(tick), float(fault), after)
+            state, after = after, state
+            mode = max(float(state[3 * self._n]), tick.inner if tick.inner >= GuardMode.HOLD else 0.0)
+            counts.held += int(mode >= GuardMode.HOLD)
+            self._write(tick, state[: self._n].copy(), mode)
+            done = self._clock.now()
+            times[counts.ticks % KEPT] = start - due, done - start
+            counts.ticks += 1
+            left = None if left is None else left - period
+            passed = int((done - due) / period)
+            counts.missed += passed > 0
+            counts.skipped += passed
+            due += (1 + passed) * period
+
+    def _asked_to_stop(self, tick: _Tick) -> bool:
+        """Whether the run is to end, by whomever."""
+        try:
+            if self._link.stop_requested():
+                self.stop("stop message")
+        except Exception as error:
+            self._told(tick, error)
+        return self._ending is not None
+
+    def _read(self, tick: _Tick) -> None:
+        """The newest readings, or those of the last tick, or none."""
+        found: Message | None = None
+        try:
+            found = self._link.read()
+        except Exception as error:
+            tick.counts.link_errors += 1
+            self._told(tick, error)
+        name = self._position
+        if found is not None:
+            new = self._checked(tick, found)
+            if name is not None:
+                known = np.isfinite(new[name]) & np.isfinite(tick.readings[name])
+                tick.speed = np.where(known, new[name], 0.0) - np.where(known, tick.readings[name], 0.0)
+            tick.age, tick.readings = 0.0, new
+            return
+        tick.age += self._joints.period
+        if tick.age > self._spec.max_age:
+            tick.counts.missing += 1
+            tick.readings = dict(self._nothing)
+        else:
+            tick.counts.late += 1
+            if name is not None:
+                tick.readings = tick.readings | {name: tick.readings[name] + tick.speed}
+
+    def _make_up(self, tick: _Tick, before: Message, passed: int) -> None:
+        """Step the controller over ticks that were skipped, without commands."""
+        name, count = self._position, min(passed, MADE_UP)
+        now = tick.readings
+        for number in range(1, count + 1):
+            if name is not None:
+                share = number / (count + 1)
+                tick.readings = now | {name: (1.0 - share) * before[name] + share * now[name]}
+            self._command(tick)
+        if count and name is not None:
+            tick.speed = tick.speed / (passed + 1)
+        tick.readings = now
+
+    def _checked(self, tick: _Tick, found: Message) -> dict[str, FloatArray]:
+        """The readings by port; NaN where one is not there, or not of its size."""
+        readings, sound = {}, True
+        for name, nothing in self._nothing.items():
+            try:
+                value = np.asarray(found[name], dtype=np.float64)
+                fits = value.shape == nothing.shape
+            except (KeyError, TypeError, ValueError):
+                value, fits = nothing, False
+            readings[name] = value if fits else nothing
+            sound = sound and fits
+        tick.counts.malformed += not sound
+        return readings
+
+    def _command(self, tick: _Tick) -> FloatArray:
+        """(n,) the controller's command within the joints' ranges; NaN where it failed."""
+        try:
+            found = self._stepper.tick(tick.readings)
+        except (Exception, SystemExit) as error:
+            tick.counts.controller_errors += 1
+            self._told(tick, error)
+            return np.full(self._n, np.nan)
+        tick.inner = float(found["mode"][0]) if "mode" in found else 0.0
+        if "flags" in found:
+            tick.flagged += found["flags"] > 0.0
+        return np.clip(found["command"], *self._range)
+
+    def _where(self, tick: _Tick) -> FloatArray:
+        """(n,) positions for the guard; of drives that are no servos only whether they are known counts."""
+        if self._position is not None:
+            return tick.readings[self._position]
+        known = all(np.all(np.isfinite(value)) for value in tick.readings.values())
+        return np.full(self._n, 0.0 if known else np.nan)
+
+    def _write(self, tick: _Tick, command: FloatArray, mode: float) -> None:
+        if self._spec.dry:
+            return
+        try:
+            self._link.write({"command": command, "mode": np.array([mode])})
+        except Exception as error:
+            tick.counts.link_errors += 1
+            self._told(tick, error)
+
+    @staticmethod
+    def _told(tick: _Tick, error: BaseException) -> None:
+        tick.last_error = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
+
+
+@contextmanager
+def stopping_signals(loop: RealTimeLoop) -> Iterator[None]:
+    """SIGINT and SIGTERM stop the loop; a second one ends the process as it always does.
+
+    Outside of the main thread, which alone can take signals, nothing happens.
+    """
+    before: dict[signal.Signals, Any] = {}
+
+    def stop(number: int, frame: object) -> None:
+        loop.stop("signal")
+        signal.signal(number, before[signal.Signals(number)])
+
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.getsignal(number)
+            signal.signal(number, stop)
+    except ValueError:  # not the main thread
+        before.clear()
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def paused_garbage_collection() -> Iterator[None]:
+    """No collection of cycles, which would take milliseconds, while the loop runs; reference counts work on."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

@@ -1,0 +1,245 @@
+"""The real-time loop on a clock of its own: the commands of the simulated loop, faults, arming and stops."""
+
+import signal
+import threading
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+
+from drake_tc.actuation.model_file import load_models
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.guard import GuardMode, GuardSpec
+from drake_tc.control.trajectories import knot_trajectory
+from drake_tc.diagrams.hardware_loop import ROBOT, SPEC, SWING, TIMES, controller, robot
+from drake_tc.errors import ParamsError
+from drake_tc.hardware.link import CallbackLink
+from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
+from drake_tc.hardware.stepper import ControllerStepper
+from drake_tc.loops.plant import add_robot_plant
+from drake_tc.loops.torque.controller import torque_controller
+from drake_tc.loops.torque.wiring import add_torque_loop
+from drake_tc.loops.whole_body.controller import whole_body_controller
+from drake_tc.robot.robot import load_robot
+from drake_tc.tsid.configuration import load_law
+
+DT = 1e-3
+QUICK = RealTimeSpec(arm_time=0.0, stop_time=0.05, guard=GuardSpec(start_time=0.0))
+
+
+class Steps:
+    """A clock whose time goes on when somebody waits; it can be made to jump."""
+
+    def __init__(self, jumps=None):
+        self.time, self.jumps = 0.0, dict(jumps or {})
+
+    def now(self):
+        return self.time
+
+    def wait_until(self, when):
+        self.time = max(self.time, when)
+
+    def work(self, tick):
+        self.time += self.jumps.get(tick, 2e-4)
+
+
+class Rig:
+    """A simulated leg behind two functions, with faults at ticks; records what comes in and goes out."""
+
+    def __init__(self, clock, faults=None):
+        self.robot, self.clock, self.faults = robot(), clock, faults or {}
+        self.readings, self.commands, self.modes, self.ticks = [], [], [], 0
+        self.link = CallbackLink(self.read, self.write)
+
+    def read(self):
+        self.ticks += 1
+        found = self.robot.read()
+        self.readings.append(found)
+        fault = self.faults.get(self.ticks)
+        return found if fault is None else fault(dict(found))
+
+    def write(self, command):
+        self.clock.work(len(self.commands))
+        self.commands.append(command["command"])
+        self.modes.append(int(command["mode"][0]))
+        self.robot.advance(command["command"])
+
+
+def run(duration=0.2, faults=None, jumps=None, spec=QUICK, made=controller):
+    clock = Steps(jumps)
+    rig = Rig(clock, faults)
+    loop = RealTimeLoop(made(), rig.link, spec, clock)
+    report = loop.run(duration)
+    commands = np.array(rig.commands)
+    assert np.all(np.isfinite(commands))
+    assert np.abs(np.diff(commands, axis=0)).max() <= 20.0 * DT * (1 + 1e-9)
+    return report, rig, commands
+
+
+def raising(_):
+    raise OSError("cable")
+
+
+def test_controller_and_simulated_robot_are_the_torque_loop():
+    """Where the sensors feel the command of their own tick, as in one Diagram, all numbers are the same."""
+    described = load_robot(ROBOT)
+    models = load_models(described.actuators)
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, described, DT)
+    for joint, position in zip(described.joints, described.posture, strict=True):
+        plant.GetJointByName(joint).set_default_angle(position)
+    motion = knot_trajectory(TIMES, described.posture + SWING[[0, 1, 0, 1]])
+    gains = TorqueGains.from_servo(models, k6=1.0, k7=0.01, kp=2.0, kf=np.zeros(6))
+    loop = add_torque_loop(builder, plant, described, models, motion, SPEC, gains=gains)
+    log = loop.add_log(builder, "encoder", "imu", "force_torque", "command")
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(1.3)
+    signals = log.recorded(simulator.get_context())[1]
+    leg, stepper = robot(), ControllerStepper(controller(), DT)
+    found = []
+    for _ in range(1301):
+        leg.apply(stepper.evaluate(leg.read())["command"])
+        readings = leg.read()
+        command = stepper.tick(readings)["command"]
+        found.append(np.concatenate((*readings.values(), command)))
+        leg.advance(command)
+    assert_array_equal(np.array(found), np.hstack(list(signals.values())))
+    assert np.ptp(signals["encoder"], axis=0).max() > 0.1
+
+
+def test_the_last_guard_leaves_a_sound_command_as_it_is():
+    """In the normal mode, commands are those that the controller alone has for the same readings."""
+    report, rig, commands = run(0.9)
+    assert (report.ended, report.counts.missed, report.counts.held) == ("duration", 0, report.counts.ticks - 900)
+    stepper = ControllerStepper(controller(), DT)
+    alone = np.array([stepper.tick(readings)["command"] for readings in rig.readings[1:901]])
+    normal = np.array(rig.modes[:900]) == GuardMode.NORMAL
+    assert normal.mean() > 0.9
+    assert_array_equal(commands[:900][normal], alone[normal])
+
+
+@pytest.mark.parametrize(
+    ("fault", "count"),
+    [
+        (lambda readings: None, "missing"),
+        (lambda readings: {name: value for name, value in readings.items() if name != "position"}, "malformed"),
+        (lambda readings: readings | {"position": np.zeros(3)}, "malformed"),
+        (lambda readings: readings | {"position": np.full(6, np.nan)}, None),
+        (lambda readings: readings | {"position": np.full(6, np.inf)}, None),
+        (lambda readings: readings | {"imu": "broken"}, "malformed"),
+        (raising, "link_errors"),
+    ],
+)
+def test_what_goes_wrong_is_counted_held_and_left_again(fault, count):
+    report, rig, _ = run(0.5, dict.fromkeys(range(100, 140), fault))
+    counts = report.counts
+    if count is not None:
+        assert getattr(counts, count) >= 34
+    assert counts.held > 50 + 34  # of the stop, and of the fault
+    modes = np.array(rig.modes)
+    assert (modes[108:139] >= GuardMode.HOLD).all()
+    assert (modes[380:499] < GuardMode.HOLD).all()
+    if fault is raising:
+        assert report.last_error == "OSError: cable"
+
+
+def test_two_readings_that_are_late_are_bridged():
+    report, rig, _ = run(0.2, dict.fromkeys((100, 101), lambda readings: None))
+    assert (report.counts.late, report.counts.missing) == (2, 0)
+    assert (np.array(rig.modes[:199]) < GuardMode.HOLD).all()
+
+
+class Failing(LeafSystem):
+    """A stage of one's own that fails from a time on, in one of three ways."""
+
+    def __init__(self, way):
+        super().__init__()
+        self._way = way
+        self.DeclareVectorInputPort("desired_torque", 6)
+        self.DeclareVectorInputPort("position", 6)
+        self.DeclareVectorOutputPort("command", 6, self._write)
+
+    def _write(self, context, vector):
+        vector.SetFromVector(self.GetInputPort("position").Eval(context))
+        if context.get_time() > 0.1:
+            if self._way == "nan":
+                vector.SetFromVector(np.full(6, np.nan))
+            else:
+                raise {"exception": ValueError, "exit": SystemExit}[self._way]("own stage")
+
+
+@pytest.mark.parametrize("way", ["nan", "exception", "exit"])
+def test_a_controller_that_fails_is_held_and_damped(way):
+    described = load_robot(ROBOT)
+
+    def failing():
+        return torque_controller(described, load_models(described.actuators), stages={"torque_control": Failing(way)})
+
+    report, rig, _ = run(0.4, made=failing)
+    assert report.counts.controller_errors >= (0 if way == "nan" else 290)
+    assert way == "nan" or "own stage" in report.last_error
+    assert rig.modes[350] == GuardMode.DAMP
+
+
+def test_deadlines_that_are_missed_are_counted_and_a_long_gap_is_held():
+    report, rig, _ = run(0.3, jumps={50: 2.5e-3, 100: 9.5e-3})
+    assert (report.counts.missed, report.counts.skipped) == (2, 2 + 9)
+    modes = np.array(rig.modes)
+    assert modes[51] < GuardMode.HOLD
+    assert modes[101] == GuardMode.HOLD
+    assert (modes[250:280] < GuardMode.HOLD).all()
+
+
+def test_no_command_goes_out_before_readings_are_sound_or_in_a_dry_run():
+    outside = {tick: (lambda readings: readings | {"position": np.full(6, 9.0)}) for tick in range(1, 400)}
+    spec = RealTimeSpec(arm_time=0.05, patience=0.3, guard=QUICK.guard)
+    report, rig, _ = _silent(outside, spec)
+    assert report.ended == "no readings"
+    assert not rig.commands
+    report, rig, _ = _silent({}, RealTimeSpec(arm_time=0.05, stop_time=0.0, dry=True))
+    assert not rig.commands
+    assert report.counts.ticks == 201
+
+
+def _silent(faults, spec):
+    clock = Steps()
+    rig = Rig(clock, faults)
+    return RealTimeLoop(controller(), rig.link, spec, clock).run(0.2), rig, None
+
+
+def test_a_signal_a_message_and_another_thread_stop_it():
+    """Damped within the rates of the guard, and then silent."""
+    for ending in ("signal", "stop message", "stopped"):
+        clock = Steps()
+        rig = Rig(clock)
+        loop = RealTimeLoop(controller(), rig.link, QUICK, clock)
+
+        def end(readings, ending=ending, rig=rig, loop=loop):
+            if ending == "signal":
+                signal.raise_signal(signal.SIGTERM)
+            elif ending == "stopped":
+                thread = threading.Thread(target=loop.stop)
+                thread.start()
+                thread.join()
+            else:
+                rig.link.stop_requested = lambda: True
+            return readings
+
+        rig.faults[100] = end
+        before = signal.getsignal(signal.SIGTERM)
+        report = loop.run(10.0)
+        assert signal.getsignal(signal.SIGTERM) is before
+        assert report.ended == ending
+        assert 98 + 50 <= report.counts.ticks <= 102 + 50
+        assert rig.modes[-1] == GuardMode.HOLD
+        assert np.all(np.isfinite(rig.commands))
+
+
+def test_torques_need_limits_of_their_own():
+    law = load_law(ROBOT.parent / "hrp2_like_tsid.yaml")
+    with pytest.raises(ParamsError, match="guard: expected limits"):
+        RealTimeLoop(whole_body_controller(law), CallbackLink(dict, lambda command: None))
+    with pytest.raises(ParamsError, match="max_age: expected a time >= 0"):
+        RealTimeSpec(max_age=-1.0)
