@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     from drake_tc.estimation.joint_torque import JointTorqueEstimator, MomentumResidual
     from drake_tc.estimation.torque_model import TorqueModel
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
+    from drake_tc.hardware.lcm_link import LcmLink, LcmRobot
+    from drake_tc.hardware.link import CallbackLink
+    from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
+    from drake_tc.hardware.simulated_robot import SimulatedRobot
+    from drake_tc.hardware.stepper import ControllerStepper
     from drake_tc.identification.actuator import actuator_model
     from drake_tc.identification.identify import identify
     from drake_tc.logs.prepare import load_run, load_runs
@@ -65,8 +70,10 @@ __all__ = [
     "LIBRARY",
     "ActuatorModel",
     "ActuatorPlant",
+    "CallbackLink",
     "CommandGuard",
     "CompensationSpec",
+    "ControllerStepper",
     "DrakeTcError",
     "Drive",
     "EffectValue",
@@ -76,9 +83,13 @@ __all__ = [
     "InverseDynamics",
     "JointTorqueEstimator",
     "Law",
+    "LcmLink",
+    "LcmRobot",
     "LimitKind",
     "MomentumResidual",
     "MonitorSpec",
+    "RealTimeLoop",
+    "RealTimeSpec",
     "Rig",
     "Robot",
     "RobustTsid",
@@ -88,6 +99,7 @@ __all__ = [
     "SensorSpec",
     "SensorSuiteSpec",
     "SeriesElasticLoopSpec",
+    "SimulatedRobot",
     "Sinusoid",
     "TaskKind",
     "TorqueControl",
@@ -140,8 +152,10 @@ _HOMES = {
     "LIBRARY": "effects.library",
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
+    "CallbackLink": "hardware.link",
     "CommandGuard": "control.guard",
     "CompensationSpec": "control.torque_law",
+    "ControllerStepper": "hardware.stepper",
     "DrakeTcError": "errors",
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
@@ -151,9 +165,13 @@ _HOMES = {
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
     "Law": "tsid.law",
+    "LcmLink": "hardware.lcm_link",
+    "LcmRobot": "hardware.lcm_link",
     "LimitKind": "tsid.kinds",
     "MomentumResidual": "estimation.joint_torque",
     "MonitorSpec": "sensor_validation.monitor_spec",
+    "RealTimeLoop": "hardware.loop",
+    "RealTimeSpec": "hardware.loop",
     "Rig": "logs.rig",
     "Robot": "robot.robot",
     "RobustTsid": "tsid.controller",
@@ -163,6 +181,7 @@ _HOMES = {
     "SensorSpec": "sensing.spec",
     "SensorSuiteSpec": "sensing.suite",
     "SeriesElasticLoopSpec": "loops.series_elastic.scenario",
+    "SimulatedRobot": "hardware.simulated_robot",
     "Sinusoid": "control.trajectories",
     "TaskKind": "tsid.kinds",
     "TorqueControl": "control.torque_control",

@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from pydrake.systems.primitives import PassThrough
 
 from drake_tc.loops.fused import StageValues, fuse
+from drake_tc.types import FloatArray
 
 Start = Callable[[StageValues], None]
 """Puts a part of a diagram's context where the robot starts."""
@@ -31,19 +32,22 @@ def add_input(builder: DiagramBuilder, name: str, size: int) -> OutputPort:
     return port
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ControlledJoints:
     """What a controller commands.
 
     Attributes:
         joints: Names, in the order of the ports `position` and `command`.
         servo: Whether the drive of a joint is a position servo, whose command is a position [rad].
+        lower, upper: (n,) ends of the joints' ranges [rad]; infinite where there are none.
         period: Of the control [s].
         flag_names: Of the output port `flags`, in order; empty without one.
     """
 
     joints: tuple[str, ...]
     servo: tuple[bool, ...]
+    lower: FloatArray
+    upper: FloatArray
     period: float
     flag_names: tuple[str, ...] = ()
 

@@ -16,6 +16,7 @@ from pydrake.systems.primitives import VectorLogSink
 from drake_tc.config.records import read_record
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
+from drake_tc.loops.boundary import Controller
 from drake_tc.loops.entries import DiagramEntry
 from drake_tc.loops.recording import Progress, advance, write_log
 from drake_tc.loops.run_panels import RunPlot, TimePanel
@@ -188,6 +189,8 @@ def _period(name: str, diagram: Diagram) -> float:
     Raises:
         ParamsError: periods that do not divide it, or none at all.
     """
+    if isinstance(diagram, Controller):
+        return diagram.controlled.period
     attributes = [system.GetUniquePeriodicDiscreteUpdateAttribute() for system in _systems(diagram)]
     periods = sorted({attribute.period_sec() for attribute in attributes if attribute is not None})
     if not periods:

@@ -6,6 +6,7 @@ The stages are wired by the same function as those of the simulated loop (`drake
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+import numpy as np
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.trajectories import Trajectory
 
@@ -75,6 +76,9 @@ def series_elastic_controller(
         add_input(builder, "reference_acceleration", n) if accelerated else None,
     )
     flags = tuple(f"torque_control/{joint}" for joint in joints) if "flags" in loop.signals else ()
-    controlled = ControlledJoints(joints=tuple(joints), servo=(False,) * n, period=spec.dt, flag_names=flags)
+    nowhere = np.full(n, np.inf)
+    controlled = ControlledJoints(
+        joints=tuple(joints), servo=(False,) * n, lower=-nowhere, upper=nowhere, period=spec.dt, flag_names=flags
+    )
     signals = loop.signals | {"command": voltage}
     return Controller(builder, "series_elastic_controller", controlled, signals, left_out=left_out, fused=fused)

@@ -18,6 +18,7 @@ from drake_tc.loops.boundary import ControlledJoints, Controller, add_input
 from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source
 from drake_tc.loops.torque.stages import TorqueLoopBuilder
 from drake_tc.loops.torque.wiring import add_torque_controller
+from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
 
@@ -99,5 +100,13 @@ def torque_controller(
     )
     add_torque_controller(parts, add_input(builder, "reference", 3 * n) if isinstance(motion, str) else motion)
     servo = tuple(model.drive.kind == "position_servo" for model in assumed)
-    controlled = ControlledJoints(joints=robot.joints, servo=servo, period=spec.dt, flag_names=parts.flag_names)
+    limits = joint_limits(robot)
+    controlled = ControlledJoints(
+        joints=robot.joints,
+        servo=servo,
+        lower=limits.lower,
+        upper=limits.upper,
+        period=spec.dt,
+        flag_names=parts.flag_names,
+    )
     return Controller(builder, f"{robot.name}_controller", controlled, parts.signals, left_out=ports, fused=fused)

@@ -20,6 +20,7 @@ from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
 from drake_tc.loops.whole_body.series_elastic_drives import SpringReadings, check_springs
 from drake_tc.loops.whole_body.wiring import by_joint
+from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.suite import Readings
 from drake_tc.tsid.controller import reference_port
 from drake_tc.tsid.law import Law
@@ -105,8 +106,14 @@ def whole_body_controller(
     follows = {name: _follows(law, name, path, port) for name, path in (motion or {}).items()}
     stands = port("active_contacts", len(law.model.contacts)) if contacts == "input" else None
     control = add_whole_body_control(wiring, readings, springs, follows, stands)
+    limits = joint_limits(robot)
     controlled = ControlledJoints(
-        joints=robot.joints, servo=_servos(wiring), period=law.period, flag_names=wiring.flag_names
+        joints=robot.joints,
+        servo=_servos(wiring),
+        lower=limits.lower,
+        upper=limits.upper,
+        period=law.period,
+        flag_names=wiring.flag_names,
     )
     return Controller(
         builder,
