@@ -1,7 +1,6 @@
 """`drake-tc close-loop`: residual, missing effect, better model, error before and after; `drake-tc demo`."""
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from drake_tc.analysis.executors import processes
+from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar
 from drake_tc.cli.usage import LARGEST_SEED
@@ -63,10 +63,7 @@ def close_loop_command(
     holdout: Annotated[
         list[Path] | None, typer.Option(help="A run that only tests the result; repeat for more.")
     ] = None,
-    declared: Annotated[
-        Path | None,
-        typer.Option(help="File of your present model: URDF, MJCF, or a parameter file of BAM (JSON)."),
-    ] = None,
+    declared: Declared = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.json and the models.")] = Path("out"),
     seed: Annotated[
         int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of what is drawn at random, and of the demo's rig.")
@@ -117,7 +114,7 @@ def close_loop_command(
     if declared is not None and rig is None:
         raise LogError("expected --rig RIG.yaml with --declared, got none; it says what the columns of the logs are")
     if rig is not None:
-        _tell_declared(rig, declared)
+        tell_declared("close-loop", rig, declared)
     read = [rig, declared, *(log or []), *(holdout or [])]
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
@@ -142,7 +139,7 @@ def close_loop_command(
             from drake_tc.cli.log_commands import write_check
             from drake_tc.experiments.check.run import check_rig
 
-            write_check(check_rig(rig, log or [], progress), folder)
+            write_check(check_rig(rig, log or [], progress, declared), folder)
         options = DiagnosisOptions(seed=seed)
         result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
         if closed_loop and not result.has_wrong_set_up:
@@ -212,14 +209,6 @@ def _with_export(
     file, models = simulation_models(result)
     parts = (runs[: len(logs)], runs[len(logs) :])
     return replace(result, export=try_export(models, file, to.value, what, parts, declared))
-
-
-def _tell_declared(rig: Path, declared: Path | None) -> None:
-    """What files of other simulators declare, on stderr."""
-    from drake_tc.logs.rig import load_rig
-
-    for line in load_rig(rig, declared).declared_by_files:
-        print(f"close-loop: {line}", file=sys.stderr)
 
 
 def _demo(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drake_tc.analysis.executors import processes
+from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.cli.usage import LARGEST_SEED
@@ -32,6 +33,7 @@ def design_command(
     log: Annotated[
         list[Path] | None, typer.Option(help="A recorded run, for noise, load and limits; repeat for more.")
     ] = None,
+    declared: Declared = None,
     model: Annotated[Path | None, typer.Option(help="Model file (YAML), such as model_after.yaml.")] = None,
     goal: Annotated[
         str | None,
@@ -98,6 +100,7 @@ def design_command(
     from drake_tc.experiments.design.output import FILES, robot_json, write_robot_design
 
     _require(basis, criterion, duration, rate, distance)
+    tell_declared("design", rig, declared)
     given: dict[str, Any] = {
         "position": position,
         "velocity": velocity,
@@ -106,7 +109,7 @@ def design_command(
         "torque": torque,
         "bandwidth_hz": bandwidth,
     }
-    read = [rig, *(log or []), *(path for path in (model, after, scene) if path is not None)]
+    read = [rig, *(log or []), *(path for path in (declared, model, after, scene) if path is not None)]
     with (
         result_folder(out, "--out", names=(*FILES, *LOAD_FILES), inputs=read, force=force, error=ParamsError) as folder,
         progress_bar("design", quiet=as_json) as progress,
@@ -123,7 +126,7 @@ def design_command(
             seed=seed,
         )
         loads = parse_loads(load or ())
-        request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given, loads)
+        request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given, loads, declared)
         if whole_robot(request):
             if loads:
                 raise ParamsError("--load: the loads hang on one joint; name it with --joint")

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_file, result_folder
 from drake_tc.cli.terminal import UnusedSeed, command_line, print_wide, progress_bar, say_next
 from drake_tc.config.files import is_folder, utf8_name
@@ -167,6 +168,7 @@ def check_command(
         Path, typer.Option(help="Rig file (YAML): joints, drives, columns, and what your model already contains.")
     ],
     log: Annotated[list[Path], typer.Option(help="A run; repeat for more.")],
+    declared: Declared = None,
     out: Annotated[Path | None, typer.Option(help="Folder for check.html and check.json.")] = None,
     seed: UnusedSeed = 0,
     force: Force = False,
@@ -174,17 +176,20 @@ def check_command(
 ) -> None:
     """Print what logs contain, which missing effects they can show and how large these must be, and why not others.
 
-    It takes seconds, since nothing is searched for. `close-loop` on the same runs searches for the effects themselves.
+    It fits these runs as `close-loop` does, and judges every effect by that fit. `close-loop` on the same runs decides
+    with runs that are held out.
     """
     from drake_tc.experiments.check.run import check_rig
     from drake_tc.experiments.check.to_json import check_json
 
+    tell_declared("check", rig, declared)
+    read = [rig, *log, *([] if declared is None else [declared])]
     with progress_bar("check", quiet=as_json) as progress:
         if out is None:
-            result = check_rig(rig, log, progress)
+            result = check_rig(rig, log, progress, declared)
         else:
-            with result_folder(out, "--out", names=FILES, inputs=[rig, *log], force=force, error=LogError) as folder:
-                result = check_rig(rig, log, progress)
+            with result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder:
+                result = check_rig(rig, log, progress, declared)
                 write_check(result, folder)
     if as_json:
         print(json.dumps(check_json(result), indent=1))
@@ -192,7 +197,8 @@ def check_command(
         print_check(result)
         if out is not None:
             print(out / FILES[0])
-        fit = command_line("close-loop", "--rig", rig, *(word for each in log for word in ("--log", each)))
+        words = [*(word for each in log for word in ("--log", each)), *(["--declared", declared] if declared else [])]
+        fit = command_line("close-loop", "--rig", rig, *words)
         say_next(f"{fit} --holdout RUN --out FOLDER, with a run that is not among these")
 
 

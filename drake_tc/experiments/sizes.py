@@ -164,7 +164,7 @@ def _typical(key: str, n: JointNumbers, context: Context) -> float:
 
 
 def directions(effect: Effect, numbers: JointNumbers) -> tuple[FloatArray, ...]:
-    """Coefficients theta (k,) of size 1: one for each phase that the effect may have, all equally likely.
+    """Coefficients theta (k,) of size 1: one for each phase or place that the effect may have, all equally likely.
 
     Empty for an effect whose size is a shape parameter.
     """
@@ -180,9 +180,10 @@ def directions(effect: Effect, numbers: JointNumbers) -> tuple[FloatArray, ...]:
         "thermal_friction": (-1.0, -ratio),
         "velocity_sign_switch": (1.0 / k,),
         "servo_integrator": (1.0 / k,),
-        "cable_spring": (1.0, 0.0),
         "directional_efficiency": (1.0, 0.0),
     }
+    if effect.key == "cable_spring":  # at rest in the middle, or at an end of the travel
+        return tuple(np.array([1.0, share * numbers.span]) for share in (0.0, -0.5, 0.5))
     if effect.key in known:
         return (np.array(known[effect.key]),)
     if count == 1:
@@ -199,3 +200,8 @@ def strengths(effect: Effect, size: Size, context: Context) -> FloatArray:
 def acts_through_shape(effect: Effect) -> bool:
     """Whether an effect changes the effort and adds no column (delay, lag, dead zone, saturation)."""
     return isinstance(effect, DriveEffect) and not effect.coefficients and bool(effect.shapes)
+
+
+def is_late(effect: Effect) -> bool:
+    """Whether the effect is a delay or a lag of the drive."""
+    return isinstance(effect, DriveEffect) and effect.id in ("delay", "current_lag")

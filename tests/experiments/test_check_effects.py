@@ -8,22 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.optimize import nnls
 
 from drake_tc.analysis.executors import processes
 from drake_tc.config.joint_units import JointUnits
-from drake_tc.diagnosis.diagnose import candidates, diagnose_joint
+from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
+from drake_tc.diagnosis.priors import ALTERNATIVE
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.effects.library import effect, looked_for
+from drake_tc.effects.library import effect
 from drake_tc.experiments.check.consistency import findings
-from drake_tc.experiments.check.contributions import Contribution, ContributionBuilder
-from drake_tc.experiments.check.joint import joint_effects, joint_numbers
-from drake_tc.experiments.check.reasons import Evidence, sentence
-from drake_tc.experiments.check.visibility import SEPARABLE_WITHIN, Noise, Visibility, confused_with, smallest_sizes
-from drake_tc.experiments.sizes import Size, size_of
+from drake_tc.experiments.check.joint import SEPARABLE_WITHIN, JointEffects, joint_effects
+from drake_tc.experiments.check.reasons import Hidden, sentence
+from drake_tc.experiments.check.visibility import Visibility
+from drake_tc.experiments.log_odds import EffectOdds
+from drake_tc.experiments.sizes import Size
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import load_rig
@@ -31,111 +30,54 @@ from tests.benchmarks.evidence.predicted import compared, predictions, weakened_
 from tests.diagnosis.rigs import Joint, Motion, record, rig_of
 
 
-def linear(values, span=None):
-    values = np.asarray(values, dtype=float)
-    rms = float(np.sqrt(np.mean(values**2)))
-    own = values[:, None] if span is None else span
-    return Contribution(effect("stribeck"), {}, np.ones(1), values[None, None], np.array([rms]), values, own)
+@pytest.fixture(scope="session")
+def checked(prepared) -> JointEffects:
+    return joint_effects(prepared)
 
 
-def test_the_least_explained_torque_is_worth_the_evidence_and_half_a_floor():
-    n, parameters = 50.0, 2
-    r = Noise(floor=0.1, left=0.1, independent=n).least(parameters)
-    evidence = n * math.log(math.hypot(0.1, r) / 0.1) - 0.5 * parameters * math.log(n)
-    assert_allclose(evidence, NAMED, rtol=1e-9)
-    assert r > NAMED_FLOORS * 0.1
-    many = Noise(floor=0.1, left=0.1, independent=1e6).least(parameters)
-    assert_allclose(many, NAMED_FLOORS * 0.1, rtol=1e-12)
+@pytest.fixture(scope="session")
+def odds(checked) -> EffectOdds:
+    return EffectOdds(checked.fitted, checked.fitted.usable[:12])
 
 
-def test_noise_moves_the_explained_torque_by_the_margin_in_five_of_a_hundred_logs():
-    """Monte Carlo: the RMS that least squares gives a known column, with and against the noise."""
-    rng, n, size = np.random.default_rng(5), 400, 0.2
-    noise = Noise(floor=0.1, left=0.1, independent=float(n))
-    column = rng.normal(size=n)
-    column /= float(np.sqrt(np.mean(column**2)))
-    explained = (size * column + rng.normal(scale=0.1, size=(20000, n))) @ column / n
-    for sign in (-1.0, 1.0):
-        share = float(np.mean(sign * (explained - size) > noise.margin))
-        assert_allclose(share, 0.05, atol=3.0 * math.sqrt(0.05 * 0.95 / 20000))
+@pytest.mark.parametrize("key", ["quadratic_viscous", "load_dependent_friction", "torque_sensor_drift"])
+def test_the_information_about_a_size_is_that_of_the_posterior_with_the_effect(odds, key):
+    """The marginal variance of a coefficient is the inverse of its information beside the others, plus its prior's."""
+    fitted, (variant,) = odds.fitted, odds.variants[key]
+    scored = fitted.evidence.score([*fitted.best.terms, variant.term], fitted.best.posterior.variance)
+    at = scored.coefficients - 1
+    prior = float(variant.prior.prior.deviation[0])
+    expected = (1.0 / scored.posterior.covariance[at, at] - prior**-2) * fitted.gain**2
+    found = odds.beside(variant.term.effect).information(*variant.at(1.0))
+    assert_allclose(found, expected, rtol=1e-3)  # two ways to invert matrices of many scales
 
 
-def test_the_smallest_size_is_reached_for_certain_and_the_easiest_hardly_ever():
-    own = [linear(np.ones(50))]
-    assert_allclose(smallest_sizes(own, 0.3, falling=False, margin=0.05), (0.35, 0.25), rtol=1e-12)
-    sizes = np.array([4.0, 2.0, 1.0])  # a limit: at 2 the remainder has an RMS of 0.5
-    remainders = np.stack([np.full(50, 1.0 / size) for size in sizes])[:, None, :]
-    limit = Contribution(effect("saturation"), {}, sizes, remainders, sizes, np.ones(50), remainders[:, 0].T)
-    assert_allclose(smallest_sizes([limit], 0.5, falling=True, margin=0.1), (1.0 / 0.6, 1.0 / 0.4), rtol=1e-9)
+@pytest.mark.parametrize("key", ["quadratic_viscous", "load_dependent_friction"])
+def test_the_expected_log_odds_are_those_that_a_diagnosis_computes(odds, key):
+    """Of the same rows with the effect's own contribution added to the effort, noise as recorded."""
+    fitted, (variant,) = odds.fitted, odds.variants[key]
+    size = 2.0 * odds.found_from(key)[0]
+    evidence, model = fitted.evidence, fitted.evidence.model
+    change = (model.train.of(variant.term) @ (size * variant.unit))[:, None]
+    white = model.train.rows.whitened(change, evidence.noise)[0][:, 0]
+    variance, scores = fitted.best.posterior.variance, []
+    held = evidence.target(model.train, fitted.best.terms)
+    for terms in ([*fitted.best.terms, variant.term], list(fitted.best.terms)):
+        key_of_target = next(k for k, v in evidence._whitened.items() if v.base is held or np.shares_memory(v, held))
+        kept = evidence._whitened[key_of_target]
+        evidence._whitened[key_of_target] = (held + white)[:, None]
+        scores.append(evidence.score(terms, variance).log_odds)
+        evidence._whitened[key_of_target] = kept
+    expected, spread = odds.expected(variant, size), math.sqrt(2.0 * odds.expected(variant, size))
+    assert abs(scores[0] - scores[1] - expected) < 3.0 * spread
 
 
-def test_the_smallest_size_is_in_proportion_to_the_noise():
-    rng = np.random.default_rng(1)
-    values = rng.normal(size=400)
-    own = [linear(values)]
-    rms = float(np.sqrt(np.mean(values**2)))
-    assert_allclose(smallest_sizes(own, 0.3, falling=False), (0.3 / rms, 0.3 / rms), rtol=1e-12)
-    assert smallest_sizes([linear(np.zeros(400))], 0.3, falling=False) == (math.inf, math.inf)
-
-
-def test_a_size_that_is_a_shape_is_found_between_two_of_its_grid():
-    sizes = np.array([1e-3, 2e-3, 4e-3])
-    unit = np.ones(50)
-    remainders = np.stack([size * 100.0 * unit for size in sizes])[:, None, :]
-    each = Contribution(effect("delay.loop"), {}, sizes, remainders, sizes, unit, remainders[:, 0].T)
-    assert_allclose(smallest_sizes([each], 0.3, falling=False)[0], 3e-3, rtol=1e-9)
-
-
-def test_a_remainder_is_what_no_change_of_the_declared_model_imitates(prepared):
-    builder = ContributionBuilder(prepared, joint_numbers(prepared))
-    values = np.random.default_rng(0).normal(size=(builder.rows, 2))
-    left = builder.remainder(values)
-    # orthogonal to every declared column, up to the rounding of a QR decomposition
-    assert_allclose(builder.design.T @ left, 0.0, atol=1e-9 * builder.rows)
-    expected = values - builder.design @ np.linalg.lstsq(builder.design, values, rcond=None)[0]
-    assert_allclose(left, expected, atol=1e-9)
-
-
-def test_an_effect_explains_itself_and_keeps_its_sign():
-    target = np.random.default_rng(2).normal(size=300)
-    assert linear(target).left_by(linear(target), 1.0)[0] < 1e-12
-    rms = float(np.sqrt(np.mean(target**2)))
-    opposite = replace(linear(-target), effect=effect("load_dependent_friction"))  # whose coefficient is not negative
-    assert_allclose(linear(target).left_by(opposite, 1.0), rms, rtol=1e-12)
-
-
-def test_what_an_effect_leaves_is_that_of_least_squares_at_every_size():
-    rng = np.random.default_rng(7)
-    own = replace(linear(np.zeros(200)), remainders=rng.normal(size=(1, 3, 200)))
-    span = rng.normal(size=(200, 3))
-    span[:, 2] = span[:, 0] - 2.0 * span[:, 1]  # two directions only
-    several = linear(span[:, 0], span)
-    column = own.remainders[0, 1] - 0.3
-    bounded = replace(linear(column), effect=effect("load_dependent_friction"))
-    for size in (0.2, 1.0, 7.0, 0.2):
-        targets = size * own.remainders[0]
-        free = span @ np.linalg.lstsq(span, targets.T, rcond=1e-12)[0]
-        assert_allclose(own.left_by(several, size), np.sqrt(np.mean((targets - free.T) ** 2, axis=1)), rtol=1e-9)
-        left = [float(nnls(column[:, None], target)[1]) / np.sqrt(200.0) for target in targets]
-        assert_allclose(own.left_by(bounded, size), left, rtol=1e-9)
-
-
-def test_a_drive_effect_is_left_between_half_and_twice_a_size_of_its_grid():
-    rng = np.random.default_rng(8)
-    grid = rng.normal(size=(200, 4))
-    sizes = np.array([1e-3, 2e-3, 4e-3, 8e-3])
-    drive = Contribution(effect("delay.loop"), {}, sizes, grid.T[:, None], sizes, grid[:, 0], grid)
-    for size, near in ((1.7, 1.7), (0.1, 0.5), (5.0, 2.0)):
-        own = linear(size * grid[:, 2])
-        expected = abs(size - near) * np.sqrt(np.mean(grid[:, 2] ** 2))
-        assert_allclose(own.left_by(drive, 1.0), expected, rtol=1e-9, atol=1e-12)
-    # a size of the grid itself, and one between: the nearest stands for it, whatever was asked before
-    for size, index in ((4e-3, 2), (1.2e-3, 0), (4.1e-3, 2)):
-        expected = np.sqrt(
-            np.mean((grid[:, index] - grid[:, 1] * (grid[:, index] @ grid[:, 1]) / (grid[:, 1] @ grid[:, 1])) ** 2)
-        )
-        free = replace(linear(grid[:, 1]), span=np.stack([grid[:, 1], grid[:, 1]], axis=1))
-        assert_allclose(drive.left_by(free, size), expected, rtol=1e-9)
+def test_what_is_found_for_certain_has_clear_expected_odds(odds):
+    for key, variants in odds.variants.items():
+        smallest, easiest = odds.found_from(key)
+        if len(variants) == 1 and not variants[0].by_shape and math.isfinite(smallest):
+            assert easiest < smallest
+            assert odds.expected(variants[0], smallest) > ALTERNATIVE
 
 
 SENSED = Joint(duration=12.0, period=4e-3, torque_noise=0.25, encoder_step=1e-5)
@@ -169,8 +111,8 @@ def test_a_diagnosis_finds_an_effect_above_its_smallest_size_and_not_far_below_i
     assert not named(0.3 * told.easiest)
 
 
-def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):
-    found = joint_effects(prepared)
+def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(checked):
+    found = checked
     assert {each.key for each in found.effects} >= {"stribeck", "backlash", "thermal_friction", "delay.command"}
     for each in found.effects:
         assert each.status in ("seen", "weakly", "not_seen", "not_separable")
@@ -182,18 +124,16 @@ def test_each_effect_has_a_status_and_what_is_hidden_has_a_reason(prepared):
     assert "torque_sensor_bias" in bias.not_separable_from
 
 
-def test_a_size_that_is_found_may_be_too_small_to_be_separated(prepared):
+def test_a_size_that_is_found_may_be_too_small_to_be_separated(checked):
     """Just below the stated size the effect is confused with those that are named, and at it with none."""
-    found = joint_effects(prepared)
-    numbers, builder = joint_numbers(prepared), ContributionBuilder(prepared, joint_numbers(prepared))
-    usable, _ = candidates(looked_for(prepared.context), prepared.context, prepared.declared)
-    made = {e.key: builder.of(e, size_of(e, numbers, prepared.context)) for e in usable}
-    told = [each for each in found.effects if each.separable is not None]
+    usable = {e.key: e for e in checked.fitted.usable}
+    listed = [usable[each.key] for each in checked.effects if each.key in usable]
+    odds, told = EffectOdds(checked.fitted, listed), [each for each in checked.effects if each.separable is not None]
     assert told
     for each in told:
         assert each.smallest < each.separable <= max(each.size.typical, 4.0 * each.smallest)
-        assert not confused_with(made[each.key], made, each.separable, found.noise)
-        assert confused_with(made[each.key], made, each.separable / SEPARABLE_WITHIN, found.noise)
+        assert not odds.confused_with(usable[each.key], each.separable)
+        assert odds.confused_with(usable[each.key], each.separable / SEPARABLE_WITHIN)
         if not each.reason:
             assert each.why.startswith("below") and each.confused_below[0] in each.why
 
@@ -236,13 +176,6 @@ def test_what_is_predicted_to_be_seen_is_found_on_blind_rigs(tmp_path):
     assert not any(each.found for each in found if each.predicted == "not_seen"), found
 
 
-def test_the_rounding_error_of_an_exact_identity_gives_no_size():
-    exact = replace(linear(1e-12 * np.ones(100)), whole=np.ones(1))
-    small = replace(linear(1e-4 * np.ones(100)), whole=np.ones(1))
-    assert smallest_sizes([exact], 0.1, falling=False) == (math.inf, math.inf)
-    assert_allclose(smallest_sizes([small], 0.1, falling=False), 1e3, rtol=1e-12)  # exact up to rounding
-
-
 def test_torques_of_unknown_scale_are_stated_in_the_unit_of_the_effort(prepared):
     train = copy(prepared.train)
     train.samples = replace(
@@ -250,18 +183,15 @@ def test_torques_of_unknown_scale_are_stated_in_the_unit_of_the_effort(prepared)
     )
     told = joint_effects(replace(prepared, train=train))
     assert not [each.key for each in told.effects if "N*m" in each.size.unit + each.reason]
-    declared = next(
-        f
-        for f in findings(replace(prepared, train=train), fit(train, prepared.terms), told.numbers)
-        if f.name == "declared model"
-    )
+    declared = next(f for f in findings(told.fitted) if f.name == "declared model")
     assert "drive gain of" not in declared.text and "declare drive_gain" in declared.text
 
 
-def test_a_reason_agrees_with_the_number_of_terms_that_explain_the_effect(prepared):
-    facts, size = joint_effects(prepared).facts, Size("bias", "N*m", 1.0)
+def test_a_reason_agrees_with_the_number_of_terms_that_explain_the_effect(checked):
+    facts, size = checked.facts, Size("bias", "N*m", 1.0)
     one, two = (
-        sentence("payload.own_arm", Evidence(facts, size, 0.0, names, 0.0, 1.0)) for names in (["A"], ["A", "B"])
+        sentence(effect("asymmetric_friction"), Hidden(facts, size, math.inf, 0.0, names, 0.0, 1.0))
+        for names in (["A"], ["A", "B"])
     )
     assert one == "At these motions A explains all of what it does."
     assert two == "At these motions A and B together explain all of what it does."

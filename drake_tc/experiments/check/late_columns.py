@@ -1,68 +1,147 @@
-"""What a check says of columns that are late against each other."""
+"""What a check says of columns that are late against each other: ages beyond what sampling explains, as fitted."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.channels import channels_of
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.check.consistency import Finding
-from drake_tc.experiments.check.delays import STEPS, ColumnDelay, torque_delay
-from drake_tc.experiments.check.joint import JointEffects
+from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.logs.record import Run
 from drake_tc.types import FloatArray
 
+LATE_VELOCITY = "delay of the velocity"
+"""Name of the finding on a velocity that is late against the position."""
 LEAST = 0.1
 """Delay over the sampling period below which nothing is said: the columns are filtered on samples."""
 LEAST_SECONDS = 5e-4
 """Delay below which nothing is said [s]: it is a small part of what matters to the user of a model (`sizes.py`)."""
+CERTAIN = 4.0
+"""Standard deviations from 0 from which on a delay is stated."""
+LONGEST = 0.05
+"""Longest delay of the velocity [s]."""
+STEPS = 20
+ACTING = {"delay.command": "command", "delay.loop": "effort"}
+"""What acts late, by effect key."""
 
 
-def late_columns(prepared: Prepared, effects: JointEffects, runs: Sequence[Run], joint: str) -> tuple[Finding, ...]:
-    """A finding for each delay that is known.
+@dataclass(frozen=True)
+class Age:
+    """Age of a channel against the position's clock [s].
+
+    Attributes:
+        seconds: Most probable. half: half width of the 95 % interval.
+        expected: Whether sampling explains it, so that no delay is missing.
+    """
+
+    seconds: float
+    half: float
+    expected: bool
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % [s]."""
+        return self.seconds - self.half, self.seconds + self.half
+
+    def known(self, least: float) -> bool:
+        """Whether it is certainly not 0, and long enough to be stated."""
+        return abs(self.seconds) > max(CERTAIN / 1.96 * self.half, least)
+
+
+def late_columns(fitted: FittedJoint, runs: Sequence[Run], joint: str) -> tuple[Finding, ...]:
+    """A finding for each delay that the most probable model has, and for each age that is known.
 
     Args:
-        prepared: One joint.
-        effects: What its logs show of every effect.
+        fitted: One joint.
         runs: Its runs.
         joint: Its name.
     """
-    least = max(LEAST * prepared.train.samples.signals.period, LEAST_SECONDS)
-    found = torque_delay(prepared, effects.noise, effects.contributions)
-    torque, effort = (_told(each, least) for each in found)
-    velocity = _told(velocity_delay(prepared, runs, joint), least)
-    out = []
-    if torque:
-        out.append(_between(torque, "torque", "position"))
-    if effort and effort.seconds > 0.0:
-        text = f"The effort is recorded {_size(effort)} after it acts, or later."
-        out.append(Finding("delay of the effort", "warning", effort.seconds, "s", text, effort.interval))
-    if velocity:
-        out.append(_between(velocity, "velocity", "position"))
-    return tuple(out)
+    out = [*_recorded_late(fitted), *(_acting_late(fitted, term) for term in fitted.found if term.effect.key in ACTING)]
+    if not any(each.level == "warning" or each.name == "clocks" for each in out):
+        out.append(Finding("clocks", "good", 0.0, "s", "Every channel is as old as its sampling explains."))
+    return (*out, *_late_velocity(fitted.prepared, runs, joint))
 
 
-def _told(delay: ColumnDelay | None, least: float) -> ColumnDelay | None:
-    """The delay, if it is known and long enough to be stated."""
-    return delay if delay is not None and delay.known and abs(delay.seconds) > least else None
+def _acting_late(fitted: FittedJoint, term: Term) -> Finding:
+    delay = fitted.parameters[term.effect.key]["delay"]
+    text = f"The {ACTING[term.effect.key]} acts {_size(delay.value, delay.ci95)} late: a delay is missing."
+    return Finding("clocks", "note", delay.value, "s", text, delay.ci95)
 
 
-def _between(delay: ColumnDelay, name: str, other: str) -> Finding:
-    """The finding of two measured columns; a negative delay is one of the other column."""
-    late, against = (name, other) if delay.seconds > 0.0 else (other, name)
-    text = f"The {late} comes {_size(delay)} late against the {against}: by a filter, a bus or another clock."
-    return Finding(f"delay of the {name}", "warning", delay.seconds, "s", text, delay.interval)
+def _recorded_late(fitted: FittedJoint) -> list[Finding]:
+    """Of a joint whose load is measured: torque against position, and an effort that is recorded after it acts."""
+    context = fitted.context
+    if context.load != "torque":
+        return []
+    least, out = _least(fitted.prepared), []
+    torque = age_of(fitted, "torque")
+    if torque.known(least):
+        late, against = ("torque", "position") if torque.seconds > 0.0 else ("position", "torque")
+        text = f"The {late} comes {_size(torque.seconds, torque.interval)} late against the {against}"
+        out.append(_finding("delay of the torque", torque, text))
+    if context.drive == "position_servo":  # the derivatives of its command take up an age
+        return out
+    effort = age_of(fitted, "effort")
+    of_position = torque.seconds < 0.0 and abs(effort.seconds - torque.seconds) < np.hypot(effort.half, torque.half)
+    if not effort.known(least) or of_position:
+        return out
+    if effort.seconds > 0.0:
+        text = f"The effort is recorded {_size(effort.seconds, effort.interval)} after it acts"
+        out.append(_finding("delay of the effort", effort, text))
+        return out
+    acts = Age(-effort.seconds, effort.half, effort.expected)
+    text = f"The effort acts {_size(acts.seconds, acts.interval)} after its record, or the torque comes as late."
+    out.append(Finding("clocks", "note", acts.seconds, "s", text, acts.interval))
+    return out
 
 
-def _size(delay: ColumnDelay) -> str:
-    low, high = sorted(abs(1e3 * each) for each in delay.interval)
-    return f"{abs(1e3 * delay.seconds):.3g} ms (95 %: {low:.3g} to {high:.3g} ms)"
+def _finding(name: str, age: Age, text: str) -> Finding:
+    why = ", which its sampling explains." if age.expected else ": by a filter, a bus or another clock."
+    return Finding(name, "note" if age.expected else "warning", age.seconds, "s", text + why, age.interval)
 
 
-def velocity_delay(prepared: Prepared, runs: Sequence[Run], joint: str) -> ColumnDelay | None:
-    """Delay of a recorded velocity against the position; None where not both are recorded.
+def age_of(fitted: FittedJoint, channel: str) -> Age:
+    """The age of a channel of the most probable model, by its prior and by a delay for which it stands."""
+    evidence, best = fitted.evidence, fitted.best
+    places = list(evidence.model.ages)
+    at = best.coefficients + best.shapes + places.index(channel)
+    variance = float(best.posterior.covariance[at, at])
+    delays = [t.effect for t in fitted.found if t.effect.ages_of.get(channel) and t.effect.coefficients]
+    for effect in delays:
+        low, high = fitted.parameters[effect.key]["delay"].ci95
+        variance += (0.5 * (high - low) / 1.96) ** 2
+    return Age(evidence.ages(best)[channel], 1.96 * float(np.sqrt(variance)), expected=not delays)
+
+
+def _least(prepared: Prepared) -> float:
+    return max(LEAST * prepared.train.samples.signals.period, LEAST_SECONDS)
+
+
+def _size(seconds: float, interval: tuple[float, float]) -> str:
+    low, high = sorted(abs(1e3 * each) for each in interval)
+    return f"{abs(1e3 * seconds):.3g} ms (95 %: {low:.3g} to {high:.3g} ms)"
+
+
+def _late_velocity(prepared: Prepared, runs: Sequence[Run], joint: str) -> tuple[Finding, ...]:
+    found = velocity_delay(prepared, runs, joint)
+    if found is None or abs(found[0]) > LONGEST or not Age(*found, expected=False).known(_least(prepared)):
+        return ()
+    seconds, half = found
+    late, against = ("velocity", "position") if seconds > 0.0 else ("position", "velocity")
+    interval = (seconds - half, seconds + half)
+    text = (
+        f"The {late} comes {_size(seconds, interval)} late against the {against}: by a filter, a bus or another clock."
+    )
+    return (Finding(LATE_VELOCITY, "warning", seconds, "s", text, interval),)
+
+
+def velocity_delay(prepared: Prepared, runs: Sequence[Run], joint: str) -> tuple[float, float] | None:
+    """(delay, half width of its 95 % interval) [s] of a recorded velocity against the position; None without both.
 
     It is d of  v_rec(t) = g v(t - d) + b,  v the rate of the position, both through the same filter, by Gauss and
     Newton's method with the gain g and the offset b free.
@@ -93,7 +172,7 @@ def velocity_delay(prepared: Prepared, runs: Sequence[Run], joint: str) -> Colum
         half = 1.96 * float(spread) / max(abs(float(beta[0])), 1e-300)
         if abs(change) < 1e-6:
             break
-    return ColumnDelay(late, half)
+    return late, half
 
 
 def _shifted(values: FloatArray, parts: Sequence[slice], period: float, late: float, order: int = 0) -> FloatArray:

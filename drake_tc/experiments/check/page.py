@@ -69,9 +69,10 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
     doubtful = [f.text for f in joint.findings if f.level == "warning"]
     noise, unit = joint.effects.noise, pretty_unit(joint.effects.facts.units.torque)
     explain = (
-        f"Noise leaves {significant(noise.floor)} {unit} of the torque balance; the best model of all effects leaves "
+        f"Noise leaves {significant(noise.floor)} {unit} of the torque balance; the most probable model leaves "
         f"{significant(noise.left)} {unit} with {significant(noise.independent)} independent samples. An effect is "
-        "found from the size on at which it explains enough beside that, whatever most of its other parameters are. "
+        "found from the size on at which close-loop would name it in 95 % of such logs, whatever most of its other "
+        "parameters are. "
         "“Seen” compares this size with the typical size, from which on an effect matters to the user of a model."
     )
     table = PageTable(

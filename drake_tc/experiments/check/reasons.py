@@ -4,8 +4,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from drake_tc.experiments.check.contributions import NUMERICAL
+from drake_tc.effects.base import Effect
+from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.experiments.check.facts import MotionFacts
+from drake_tc.experiments.log_odds import NUMERICAL
 from drake_tc.experiments.sizes import Size
 
 IMITATED = 0.25
@@ -96,44 +98,41 @@ REASONS: Mapping[str, Reason] = {
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Hidden:
     """What is known of an effect that does not show.
 
     Attributes:
         facts: Of the motion.
-        size: Of the effect.
-        kept: Share of its contribution that the declared model leaves. imitators: titles of what imitates it.
+        size: Of the effect. smallest: that is found.
+        kept: Share of its contribution that the rest of the model leaves. imitators: what imitates it.
         remainder: RMS that it leaves at its typical size [N m]. least: that it would need [N m].
-        tolerated: Size up to which errors of the joint's sensors within their tolerances may imitate it.
     """
 
     facts: MotionFacts
     size: Size
+    smallest: float
     kept: float
     imitators: Sequence[str]
     remainder: float
     least: float
-    tolerated: float = 0.0
 
 
-def sentence(effect_id: str, evidence: Evidence) -> str:
+def sentence(effect: Effect, hidden: Hidden) -> str:
     """Why the effect is not seen, or only weakly: tolerances first, then motion, what imitates it, and noise."""
-    if evidence.tolerated > 0.0 and evidence.tolerated >= 0.5 * evidence.size.typical:
-        upto = f"{evidence.tolerated:.2g} {evidence.size.unit}".removesuffix(" -")
-        return f"Sizes up to {upto} may be errors of the joint's sensors within their tolerances."
-    found = REASONS.get(effect_id)
-    by_motion = found(evidence.facts) if found is not None else ""
+    if hidden.imitators[:1] == [WithinTolerance.title] and hidden.kept < IMITATED:
+        upto = f" up to {hidden.smallest:.2g} {hidden.size.unit}".removesuffix(" -") * math.isfinite(hidden.smallest)
+        return f"Sizes{upto} may be errors of the joint's sensors within their tolerances."
+    found = REASONS.get(effect.id)
+    by_motion = found(hidden.facts) if found is not None else ""
     if by_motion:
         return by_motion
-    size = "" if not math.isfinite(evidence.size.typical) else f" of {evidence.size.typical:.2g} {evidence.size.unit}"
+    size = "" if not math.isfinite(hidden.size.typical) else f" of {hidden.size.typical:.2g} {hidden.size.unit}"
     size = size.removesuffix(" -")
-    if evidence.kept < IMITATED and evidence.imitators:
-        share = min(99.9, 100.0 * (1.0 - evidence.kept**2))
-        verb = "explains" if len(evidence.imitators) == 1 else "together explain"
-        part = "all" if evidence.kept <= NUMERICAL else f"{share:.3g} %"
-        return f"At these motions {' and '.join(evidence.imitators)} {verb} {part} of what it does."
-    unit = evidence.facts.units.torque
-    return (
-        f"An effect{size} changes the torque by {evidence.remainder:.2g} {unit}, and the noise asks for "
-        f"{evidence.least:.2g} {unit}."
-    )
+    if hidden.kept < IMITATED and hidden.imitators:
+        share = min(99.9, 100.0 * (1.0 - hidden.kept**2))
+        verb = "explains" if len(hidden.imitators) == 1 else "together explain"
+        part = "all" if hidden.kept <= NUMERICAL else f"{share:.3g} %"
+        return f"At these motions {' and '.join(hidden.imitators)} {verb} {part} of what it does."
+    unit = hidden.facts.units.torque
+    asked = f", and the noise asks for {hidden.least:.2g} {unit}" if math.isfinite(hidden.least) else ""
+    return f"An effect{size} changes the torque by {hidden.remainder:.2g} {unit}{asked}."

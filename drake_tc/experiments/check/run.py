@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.regression import fit
+from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.coupled_gears import at_motors, motor_turns
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
@@ -90,13 +89,19 @@ class CheckResult:
     seconds: float
 
 
-def check_rig(rig_path: Path, logs: Sequence[Path], progress: Progress = lambda text, share: None) -> CheckResult:
-    """Read a rig and its runs, and say what they contain and what they can show. Nothing is searched for.
+def check_rig(
+    rig_path: Path,
+    logs: Sequence[Path],
+    progress: Progress = lambda text, share: None,
+    declared: Path | None = None,
+) -> CheckResult:
+    """Read a rig and its runs, and say what they contain and what they can show.
 
     Args:
         rig_path: Rig file.
         logs: Runs that a diagnosis would fit.
         progress: Told how far it is.
+        declared: File of another simulator whose model is declared (`drake_tc.logs.declared_file`).
 
     Raises:
         RigError, LogError: input that cannot be used.
@@ -104,7 +109,7 @@ def check_rig(rig_path: Path, logs: Sequence[Path], progress: Progress = lambda 
     """
     with threadpool_limits(1):
         start = time.perf_counter()
-        rig = load_rig(rig_path)
+        rig = load_rig(rig_path, declared)
         progress("reading", 0.0)
         runs = load_runs(logs, rig)
         return replace(check_runs(rig, runs, progress), seconds=time.perf_counter() - start)
@@ -154,14 +159,13 @@ def _fits_links(rig: Rig) -> bool:
 
 def _check_joint(runs: Sequence[Run], rig: Rig, joint: str, *, links_fitted: bool) -> JointCheck:
     try:
-        prepared: Prepared = prepare_joint(runs, [], rig, joint)
+        prepared = prepare_joint(runs, [], rig, joint)
     except IdentificationError as error:
         return JointCheck(joint, rig.drive[joint], None, (), str(error), 0, 0.0)
     effects = joint_effects(prepared, links_fitted=links_fitted)
-    declared = fit(prepared.train, prepared.terms)
     samples = prepared.train.samples
     seconds = float(np.count_nonzero(samples.moving)) * samples.signals.period
-    found = findings(prepared, declared, effects.numbers, late_columns(prepared, effects, runs, joint))
+    found = findings(effects.fitted, late_columns(effects.fitted, runs, joint))
     return JointCheck(joint, rig.drive[joint], effects, found, "", int(samples.rows.size), seconds)
 
 

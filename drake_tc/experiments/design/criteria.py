@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.experiments.check.visibility import Noise
+from drake_tc.experiments.check.joint import Noise
 from drake_tc.experiments.design.forms import EffectForm, Projection, contributions, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.types import FloatArray

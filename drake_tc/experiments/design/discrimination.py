@@ -23,10 +23,10 @@ from scipy.stats import norm
 
 from drake_tc.diagnosis.priors import NAMED_FLOORS
 from drake_tc.diagnosis.thresholds import SAME_ERROR
-from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.design.criteria import Criterion, information_scale
 from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
+from drake_tc.experiments.sizes import is_late
 from drake_tc.types import FloatArray
 
 FOUND = NAMED_FLOORS**2

@@ -6,14 +6,13 @@ from typing import Literal
 
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.check.contributions import is_late
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
 from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.forms import EffectForm, form_of
 from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.known_loads import carrying, trial_load
-from drake_tc.experiments.sizes import size_of
+from drake_tc.experiments.sizes import is_late, size_of
 
 GoalKind = Literal["parameters", "tell", "all"]
 

@@ -47,6 +47,7 @@ class DesignRequest:
         joints: Which; empty for all.
         limits: Given limits by name; None for those of the runs.
         loads: Known loads that the user can hang on the joint; empty for a design without any.
+        declared: File of another simulator whose model is declared, or None.
     """
 
     rig: Path
@@ -57,6 +58,7 @@ class DesignRequest:
     joints: tuple[str, ...]
     limits: Mapping[str, Any]
     loads: tuple[KnownLoad, ...] = ()
+    declared: Path | None = None
 
 
 def designed(
@@ -67,7 +69,7 @@ def designed(
     Raises:
         DrakeTcError: Input that cannot be used, limits that contradict each other, or a goal that cannot be reached.
     """
-    rig = load_rig(request.rig)
+    rig = load_rig(request.rig, request.declared)
     models, goals = _models(request, rig), _goals(request, rig)
     logs = _given_logs(request)
     with threadpool_limits(1):
@@ -95,7 +97,7 @@ def designed_with_loads(
     Raises:
         DrakeTcError: As `designed`; more than one joint.
     """
-    rig = load_rig(request.rig)
+    rig = load_rig(request.rig, request.declared)
     models, goals = _models(request, rig), _goals(request, rig)
     if len(goals) > 1:
         raise ParamsError(
@@ -118,7 +120,7 @@ def whole_robot(request: DesignRequest) -> bool:
     goal = request.goal or ("parameters" if request.after is None else "")
     if request.joints or not goal or not parse_goal(goal).whole:
         return False
-    return load_rig(request.rig).robot is not None
+    return load_rig(request.rig, request.declared).robot is not None
 
 
 def designed_robot(
@@ -129,7 +131,7 @@ def designed_robot(
     Raises:
         DrakeTcError: As `designed`; a robot whose links touch in its posture.
     """
-    rig = load_rig(request.rig)
+    rig = load_rig(request.rig, request.declared)
     if rig.robot is None:
         raise ParamsError(f"{request.rig}: no robot; a motion of all joints needs the key `robot: FILE`")
     if request.limits.get("position") is not None:

@@ -1,0 +1,129 @@
+"""A joint's logs as `close-loop` fits them: the most probable set of effects, its noise, and the posterior.
+
+What is said of logs before a diagnosis, or of an experiment before it is made, follows from this one fit.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from drake_tc.diagnosis.diagnose import asked_of, decided, joint_model, without_attenuation
+from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.intervals import parameters_of
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.parameters import Estimate
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.diagnosis.search import find
+from drake_tc.effects.base import Context, Effect
+from drake_tc.effects.obstacle import Obstacle
+from drake_tc.experiments.late_effort import LateEffort
+from drake_tc.experiments.sizes import JointNumbers
+
+
+@dataclass(frozen=True, eq=False)
+class FittedJoint:
+    """One joint with the set of effects that its logs make most probable.
+
+    Attributes:
+        prepared: Its filtered rows and its declared model.
+        evidence: Under the noise that the set leaves.
+        best: The set.
+        final: The set without what noise takes off its coefficients, with the evidence at which it is linearised.
+        floor: Noise floor [effort].
+        usable: Effects that a diagnosis looks for.
+        obstacles: Key of each other effect, and what stands in its way.
+    """
+
+    prepared: Prepared
+    evidence: Evidence
+    best: Scored
+    final: tuple[Evidence, Scored]
+    floor: float
+    usable: tuple[Effect, ...]
+    obstacles: Mapping[str, Obstacle]
+
+    @property
+    def context(self) -> Context:
+        """What the logs offer to effects."""
+        return self.prepared.context
+
+    @property
+    def found(self) -> tuple[Term, ...]:
+        """Effects that the logs show beside the declared model."""
+        return tuple(t for t in self.best.terms if not self.evidence.model.is_declared(t.effect))
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Mapping[str, Estimate]]:
+        """Every parameter of the set with its 95 % interval, as `close-loop` reports it."""
+        return parameters_of(*self.final)
+
+    @property
+    def gain(self) -> float:
+        """K [effort/(N m)]."""
+        return float(self.final[1].b[0])
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the white noise of rows that count [N m]."""
+        return float(np.sqrt(self.best.posterior.variance)) / self.gain
+
+    @property
+    def independent(self) -> float:
+        """Number of rows that count."""
+        return self.evidence.noise.share * self.evidence.model.train.rows.index.size
+
+    @cached_property
+    def numbers(self) -> JointNumbers:
+        """The declared model in numbers, and the largest values of the rows."""
+        context, s = self.context, self.evidence.model.train.samples.signals
+        rows = self.evidence.model.train.samples.rows
+        known = {
+            name: max(self.parameters.get(name, {})[name].value, 0.0) if name in self.parameters else 0.0
+            for name in ("viscous", "coulomb", "rotor_inertia")
+        }
+        tau, link = s.load_torque[rows], s.link_inertia
+        if link == 0.0 and np.ptp(tau) > 0.0:
+            q, v, a = s.position[rows], s.velocity[rows], s.acceleration[rows]
+            basis = np.column_stack([a, np.sin(q), np.cos(q), v])
+            link = max(float(np.linalg.lstsq(basis, tau, rcond=None)[0][0]), 0.0)
+        rotor = s.rotor_inertia + known["rotor_inertia"]
+        return JointNumbers(
+            gain=self.gain,
+            viscous=known["viscous"],
+            coulomb=known["coulomb"],
+            inertia=link + rotor,
+            torque=context.effort / self.gain,
+            effort=context.effort,
+            speed=context.max_speed,
+            span=float(np.ptp(context.position_span)),
+            rotor=rotor,
+        )
+
+
+def fitted_joint(
+    prepared: Prepared, effects: Sequence[Effect] | None = None, *, links_fitted: bool = False
+) -> FittedJoint:
+    """Search the rows of a prepared joint as a diagnosis does.
+
+    Args:
+        prepared: One joint with its declared model.
+        effects: In place of the library.
+        links_fitted: Whether a diagnosis fits the robot's links, so that it does not look for what these take up.
+    """
+    searched = replace(prepared, context=replace(prepared.context, load="links")) if links_fitted else prepared
+    asked = asked_of(searched, DiagnosisOptions(effects=None if effects is None else tuple(effects)))
+    model, late = joint_model(prepared), LateEffort()
+    own = (late,) if effects is None and late.unavailable(prepared.context) is None else ()
+    decision = decided(find(Evidence(model).heard(model.declared, spread=False), (*asked.usable, *own)))
+    return FittedJoint(
+        prepared,
+        decision.found.evidence,
+        decision.best,
+        without_attenuation(decision),
+        decision.floor,
+        tuple(asked.usable),
+        dict(asked.obstacles),
+    )

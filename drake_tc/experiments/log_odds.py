@@ -1,0 +1,388 @@
+"""Expected log odds of effects from the Fisher information of a joint's rows: from which size an effect is found.
+
+An effect of size s changes the effort by s c. With the whitened rows, the columns X of all that the model without it
+has (its terms, ages, tolerances and runs), and their posterior's Hessian H,
+
+    F = c'c/v - (c'X/v) H^-1 (X'c/v)                                              (Fisher information about the size)
+
+v: variance of the noise. The log odds of an effect with k coefficients and shapes, beside those of the model without
+it, are half a noncentral chi-squared variable with k degrees of freedom and noncentrality s^2 F, less
+
+    O = 1/2 log|1 + D A D| + sum_j 1/2 log(1 + d_j^2 s^2 S_j) - p log 2 - log prior odds                 (Occam's term)
+
+A: information about the coefficients, D: their prior deviations, S_j and d_j: those of a shape at size 1, p: number of
+coefficients of one sign. A diagnosis names the effect if the log odds exceed `ALTERNATIVE` and if it contributes half a
+noise floor. The square root of the variable is nearly normal with variance 1 around sqrt(s^2 F + k - 1) (Fisher, 1925).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.evidence import Evidence
+from drake_tc.diagnosis.linear import Posterior
+from drake_tc.diagnosis.model import Block, drives
+from drake_tc.diagnosis.noise import NoiseModel
+from drake_tc.diagnosis.priors import ALTERNATIVE, NAMED_FLOORS
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.effects.base import Effect
+from drake_tc.effects.servo_gain import ServoGain
+from drake_tc.experiments.fitted import FittedJoint
+from drake_tc.experiments.sizes import Size, acts_through_shape, directions, size_of, strengths
+from drake_tc.types import FloatArray, IntArray
+
+MOST_SHAPES = 14
+"""Shapes of an effect that are looked at; a longer grid is thinned evenly."""
+SHAPES_SEEN = 0.8
+"""Share of the shapes of an effect at which the size that counts as found must suffice."""
+NUMERICAL = 1e-7
+"""Share of a contribution (RMS) that must be left: less of it is the rounding error of an exact identity."""
+CERTAIN = 1.6448536269514722
+"""95 % quantile of the standard normal distribution."""
+ROUNDS = 6
+"""Of the fixed point of a size and Occam's term, which grows with its logarithm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One effect at one shape and in one direction of its coefficients, or at every value of a shape that is its size.
+
+    Attributes:
+        term: The effect with its shape.
+        prior: Of its coefficients, in units of the effort; of none for an effect without.
+        places: (k,) of their columns among all columns.
+        unit: (k,) coefficients of size 1 in one of the directions that they may have; none where the size is a shape.
+        slopes: (j,) places of the change with each shape, at size 1 or, where the size is a shape, at each size.
+        widths: (j,) deviations of the shapes' priors.
+        sizes: (g,) sizes that are shapes, weakest first. changes: (g,) places of what they do to the effort.
+    """
+
+    term: Term
+    prior: Block
+    places: IntArray
+    unit: FloatArray
+    slopes: IntArray
+    widths: FloatArray
+    sizes: FloatArray
+    changes: IntArray
+
+    @property
+    def by_shape(self) -> bool:
+        """Whether the size is a shape."""
+        return self.sizes.size > 0
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+        return self.places.size + (1 if self.by_shape else self.slopes.size)
+
+    def at(self, size: float) -> tuple[IntArray, FloatArray]:
+        """(places (m,), weights (m,)) whose sum is what the effect does at a size."""
+        if not self.by_shape:
+            return self.places, size * self.unit
+        weights = np.zeros(self.sizes.size)
+        near = int(np.argmin(np.abs(np.log(self.sizes / size))))
+        falling = self.sizes[0] > self.sizes[-1]
+        weights[near] = 1.0 if falling else size / self.sizes[near]
+        return self.changes, weights
+
+
+class Remainders:
+    """Products of all columns without what a model explains.
+
+    Attributes:
+        gram: (P, P) F of each pair of columns. whole: (P,) their squares over the variance of the noise.
+        imitated: (m, P) coefficients by which the model imitates each column.
+        left: (P, P) products of what that leaves of the columns, over the number of rows.
+    """
+
+    def __init__(self, evidence: Evidence, columns: FloatArray, terms: Sequence[Term], variance: float) -> None:
+        """Of columns (n, P), whitened as the evidence does, beside the terms of a model."""
+        design, prior = evidence.design(evidence.model.train, terms)
+        weight = evidence.noise.share / variance
+        hessian = weight * design.T @ design + np.diag(1.0 / prior.deviation**2)
+        inverse = Posterior(np.zeros(len(hessian)), hessian, variance, 0.0).covariance
+        crossed = weight * design.T @ columns
+        self.imitated = inverse @ crossed
+        gram = weight * columns.T @ columns
+        self.whole = np.diag(gram).copy()
+        self.gram = gram - crossed.T @ self.imitated
+        left = columns - design @ self.imitated
+        self.left = left.T @ left / len(left)
+
+    def information(self, places: IntArray, weights: FloatArray) -> float:
+        """F of a sum of columns with weights (m,); 0 where rounding is all that is left."""
+        found = float(weights @ self.gram[np.ix_(places, places)] @ weights)
+        whole = float(np.sum(np.abs(weights) * np.sqrt(self.whole[places]))) ** 2
+        return found if found > NUMERICAL**2 * whole else 0.0
+
+
+class EffectOdds:
+    """Expected log odds of effects in the rows of a joint."""
+
+    def __init__(self, fitted: FittedJoint, effects: Sequence[Effect]) -> None:
+        """Of these effects beside the most probable set of the joint."""
+        self.fitted, self.model, train = fitted, fitted.evidence.model, fitted.evidence.model.train
+        self.sizes = {e.key: size_of(e, fitted.numbers, fitted.context, train.samples.units) for e in effects}
+        made = _Columns(fitted)
+        self.variants: Mapping[str, list[Variant]] = {e.key: made.variants(e, self.sizes[e.key]) for e in effects}
+        self._columns = made.all()
+        self._variance = fitted.best.posterior.variance
+        self._known: dict[tuple[str, bool], Remainders] = {}
+        self._occam: dict[int, float] = {}
+
+    def beside(self, effect: Effect, *, plain: bool = False) -> Remainders:
+        """Remainders beside the set without this effect; `plain`: of the rows as they are, not whitened."""
+        out = effect.id if any(t.effect.id == effect.id for t in self.fitted.found) else ""
+        if (out, plain) not in self._known:
+            terms = [t for t in self.fitted.best.terms if self.model.is_declared(t.effect) or t.effect.id != out]
+            evidence, rows = self.fitted.evidence, self.model.train.rows
+            if plain:
+                evidence = Evidence(self.model, NoiseModel(), evidence.spread)
+            white = rows.whitened(self._columns, evidence.noise)[0]
+            self._known[out, plain] = Remainders(evidence, white, terms, self._variance)
+        return self._known[out, plain]
+
+    def occam(self, variant: Variant, size: float) -> float:
+        """O of a variant at a size."""
+        left = self.beside(variant.term.effect).gram
+        own = self._of_coefficients(variant, left)
+        slopes = variant.slopes
+        if variant.by_shape:
+            slopes = slopes[[int(np.argmin(np.abs(np.log(variant.sizes / size))))]]
+            grows = 1.0
+        else:
+            grows = size**2
+        shapes = 0.5 * float(np.sum(np.log1p(variant.widths**2 * grows * np.diag(left)[slopes])))
+        return own + shapes
+
+    def _of_coefficients(self, variant: Variant, left: FloatArray) -> float:
+        key = id(variant)
+        if key not in self._occam:
+            d = variant.prior.prior.deviation
+            scaled = left[np.ix_(variant.places, variant.places)] * np.outer(d, d)
+            sign = math.log(2.0) * np.count_nonzero(variant.prior.prior.positive)
+            prior = self.fitted.evidence.prior_odds([variant.term])
+            self._occam[key] = 0.5 * float(np.linalg.slogdet(np.eye(d.size) + scaled)[1]) - sign - prior
+        return self._occam[key]
+
+    def expected(self, variant: Variant, size: float) -> float:
+        """Expected log odds of the effect at a size beside the set without it, noise left out."""
+        return 0.5 * self.beside(variant.term.effect).information(*variant.at(size)) - self.occam(variant, size)
+
+    def found_from(self, key: str) -> tuple[float, float]:
+        """(size that is found in 95 % of such logs at most shapes, size that is found in 5 % at the best shape).
+
+        For a falling size (a limit) the largest sizes are told. Infinite, or 0 for a falling size, where none is found.
+        """
+        falling = self.sizes[key].falling
+        most, least = ([self._from(v, z) for v in self.variants[key]] for z in (CERTAIN, -CERTAIN))
+        most.sort(reverse=falling)
+        place = min(math.ceil(SHAPES_SEEN * len(most)), len(most)) - 1
+        return most[place], (max if falling else min)(least)
+
+    def _from(self, variant: Variant, sure: float) -> float:
+        """Size from which on a variant is found, with noise for or against it by so many standard deviations."""
+        if variant.by_shape:
+            return self._from_shape(variant, sure)
+        information = self.beside(variant.term.effect).information(*variant.at(1.0))
+        if not information > 0.0:
+            return math.inf
+        size = 0.0
+        for _ in range(ROUNDS):
+            size = math.sqrt(self._needed(variant, size, sure) / information)
+        left = self.left(variant, 1.0)
+        return max(size, self._least / left + sure / math.sqrt(information)) if left > 0.0 else math.inf
+
+    def _from_shape(self, variant: Variant, sure: float) -> float:
+        """The same of a size that is a shape, between two of its grid."""
+        margin = []
+        for size in variant.sizes.tolist():
+            information = self.beside(variant.term.effect).information(*variant.at(size))
+            odds = math.sqrt(max(information, 1e-300) / max(self._needed(variant, size, sure), 1e-12))
+            apart = max(1.0 - sure / math.sqrt(max(information, 1e-300)), 1e-9)
+            margin.append(min(odds, apart * self.left(variant, size) / self._least))
+        return crossing(variant.sizes, np.array(margin))
+
+    def _needed(self, variant: Variant, size: float, sure: float) -> float:
+        """Noncentrality that is found so surely."""
+        asked = math.sqrt(max(2.0 * (ALTERNATIVE + self.occam(variant, size)), 0.0))
+        return max(max(asked + sure, 0.0) ** 2 - (variant.freedom - 1), 1e-6)
+
+    @property
+    def _least(self) -> float:
+        """RMS contribution below which nothing is named [effort]."""
+        return NAMED_FLOORS * self.fitted.floor
+
+    def left(self, variant: Variant, size: float) -> float:
+        """RMS of what the set without the effect does not take over of its contribution [effort]."""
+        places, weights = variant.at(size)
+        own = self.beside(variant.term.effect, plain=True).left[np.ix_(places, places)]
+        left = math.sqrt(max(float(weights @ own @ weights), 0.0))
+        return left if left > NUMERICAL * self.whole(variant, size) else 0.0
+
+    def whole(self, variant: Variant, size: float) -> float:
+        """RMS of the contribution itself [effort]."""
+        places, weights = variant.at(size)
+        return float(rms(self._columns[:, places] @ weights))
+
+    def imitators(self, variant: Variant, size: float) -> list[str]:
+        """Names of what in the model imitates the contribution most, the most important first."""
+        places, weights = variant.at(size)
+        imitated = self.beside(variant.term.effect, plain=True).imitated[:, places] @ weights
+        names, scales = self._named(variant.term.effect)
+        sizes = np.abs(imitated[: len(names)]) * scales
+        order = [int(i) for i in np.argsort(-sizes) if sizes[i] > 0.2 * max(float(sizes.max()), 1e-300)]
+        return list(dict.fromkeys(names[i] for i in order))[:2]
+
+    def _named(self, effect: Effect) -> tuple[list[str], FloatArray]:
+        """Names and RMS of the columns of the set without an effect, nuisances after its terms."""
+        model, evidence = self.model, self.fitted.evidence
+        terms = [t for t in self.fitted.best.terms if model.is_declared(t.effect) or t.effect.id != effect.id]
+        names = ["the drive gain", *(t.effect.title for t in terms for _ in t.effect.coefficients)]
+        names += [f"the age of the {AGES[channel]}" for channel in model.ages]
+        design, _ = Evidence(model, NoiseModel(), evidence.spread).design(model.train, terms)
+        return names, np.sqrt(np.mean(design[:, : len(names)] ** 2, axis=0))
+
+    def apart(self, truth: Variant, other: Effect, size: float) -> float:
+        """Expected log odds by which an effect of this size is more probable than the best fit of another one."""
+        remainders = self.beside(truth.term.effect)
+        places, weights = truth.at(size)
+        own = 0.5 * remainders.information(places, weights) - self.occam(truth, size)
+        return own - max(self._explained(each, remainders, places, weights) for each in self.variants[other.key])
+
+    def _explained(self, other: Variant, remainders: Remainders, places: IntArray, weights: FloatArray) -> float:
+        """Log odds that another effect gets from a contribution."""
+        if other.by_shape:
+            along = remainders.gram[np.ix_(other.changes, places)] @ weights
+            squares = np.maximum(np.diag(remainders.gram)[other.changes], 1e-300)
+            share = np.clip(along / squares, 0.5, 2.0)  # between two sizes the change is nearly in proportion
+            each = share * along - 0.5 * share**2 * squares
+            best = int(np.argmax(each))
+            return float(each[best]) - self.occam(other, float(other.sizes[best]))
+        prior = other.prior.prior
+        along = remainders.gram[np.ix_(other.places, places)] @ weights
+        hessian = remainders.gram[np.ix_(other.places, other.places)] + np.diag(1.0 / prior.deviation**2)
+        beta = np.linalg.solve(hessian, along)
+        if (beta[prior.positive] < 0.0).any():
+            beta = np.where(prior.positive, 0.0, beta)
+        size = float(np.max(np.abs(beta)) / max(float(np.max(np.abs(other.unit))), 1e-300))
+        return float(beta @ along - 0.5 * beta @ hessian @ beta) - self.occam(other, size)
+
+    def confused_with(self, effect: Effect, size: float) -> tuple[str, ...]:
+        """Ids of effects that explain this one at a size nearly as well, so that a diagnosis lists them beside it."""
+        truth = self.middle(effect)
+        ids = [o.term.effect for key, each in self.variants.items() for o in each[:1] if key != effect.key]
+        found = [o for o in ids if o.id != effect.id and self.apart(truth, o, size) <= ALTERNATIVE]
+        return tuple(dict.fromkeys(o.id for o in found))
+
+    def middle(self, effect: Effect) -> Variant:
+        """The variant at the middle one of its shapes."""
+        each = self.variants[effect.key]
+        return each[len(each) // 2]
+
+
+AGES = {
+    "command": "command",
+    "inside": "effort in the servo",
+    "rate": "rate in the servo",
+    "effort": "effort",
+    "torque": "torque",
+}
+"""Channels in words."""
+
+
+def crossing(sizes: FloatArray, margin: FloatArray) -> float:
+    """Weakest size of a grid from which on a margin reaches 1, between two sizes in proportion."""
+    never = 0.0 if sizes[0] > sizes[-1] else math.inf
+    reached = np.flatnonzero(margin >= 1.0)
+    if not reached.size:
+        return never
+    at = int(reached[0])
+    if at == 0:
+        return float(sizes[0] / margin[0]) if sizes[0] <= sizes[-1] else float(sizes[0])
+    low, high = max(float(margin[at - 1]), 1e-12), float(margin[at])
+    share = -math.log(low) / math.log(high / low)
+    return float(math.exp((1.0 - share) * math.log(sizes[at - 1]) + share * math.log(sizes[at])))
+
+
+class _Columns:
+    """Collects the columns of all variants, in units of the effort."""
+
+    def __init__(self, fitted: FittedJoint) -> None:
+        self._fitted, self._model = fitted, fitted.evidence.model
+        self._parts: list[FloatArray] = []
+        self._size = 0
+
+    def all(self) -> FloatArray:
+        """(N, P) all of them."""
+        return np.concatenate(self._parts, axis=1)
+
+    def _added(self, values: FloatArray) -> IntArray:
+        """Places (k,) of columns (N, k)."""
+        self._parts.append(values)
+        self._size += values.shape[1]
+        return np.arange(self._size - values.shape[1], self._size)
+
+    def variants(self, effect: Effect, size: Size) -> list[Variant]:
+        """The effect at the shapes that a search would try."""
+        if acts_through_shape(effect) or effect.key == "current_lag.winding":
+            return [self._by_shape(effect, size)]
+        grid = effect.shape_grid(self._fitted.context)
+        shapes = grid[:: max(1, -(-len(grid) // MOST_SHAPES))]
+        return [variant for shape in shapes for variant in self._linear(effect, shape)]
+
+    def _linear(self, effect: Effect, shape: Mapping[str, float]) -> list[Variant]:
+        term, model, gain = Term(effect, shape), self._model, self._fitted.gain
+        blocks = model.blocks(model.train, [term])
+        block = blocks[0] if isinstance(effect, ServoGain) else blocks[1]
+        ways = [np.ones(1)] if isinstance(effect, ServoGain) else directions(effect, self._fitted.numbers)
+        places = self._added(block.values)
+        widths = np.array([model.shape_range(effect, p.name) / math.sqrt(2.0 * math.pi) for p in effect.shapes])
+        none: FloatArray = np.zeros(0)
+        out = []
+        for way in ways:
+            slopes = self._slopes(term, gain * way) if effect.shapes else np.zeros((len(block.values), 0))
+            own = self._added(slopes)
+            out.append(Variant(term, block, places, gain * way, own, widths, none, np.zeros(0, dtype=np.int64)))
+        return out
+
+    def _slopes(self, term: Term, b: FloatArray) -> FloatArray:
+        """(N, j) change of the effort with each shape, at coefficients b."""
+        split, out = self._model.train, []
+        for p in term.effect.shapes:
+            step = 1e-3 * abs(term.shape[p.name]) + 1e-9
+            moved = Term(term.effect, {**term.shape, p.name: term.shape[p.name] + step})
+            change = (split.clean.of(moved) - split.clean.of(term)) @ b if b.size else np.zeros(split.samples.rows.size)
+            if drives([term]):
+                change = change + split.target([term]) - split.target([moved])
+            out.append(change / step)
+        return np.stack(out, axis=1)
+
+    def _by_shape(self, effect: Effect, size: Size) -> Variant:
+        split, model = self._model.train, self._model
+        values = strengths(effect, size, self._fitted.context)
+        grid = effect.shape_grid(self._fitted.context)
+        terms = [Term(effect, {**grid[len(grid) // 2], size.name: float(value)}) for value in values]
+        changes = np.stack([split.target([]) - split.target([term]) for term in terms], axis=1)
+        block = Block(np.zeros((len(changes), 0)), model.blocks(split, [])[0].prior.part(slice(0, 0)))
+        unit: FloatArray = np.zeros(0)
+        if effect.coefficients:
+            block = model.blocks(split, [terms[0]])[1]
+            changes = changes + 0.5 * model.gain * self._fitted.numbers.viscous * block.values[:, :1]
+        at = [p.name for p in effect.shapes].index(size.name)
+        slopes = np.stack([self._slopes(term, np.zeros(0))[:, at] for term in terms], axis=1)
+        width = model.shape_range(effect, size.name) / math.sqrt(2.0 * math.pi)
+        return Variant(
+            terms[0],
+            block,
+            self._added(block.values),
+            unit,
+            self._added(slopes),
+            np.array([width]),
+            values,
+            self._added(changes),
+        )
