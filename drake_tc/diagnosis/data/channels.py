@@ -81,10 +81,6 @@ class Channels:
         both = (LogRemark(run.name, note) for run in (*runs, *(run for _, run, _ in self.pieces)) for note in run.notes)
         return tuple(dict.fromkeys(both))
 
-    def by_piece(self, values: Sequence[float]) -> FloatArray:
-        """(T,) of one value for each stretch."""
-        return np.repeat(np.asarray(values, float), [s.stop - s.start for _, _, s in self.pieces])
-
     def raw(self, name: str) -> FloatArray:
         """(T,) of `<joint>/name`, NaN in runs that did not record it."""
         column = f"{self.joint}/{name}"

@@ -140,11 +140,6 @@ class _Spectrum:
         """The form of S (F,) at the frequencies."""
         return self.white + self.level(memory) / (1.0 + (2.0 * np.pi * frequency * memory) ** 2)
 
-    def log_errors(self, memory: float) -> FloatArray:
-        """(B,) logarithms of the form over S."""
-        model = np.maximum(self.form(self.centres, memory), 1e-300)
-        return np.asarray(np.log(model / np.maximum(self.density, 1e-300)))
-
 
 def correlated_noise(splits: Sequence[tuple[Samples, FloatArray]]) -> list[CorrelatedNoise | None]:
     """Of each split, what noise of the torque channel leaves, white part included; None where its band is too narrow.
@@ -156,7 +151,9 @@ def correlated_noise(splits: Sequence[tuple[Samples, FloatArray]]) -> list[Corre
     known = [each for each in spectra if each is not None]
     if not known:
         return [None] * len(splits)
-    errors = [np.concatenate([each.log_errors(memory) for each in known]) for memory in TIMES]
+    density = np.maximum(np.concatenate([each.density for each in known]), 1e-300)
+    forms = ([each.form(each.centres, memory) for each in known] for memory in TIMES)
+    errors = [np.log(np.maximum(np.concatenate(form), 1e-300) / density) for form in forms]
     best = int(np.argmin([np.sum(e**2) for e in errors]))
     memory, misfit = float(TIMES[best]), float(np.sqrt(np.mean(errors[best] ** 2)))
     found: list[CorrelatedNoise | None] = []

@@ -45,7 +45,8 @@ def _load(
         raw = channels.raw("torque")
         return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)
     pendulums = [load.in_run(run) for _, run, _ in channels.pieces]
-    moment, inertia = (channels.by_piece(v) for v in zip(*((p.weight, p.inertia) for p in pendulums), strict=True))
+    lengths = [s.stop - s.start for _, _, s in channels.pieces]
+    moment, inertia = (np.repeat(v, lengths) for v in ([p.weight for p in pendulums], [p.inertia for p in pendulums]))
     raw_q = channels.raw("position")
     gravity = moment * np.sin(raw_q - load.zero)
     return (
@@ -53,11 +54,6 @@ def _load(
         slow.smooth(gravity) + inertia * slow.second_derivative(raw_q),
         moment * np.cos(q - load.zero),
     )
-
-
-def _link_inertia(load: Load, runs: Sequence[Run]) -> float:
-    """Inertia of a pendulum load about the axis, the mean over the runs [kg m^2]; 0 of other loads."""
-    return float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0
 
 
 def _width(channels: Channels, rig: Rig, position: FloatArray, noise: float) -> float:
@@ -158,7 +154,7 @@ def build_samples(
         motor_position=motor_position,
         supply_voltage=supply,
         known_torque=np.zeros_like(q),
-        link_inertia=_link_inertia(load, runs),
+        link_inertia=float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0,
         rotor_inertia=scale.rotor_inertia,
         period=period,
     )

@@ -75,7 +75,7 @@ def direction_of_motion(
         direction[s], travel[s] = held, _travel_since(turned, q[s])
         # how far the bristles were wound when the stretch began is unknown: wait for five times the travel
         settled = np.maximum.accumulate(travel[s]) > 5.0 * least_travel
-        since = _travel_since_stop(sign, v[s], q[s], threshold)
+        since = _travel_since(_stops(sign, v[s], threshold), q[s])
         moving[s] = settled & (sign != 0.0) & (since > least_travel)
         if both_sides:
             moving[s] &= _travel_until_stop(sign, v[s], q[s], threshold) > least_travel
@@ -89,11 +89,6 @@ def _turns(sign: FloatArray, v: FloatArray) -> tuple[IntArray, FloatArray]:
     turning = (sign == 0.0) & (held != coming) & (v != 0.0)
     held = np.where(turning, np.sign(v), held)
     return np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1]), held
-
-
-def _travel_since_stop(sign: FloatArray, v: FloatArray, q: FloatArray, threshold: float) -> FloatArray:
-    """Travel of each sample (T,) since the joint last turned or moved on, or since the first sample."""
-    return _travel_since(_stops(sign, v, threshold), q)
 
 
 def _travel_until_stop(sign: FloatArray, v: FloatArray, q: FloatArray, threshold: float) -> FloatArray:

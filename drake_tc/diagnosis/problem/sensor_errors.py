@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.data.samples import Samples, SensorPrior
+from drake_tc.diagnosis.data.samples import SensorPrior
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import Context, plain_signals
@@ -19,7 +19,6 @@ from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import COMMAND_COLUMN, Rig
-from drake_tc.types import FloatArray
 
 
 def errors_of(context: Context) -> WithinTolerance | None:
@@ -41,12 +40,15 @@ def errors_of(context: Context) -> WithinTolerance | None:
 
 
 def weighed(columns: Columns, rows: Columns, fitted: Fit) -> Columns:
-    """The columns with the errors' prior weighed by what a fit to the training rows `rows` leaves."""
+    """The columns with the errors' prior weighed by what a fit to the training rows `rows` leaves.
+
+    Effective samples are N over the integrated autocorrelation time, no lag counted across runs; at least 3.
+    """
     residual = rows.target - rows.design(fitted.terms) @ fitted.beta
-    share = _effective_samples(residual, rows.samples) / residual.size
-    prior = SensorPrior(variance=float(np.mean(residual**2)), share=share)
-    samples = replace(columns.samples, sensor_prior=prior)
-    return columns.changed(samples=samples)
+    lengths = [int(n) for n in np.bincount(rows.samples.run) if n]
+    effective = max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)
+    prior = SensorPrior(variance=float(np.mean(residual**2)), share=effective / residual.size)
+    return columns.changed(samples=replace(columns.samples, sensor_prior=prior))
 
 
 def without_errors(runs: Sequence[Run], rig: Rig, joint: str, fitted: Fit) -> list[Run]:
@@ -70,9 +72,3 @@ def _restored(
     changed = {names[signal]: getattr(restored, signal) for signal in known}
     changed |= {name: run.columns[name] - by for name, by in bias.items() if name in run.columns}
     return replace(run, columns=dict(run.columns) | changed)
-
-
-def _effective_samples(residual: FloatArray, samples: Samples) -> float:
-    """N over the integrated autocorrelation time of a residual (N,), no lag counted across runs; at least 3."""
-    lengths = [int(n) for n in np.bincount(samples.run) if n]
-    return max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)

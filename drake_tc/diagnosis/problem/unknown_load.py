@@ -113,19 +113,14 @@ def require_identified_load(columns: Columns, declared: Fit, joint: str, context
         )
     except IdentificationError as error:
         span = context.position_span[1] - context.position_span[0]
-        why = str(error).partition("; record richer")[0]
+        why, found = str(error).partition("; record richer")[0], load_of(declared)
+        smaller = ", or set load: {unknown: smooth}" if found is not None and found[0].effect is PENDULUM else ""
         raise IdentificationError(
-            f"joint {joint}: the unknown load cannot be fitted to a motion over {span:.2g} rad: {why}; "
-            f"{_advice(declared)}"
+            f"joint {joint}: the unknown load cannot be fitted to a motion over {span:.2g} rad: {why}; record a motion "
+            f"over a larger range and with changing speeds{smaller}"
         ) from None
     if held:
         _require_sign(columns, declared, joint)
-
-
-def _advice(declared: Fit) -> str:
-    found = load_of(declared)
-    smaller = "" if found is None or found[0].effect is not PENDULUM else ", or set load: {unknown: smooth}"
-    return f"record a motion over a larger range and with changing speeds{smaller}"
 
 
 def _require_sign(columns: Columns, declared: Fit, joint: str) -> None:

@@ -124,7 +124,9 @@ class _Case:
             return replace(made, status="implausible", why=objection)
         made = replace(made, status="accepted", model=refined)
         splits = (self.result.train, self.result.heldout)
-        balance = equation_errors(self.result.final, _fitted_values(self.result, refined), splits)
+        named = named_values(refined)  # not a declared inertia, which is part of the balance's target
+        fitted = {key: {n: named[key][n] for n in group} for key, group in self.result.final_parameters.items()}
+        balance = equation_errors(self.result.final, fitted, splits)
         return made if balance is None else replace(made, error_train=balance[0], error_heldout=balance[1])
 
     def _cross_validated(self, folds: Sequence[Sequence[int]]) -> tuple[float, float] | None:
@@ -201,12 +203,6 @@ def _objection(before: ActuatorModel, after: ActuatorModel, context: Context) ->
         if why and not implausible(old.effect, old.parameters, context):
             return why
     return ""
-
-
-def _fitted_values(result: JointResult, model: ActuatorModel) -> dict[str, dict[str, float]]:
-    """The model's numbers that the fit has: not a declared inertia, which is part of the balance's target."""
-    named = named_values(model)
-    return {key: {name: named[key][name] for name in group} for key, group in result.final_parameters.items()}
 
 
 def _changes(

@@ -82,7 +82,10 @@ def with_equal_noise(splits: tuple[DataSplit, DataSplit], chosen: Fit, floor: fl
     efforts = [_effort_in_quiet_rows(each, own, other) for each, own in zip(splits, timing, strict=True)]
     levels = [np.sqrt(other + each**2 + own) for each, own in zip(efforts, timing, strict=True)]
     level, heldout = rms(levels[0]), rms(levels[1])
-    train, held = (_weighted(each, level / own) for each, own in zip(splits, levels, strict=True))
+    train, held = (
+        replace(split, before=weight * split.before, after=weight * split.after, weight=weight)
+        for split, weight in zip(splits, (level / own for own in levels), strict=True)
+    )
     sensors = float(np.sqrt(other + np.mean(timing[1])))
     return EqualNoise((train, held), (level, level), heldout, heldout / sensors)
 
@@ -118,7 +121,3 @@ def _of_jumps(split: DataSplit, chosen: Fit, floor: float) -> FloatArray:
         return found
     shown = (float(np.mean(split.after[beside] ** 2)) - floor**2) / float(np.mean(found[beside]))
     return found * float(np.clip(shown, 0.0, AT_A_SAMPLE))
-
-
-def _weighted(split: DataSplit, weight: FloatArray) -> DataSplit:
-    return replace(split, before=weight * split.before, after=weight * split.after, weight=weight)

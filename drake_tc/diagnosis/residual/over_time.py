@@ -142,8 +142,8 @@ def shared_band(train: DataSplit, held: DataSplit) -> SharedBand | None:
     samples = train.samples
     frequency, left = spectral_density(samples, train.after)
     effort = spectral_density(samples, samples.reduce(samples.signals.effort))[1]
-    top = _top(train, frequency)
-    edges = np.arange(np.log2(LOWEST_HZ), np.log2(max(top, 2.0 * LOWEST_HZ)), OCTAVES)
+    passed = frequency[np.abs(samples.light.gain(frequency) * samples.kernel.gain(frequency)) >= 0.1]
+    edges = np.arange(np.log2(LOWEST_HZ), np.log2(max(passed.max(initial=0.0), 2.0 * LOWEST_HZ)), OCTAVES)
     for low, high in zip(2.0 ** edges[:-1], 2.0 ** edges[1:], strict=True):
         inside = (frequency >= low) & (frequency < high)
         if inside.any() and left[inside].sum() > (1.0 - LEAST_SHARE) * effort[inside].sum():
@@ -152,13 +152,6 @@ def shared_band(train: DataSplit, held: DataSplit) -> SharedBand | None:
                 return SharedBand(0.0, float("nan"), float("nan"))
             return SharedBand(limit, _below(train, limit), _below(held, limit))
     return None
-
-
-def _top(split: DataSplit, frequency: FloatArray) -> float:
-    """Frequency at which the filters leave a tenth of the amplitude [Hz]."""
-    gain = split.samples.light.gain(frequency) * split.samples.kernel.gain(frequency)
-    passed = frequency[np.abs(gain) >= 0.1]
-    return float(passed.max()) if passed.size else 0.0
 
 
 def _below(split: DataSplit, limit: float) -> float:

@@ -81,14 +81,6 @@ def beyond_range(train: FloatArray, held: FloatArray, margin: float = 0.05) -> B
     return np.asarray((held < low - slack) | (held > high + slack))
 
 
-def inside_range(train: FloatArray, held: FloatArray) -> BoolArray:
-    """Held-out rows (M,) whose signals lie where the training rows (N, 8) have been.
-
-    Beyond it the found effects extrapolate: an error there says how their curve goes on, not that a cause is missing.
-    """
-    return np.asarray(~beyond_range(train, held).any(axis=1))
-
-
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Both splits' rows, thinned: features, clipped residual, run, time, group; which are held out and inside."""
@@ -103,7 +95,8 @@ class _Rows:
 
 
 def _rows(train: DataSplit, held: DataSplit, x: tuple[FloatArray, FloatArray]) -> _Rows:
-    inside = inside_range(*x)
+    # beyond the trained range effects extrapolate: an error there says how their curve goes on, not what is missing
+    inside = ~beyond_range(*x).any(axis=1)
     carried = bool(inside.sum() >= max(300, 0.05 * inside.size))
     inside = inside if carried else np.ones_like(inside)
     y = np.concatenate([s.after for s in (train, held)])
@@ -137,11 +130,6 @@ class _Dependence:
     signals: float
     interplay: float
     log_evidence: float
-
-    @property
-    def needs_time(self) -> bool:
-        """Whether time helps the signals."""
-        return self.interplay > self.signals + 0.1
 
 
 def _dependence(rows: _Rows, seed: int, executor: Executor | None) -> _Dependence:
@@ -226,7 +214,8 @@ def assess_residual(
         wander = _of_wandering_sensor(rows, held, found, seed, executor)
         found, structured = wander or found, wander is None
     names = depends_on(rows.x, rows.y, rows.group, seed) if structured and (functional or grown) else []
-    if structured and ((found.needs_time and functional) or stretches or periodic):
+    needs_time = found.interplay > found.signals + 0.1
+    if structured and ((needs_time and functional) or stretches or periodic):
         names.append("time")
     return Unexplained(
         floors=float(floors),

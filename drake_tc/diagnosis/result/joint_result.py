@@ -105,12 +105,6 @@ class Shown:
         return str(_render("summary", "result_html", self))
 
 
-def residual_plot(joint: object) -> "Figure":
-    """The residual of a joint over time."""
-    figure: Figure = _render("time_plots", "residual_figure", joint)
-    return figure
-
-
 def _render(module: str, name: str, found: object) -> Any:
     return getattr(import_module(f"drake_tc.report.{module}"), name)(found)
 
@@ -260,7 +254,8 @@ class JointResult(Shown):
 
     def plot_residual(self) -> "Figure":
         """Measured and modelled effort on the held-out runs, and the residuals before and after, over time."""
-        return residual_plot(self)
+        figure: Figure = _render("time_plots", "residual_figure", self)
+        return figure
 
     @property
     def load(self) -> tuple[str, Mapping[str, Estimate]] | None:
