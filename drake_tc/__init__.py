@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from drake_tc.errors import DrakeTcError
     from drake_tc.estimation.joint_torque import JointTorqueEstimator, MomentumResidual
     from drake_tc.estimation.torque_model import TorqueModel
+    from drake_tc.exchange.c_code.writer import CSpec, to_c
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
     from drake_tc.hardware.lcm_link import LcmLink, LcmRobot
     from drake_tc.hardware.link import CallbackLink
@@ -70,6 +71,7 @@ __all__ = [
     "LIBRARY",
     "ActuatorModel",
     "ActuatorPlant",
+    "CSpec",
     "CallbackLink",
     "CommandGuard",
     "CompensationSpec",
@@ -144,6 +146,7 @@ __all__ = [
     "sinusoid_trajectory",
     "sliding",
     "swept_sine",
+    "to_c",
     "torque_controller",
     "whole_body_controller",
 ]
@@ -152,6 +155,7 @@ _HOMES = {
     "LIBRARY": "effects.library",
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
+    "CSpec": "exchange.c_code.writer",
     "CallbackLink": "hardware.link",
     "CommandGuard": "control.guard",
     "CompensationSpec": "control.torque_law",
@@ -226,6 +230,7 @@ _HOMES = {
     "sinusoid_trajectory": "control.trajectories",
     "sliding": "actuation.wiring",
     "swept_sine": "analysis.frequency_response",
+    "to_c": "exchange.c_code.writer",
     "torque_controller": "loops.torque.controller",
     "whole_body_controller": "loops.whole_body.controller",
 }

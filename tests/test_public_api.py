@@ -19,6 +19,7 @@ FRONT_DOOR = {
     "LIBRARY",
     "ActuatorModel",
     "ActuatorPlant",
+    "CSpec",
     "CallbackLink",
     "CommandGuard",
     "CompensationSpec",
@@ -93,6 +94,7 @@ FRONT_DOOR = {
     "sinusoid_trajectory",
     "sliding",
     "swept_sine",
+    "to_c",
     "torque_controller",
     "whole_body_controller",
 }

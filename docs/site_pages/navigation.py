@@ -32,6 +32,7 @@ TREE: list[Entry] = [
             ("How much to randomise", "randomisation.md"),
             ("My controller", "your_own_controller.md"),
             ("My driver: on the robot", "your_own_driver.md"),
+            ("Torque control in C", "in_c.md"),
             ("My task and limit", "your_own_task.md"),
             ("My diagram", "your_own_diagram.md"),
             ("Torque control of a leg", "torque_control.md"),

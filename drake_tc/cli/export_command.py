@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drake_tc.cli.export_c import CRequest, export_c
 from drake_tc.cli.export_ranges import RangesRequest, export_ranges
 from drake_tc.cli.out_files import Force, result_file
 from drake_tc.cli.terminal import print_wide
@@ -37,6 +38,7 @@ class Target(StrEnum):
     isaaclab_bam = "isaaclab-bam"
     bam = "bam"
     parquet = "parquet"
+    c = "c"
 
 
 MJCF = (Target.mjcf, Target.playground, Target.newton)
@@ -102,6 +104,13 @@ def export_command(
             " --ranges; repeat for more."
         ),
     ] = None,
+    robot: Annotated[
+        Path | None, typer.Option(help="Robot file with a fixed base: adds inverse dynamics and gravity to --to c.")
+    ] = None,
+    kp: Annotated[float, typer.Option(help="Torque feedback of --to c [-].")] = 0.0,
+    ki: Annotated[float, typer.Option(help="Integral of the torque error of --to c [1/s].")] = 0.0,
+    period: Annotated[float, typer.Option(help="Period of the calls of --to c [s].")] = 1e-3,
+    window: Annotated[int, typer.Option(help="Samples of the position filter of --to c.")] = 80,
     samples: Annotated[int, typer.Option(min=1, help="Rows of --ranges --to parquet.")] = 1000,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print terms, losses and errors as JSON.")] = False,
@@ -113,6 +122,9 @@ def export_command(
     error is printed with and without the refit. With --rig and --holdout the export is run on these runs in MuJoCo, in
     a plant of Drake or by BAM's equations. Its error is compared with that of the model in Drake and, with --into, with
     that of the file before. For MJCF the version of MuJoCo that the file needs is printed.
+
+    With --to c the command writes the torque control of the joints as one C99 file and its header: the inverse of the
+    drives' models, torque feedback, a position filter, and with --robot gravity and external torques.
 
     With --ranges the command writes the 95 % intervals of the diagnosis as what simulators randomise, and lists the
     parameters that the logs could not show.
@@ -164,6 +176,9 @@ def export_command(
         raise ParamsError("export --to parquet writes samples: add --ranges")
     read = load_model_file(model)
     models = _chosen(read.models, joint, model)
+    if to is Target.c:
+        export_c(CRequest(model, out, robot, kp, ki, period, window, force, as_json), models)
+        return
     if holdout and to.value not in RUNS:
         raise ParamsError(
             f"export: --holdout needs a target that can be simulated; expected --to {', '.join(RUNS)}, got --to"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drake_tc.cli.terminal import UnusedSeed
 from drake_tc.errors import DrakeTcError, ParamsError
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def run_command(
     priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0,
     stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    seed: UnusedSeed = 0,
 ) -> None:
     """Run a controller against wall-clock time. SIGINT, SIGTERM and the robot's stop message stop it."""
     from drake_tc.control.guard import GuardSpec

@@ -1,0 +1,1 @@
+"""Torque control as one C99 file and its header: `to_c`."""
