@@ -109,7 +109,7 @@ def _plot(found: "BodeMeasurement", title: str, path: Path) -> None:
     """Magnitude and phase, measured as dots, predicted as lines."""
     from matplotlib.figure import Figure
 
-    from drake_tc.report.run_plot import draw_bode
+    from drake_tc.report.plots.run_plot import draw_bode
 
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     curves = {"measured": found.measured} | ({} if found.predicted is None else {"linear": found.predicted})

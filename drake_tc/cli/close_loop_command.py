@@ -38,7 +38,7 @@ LOADED_BY_WORKERS = (
     "drake_tc.diagnosis.diagnose",
     "drake_tc.diagnosis.residual.structure",
     "sklearn.ensemble",
-    "drake_tc.report.residual_plots",
+    "drake_tc.report.plots.residual_plots",
     "drake_tc.analysis.before_after.comparison",
 )
 """What the worker processes need; loaded beside the imports, the reading and the search of this process."""

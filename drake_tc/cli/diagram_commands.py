@@ -102,7 +102,7 @@ def _pictures(
 ) -> list[str]:
     """Write the requested plot and page of the motion."""
     from drake_tc.loops.motion import motion_html
-    from drake_tc.report.run_plot import run_figure
+    from drake_tc.report.plots.run_plot import run_figure
 
     if plot is not None:
         with result_file(plot, "--plot", inputs=[scenario_file], force=force) as path:
@@ -117,7 +117,7 @@ def _show(simulated: "Simulated") -> None:
     """The plot in a window, until it is closed."""
     import matplotlib.pyplot as plt
 
-    from drake_tc.report.run_plot import run_figure
+    from drake_tc.report.plots.run_plot import run_figure
 
     run_figure(simulated.plot(), plt.figure())
     plt.show()

@@ -146,7 +146,7 @@ def import_logs(
     """
     if format_ not in FORMATS:
         raise LogError(f"import: no format {format_!r}; possible: {', '.join(FORMATS)}")
-    from drake_tc.logs.bam_runs import convert
+    from drake_tc.logs.files.bam_runs import convert
 
     typer.echo(f"reading {src} ...", err=True)
     inputs = src.rglob("*") if is_folder(src) else ()

@@ -25,12 +25,12 @@ from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.library import registered_effects
 from drake_tc.errors import RigError
 from drake_tc.estimation.robot_loads import RobotLogs, robot_logs
-from drake_tc.logs.declared_file import with_declared_file
 from drake_tc.logs.episodes import require_different_files, require_different_runs, require_two_runs
+from drake_tc.logs.files.readers import LogTable, named_logs
 from drake_tc.logs.prepare import in_order, load_runs
-from drake_tc.logs.readers import LogTable, named_logs
 from drake_tc.logs.record import Run, distinct_notes
 from drake_tc.logs.rig import Rig, load_rig, parse_rig
+from drake_tc.logs.rig_document.declared_file import with_declared_file
 from drake_tc.robot.plant import make_plant
 
 Log = Path | str | pd.DataFrame
@@ -57,7 +57,7 @@ def close_loop(
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
         executor: Runs free runs and the fits of what is left beside each other; None runs them here.
-        declared: File of another simulator whose model is declared (`drake_tc.logs.declared_file`).
+        declared: File of another simulator whose model is declared (`drake_tc.logs.rig_document.declared_file`).
 
     Raises:
         RigError, LogError, IdentificationError: input that cannot be used.

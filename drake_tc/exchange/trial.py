@@ -16,14 +16,14 @@ from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.mujoco_run import file_notes
 from drake_tc.exchange.projection import Projection, Vocabulary, project
 from drake_tc.exchange.targets import TARGETS
+from drake_tc.logs.checks.plausible import derivative
 from drake_tc.logs.loads import Pendulum
-from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 from drake_tc.report.sections import HOW, cells, headings
-from drake_tc.report.words import title_of
+from drake_tc.report.sentences.words import title_of
 from drake_tc.types import FloatArray
 
 

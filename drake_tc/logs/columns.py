@@ -16,10 +16,10 @@ import pandas as pd
 from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.roles import undecided_topics
-from drake_tc.logs.csv_file import ENDINGS, first_line
+from drake_tc.logs.files.csv_file import ENDINGS, first_line
 from drake_tc.logs.inspection.names import meaning, stated_unit
-from drake_tc.logs.joint_types import require_own_unit
 from drake_tc.logs.rig import Rig
+from drake_tc.logs.rig_document.joint_types import require_own_unit
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, is_unit, parse_unit, scale_of, unit_named
 from drake_tc.types import BoolArray, FloatArray
 

@@ -20,15 +20,14 @@ from drake_tc.config.keys import check_sizes
 from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
-from drake_tc.logs.declared_file import with_declared_file
-from drake_tc.logs.joint_types import check_sliding_loads, joint_types
 from drake_tc.logs.loads import Load, RobotLoad
 from drake_tc.logs.rig_document.by_joint import values_by_joint
 from drake_tc.logs.rig_document.declared import Declared, declared_of, is_file
+from drake_tc.logs.rig_document.declared_file import with_declared_file
 from drake_tc.logs.rig_document.document import HINT, Condition, DriveKind, RigDocument, read_document
+from drake_tc.logs.rig_document.joint_types import check_sliding_loads, joint_types
 from drake_tc.logs.rig_document.loads import load_of
-from drake_tc.logs.rig_document.sensors import SensorsKeys
-from drake_tc.logs.rig_robot import (
+from drake_tc.logs.rig_document.robot import (
     check_joint_tolerances,
     check_robot_load,
     check_sensors,
@@ -36,6 +35,7 @@ from drake_tc.logs.rig_robot import (
     robot_joints,
     robot_sensors,
 )
+from drake_tc.logs.rig_document.sensors import SensorsKeys
 from drake_tc.logs.sensors import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,
@@ -332,7 +332,7 @@ def load_rig(path: Path | str, declared: Path | None = None) -> Rig:
 
     Args:
         path: Of the rig file.
-        declared: A file of another simulator that declares what its model has (`drake_tc.logs.declared_file`).
+        declared: A file of another simulator that declares what its model has (`rig_document.declared_file`).
 
     Raises:
         RigError: No such file, not YAML, or not a rig; names file and key. Or `declared` cannot be used.

@@ -12,7 +12,7 @@ from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.result.applications import ClosedLoop, JointClosedLoop, LoopFigures
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.numbers import UNKNOWN, Scale, fold, percent, scale_for, significant
-from drake_tc.report.svg import AFTER, BEFORE, INK, MUTED, new_figure, page_style, to_svg
+from drake_tc.report.plots.svg import AFTER, BEFORE, INK, MUTED, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 
 SIZE = (4.4, 2.5)

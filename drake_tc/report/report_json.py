@@ -23,7 +23,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.sentences.experiments import next_experiment
 from drake_tc.report.sentences.notes import note_sentences
 from drake_tc.report.sentences.set_up import set_up_json
-from drake_tc.report.words import REASONS, why_rejected
+from drake_tc.report.sentences.words import REASONS, why_rejected
 
 
 def loop_entry(closed: ClosedLoop | None, joint: str) -> dict[str, Any] | None:

@@ -18,7 +18,7 @@ from drake_tc.diagnosis.result.errors import MODELS
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import LogError
-from drake_tc.report.time_plots import Trace, effort_traces
+from drake_tc.report.plots.time_plots import Trace, effort_traces
 from drake_tc.types import FloatArray
 
 FILE = "residuals.mcap"

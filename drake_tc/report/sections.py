@@ -24,8 +24,8 @@ from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.numbers import UNKNOWN, interval, percent, pretty_unit, scale_for, significant
+from drake_tc.report.sentences.words import joined, natural, title_of
 from drake_tc.report.tables import ErrorTable, error_table
-from drake_tc.report.words import joined, natural, title_of
 
 HOW = (
     "Each model is driven by the recorded command alone, from the first sample on, under the recorded or known load. A"

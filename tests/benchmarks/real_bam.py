@@ -26,7 +26,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.errors import FreeRun, position_errors
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.bam_runs import JOINT
+from drake_tc.logs.files.bam_runs import JOINT
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 from drake_tc.report.figure_row import FigureRow

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from drake_tc.logs.readers import read_table
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.record import Run
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.backlash_bench import BacklashReport, Interval, analyse_backlash

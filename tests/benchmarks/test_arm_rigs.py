@@ -11,7 +11,7 @@ from pydrake.multibody.tree import MultibodyForces
 
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
-from drake_tc.logs.readers import read_table
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.rig import load_rig
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.rigid_regressor import link_tree, regressor

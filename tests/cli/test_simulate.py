@@ -8,8 +8,8 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
 
 JOINTS = ["r_hip_yaw", "r_hip_roll", "r_hip_pitch", "r_knee", "r_ankle_pitch", "r_ankle_roll"]

@@ -13,7 +13,7 @@ from drake_tc.loops.run_panels import RunPlot, TimePanel, torque_plot
 from drake_tc.loops.simulated import speed_line
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
-from drake_tc.report.run_plot import run_figure
+from drake_tc.report.plots.run_plot import run_figure
 
 DROPPED = "{faults: {encoder: [{kind: nan, start: 0.1, duration: 0.05}]}, duration: 0.3}"
 

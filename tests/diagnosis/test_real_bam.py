@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.recorded_run import in_plant, longest_stretch, loop_of, recording_of
 from drake_tc.errors import IdentificationError, LogError
-from drake_tc.logs.bam_runs import JOINT, convert
+from drake_tc.logs.files.bam_runs import JOINT, convert
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig

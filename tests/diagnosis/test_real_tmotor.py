@@ -9,7 +9,7 @@ import pytest
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import IdentificationError
-from drake_tc.logs.readers import read_table
+from drake_tc.logs.files.readers import read_table
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.importers.tmotor import SESSIONS, convert
 from tests.benchmarks.real_log_cases import case_files, import_set

@@ -10,7 +10,7 @@ from optional import skip_without_robots
 
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
-from drake_tc.logs.readers import read_table
+from drake_tc.logs.files.readers import read_table
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import (
     contact_wrenches,

@@ -11,7 +11,7 @@ from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_writing import rig_document
+from drake_tc.logs.rig_document.writing import rig_document
 
 from .test_identify_back import GAIN
 from .test_told_apart import diagnosed

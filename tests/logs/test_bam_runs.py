@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from drake_tc.cli.log_commands import import_logs
 from drake_tc.errors import LogError
-from drake_tc.logs.bam_runs import applied_duty, convert
+from drake_tc.logs.files.bam_runs import applied_duty, convert
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.prepare import load_run, load_runs
 from drake_tc.logs.rig import load_rig

@@ -17,9 +17,9 @@ from hypothesis.extra import numpy as arrays
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import LogError
-from drake_tc.logs.array_files import read_mat
+from drake_tc.logs.files.array_files import read_mat
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.prepare import load_run
-from drake_tc.logs.readers import read_table
 
 from .conftest import bench, servo_rig
 

@@ -11,9 +11,9 @@ from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
-from drake_tc.logs.declared_file import declared_terms, with_declared_file
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_writing import save_rig
+from drake_tc.logs.rig_document.declared_file import declared_terms, with_declared_file
+from drake_tc.logs.rig_document.writing import save_rig
 
 GAIN = 2e-4
 MODEL = ActuatorModel(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from drake_tc.logs.outliers import unanswered_zeros, zero_rows
+from drake_tc.logs.checks.outliers import unanswered_zeros, zero_rows
 
 T = 2e-3 * np.arange(4000)
 SMOOTH = 0.6 * np.sin(2.0 * T) + 0.1 * np.sin(5.0 * T)

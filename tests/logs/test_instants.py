@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_tc.logs.instants import sampling_instants
+from drake_tc.logs.checks.instants import sampling_instants
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
+from drake_tc.logs.files.readers import read_table, run_name
 from drake_tc.logs.prepare import load_run
-from drake_tc.logs.readers import read_table, run_name
 
 from .conftest import bench, servo_rig, write
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from drake_tc.logs.jumps import jumps
+from drake_tc.logs.checks.jumps import jumps
 from drake_tc.logs.prepare import load_run
 
 from .conftest import bench, servo_rig, write

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
-from drake_tc.logs.mistaken_columns import leads_by
-from drake_tc.logs.outliers import spikes, without_turns
+from drake_tc.logs.checks.mistaken_columns import leads_by
+from drake_tc.logs.checks.outliers import spikes, without_turns
 from drake_tc.logs.prepare import load_run, load_runs
 
 from .conftest import PERIOD, bench, servo_rig, write

@@ -9,7 +9,7 @@ import scipy.io
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
-from drake_tc.logs.readers import READERS, read_table, run_name
+from drake_tc.logs.files.readers import READERS, read_table, run_name
 
 VALUES = {"time": np.arange(40) * 0.01, "joint/position": np.sin(np.arange(40.0))}
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from drake_tc.config.keys import RATIO, quantity
 from drake_tc.errors import RigError
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_writing import rig_document, save_rig
+from drake_tc.logs.rig_document.writing import rig_document, save_rig
 from drake_tc.logs.sensors import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.logs.jumps import EDGE, saturated_position, saturated_torque
+from drake_tc.logs.checks.jumps import EDGE, saturated_position, saturated_torque
 
 T = 2e-3 * np.arange(4000)
 SMOOTH = 0.6 * np.sin(2.0 * T) + 0.1 * np.sin(5.0 * T)

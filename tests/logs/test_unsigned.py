@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError
+from drake_tc.logs.checks.signs import is_unsigned
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.signs import is_unsigned
 
 from .conftest import bench, servo_rig, write
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.correlation import Correlation, Gridded, autocorrelation, cross_correlation, on_grid
+from drake_tc.report.plots.correlation import Correlation, Gridded, autocorrelation, cross_correlation, on_grid
 
 
 def ar1(rng: np.random.Generator, size: int, memory: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from drake_tc.diagnosis.residual.unexplained import TimeStretch
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.report.html import render, write_report
-from drake_tc.report.residual_plots import leftover_plots
+from drake_tc.report.plots.residual_plots import leftover_plots
 from tests.benchmarks.times.machine import require
 
 VOID = {"meta", "link", "br", "img", "hr", "input", "path", "use", "image", "rect", "circle"}

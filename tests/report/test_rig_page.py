@@ -28,7 +28,7 @@ from drake_tc.logs.rig_document.sensors import (
     TorqueSensorKeys,
     VoltageKeys,
 )
-from drake_tc.logs.rig_writing import rig_document
+from drake_tc.logs.rig_document.writing import rig_document
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
 from drake_tc.report.rig_page import EXAMPLES, example, rig_page
 from drake_tc.robot.robot import load_robot

@@ -12,8 +12,8 @@ from drake_tc.diagnosis.residual.unexplained import TimeStretch
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import all_effects, effect
 from drake_tc.report.html import model_diff
-from drake_tc.report.residual_plots import contribution, signature_quantity
-from drake_tc.report.rows import LABELS, binned, evenly, frame, modulo, near_reversal, quantity, rows_of
+from drake_tc.report.plots.residual_plots import contribution, signature_quantity
+from drake_tc.report.plots.rows import LABELS, binned, evenly, frame, modulo, near_reversal, quantity, rows_of
 
 PERIOD = 2e-3
 

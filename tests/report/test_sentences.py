@@ -41,7 +41,7 @@ from drake_tc.report.html import render
 from drake_tc.report.report_json import joint_json
 from drake_tc.report.sentences.experiments import ISOLATES, ISOLATES_PRISMATIC, experiment_sentence
 from drake_tc.report.sentences.notes import note_sentence, note_sentences
-from drake_tc.report.words import REASONS, why_rejected
+from drake_tc.report.sentences.words import REASONS, why_rejected
 
 EXPERIMENTS = [
     (TellApart("stribeck", "delay"), ["To tell stribeck from delay: creep at", "(shows stribeck alone)"]),

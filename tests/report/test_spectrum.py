@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.data.noise_colour import spectral_density
 from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.spectrum import banded, floor_density, spectrum_plot
+from drake_tc.report.plots.spectrum import banded, floor_density, spectrum_plot
 
 
 def test_bands_average_the_density() -> None:

@@ -20,8 +20,8 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError
 from drake_tc.logs.rig import parse_rig
 from drake_tc.report.html import PageBudget, plot_script, render
-from drake_tc.report.rows import extreme_samples
-from drake_tc.report.time_plots import (
+from drake_tc.report.plots.rows import extreme_samples
+from drake_tc.report.plots.time_plots import (
     LEVELS,
     Trace,
     effort_plot,

@@ -13,7 +13,7 @@ from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, Sh
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RejectedEffect, Withdrawal
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.report.sentences.notes import warnings
-from drake_tc.report.words import (
+from drake_tc.report.sentences.words import (
     REASONS,
     VERDICTS,
     band_sentence,

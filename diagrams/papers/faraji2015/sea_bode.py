@@ -23,7 +23,7 @@ from drake_tc.diagrams.papers.faraji2015.sea_laws import (
 from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea
 from drake_tc.registry import sea_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
-from drake_tc.report.run_plot import draw_bode
+from drake_tc.report.plots.run_plot import draw_bode
 from drake_tc.text_table import TextTable, text_rows
 from drake_tc.types import FloatArray
 

@@ -254,7 +254,7 @@ class JointResult(Shown):
 
     def plot_residual(self) -> "Figure":
         """Measured and modelled effort on the held-out runs, and the residuals before and after, over time."""
-        figure: Figure = _render("time_plots", "residual_figure", self)
+        figure: Figure = _render("plots.time_plots", "residual_figure", self)
         return figure
 
     @property

@@ -12,9 +12,9 @@ from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.log import BaseTrack, SensorLog
 from drake_tc.estimation.base.rig import BaseRig
-from drake_tc.logs.array_files import read_arrays
-from drake_tc.logs.plausible import DEGREES, derivative
-from drake_tc.logs.readers import read_table
+from drake_tc.logs.checks.plausible import DEGREES, derivative
+from drake_tc.logs.files.array_files import read_arrays
+from drake_tc.logs.files.readers import read_table
 from drake_tc.robot.robot import position_range
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import GRAVITY, FloatArray

@@ -7,7 +7,7 @@ from drake_tc.experiments.check.run import CheckResult, JointCheck
 from drake_tc.experiments.check.visibility import Visibility
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
-from drake_tc.report.words import capital
+from drake_tc.report.sentences.words import capital
 
 WORDS = {"seen": "seen", "weakly": "weakly seen", "not_seen": "not seen", "not_separable": "not separable"}
 

@@ -21,7 +21,7 @@ from drake_tc.experiments.design.output import (
     trajectory_table,
 )
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.rig_writing import rig_document
+from drake_tc.logs.rig_document.writing import rig_document
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 
 RIG_LINES = "rig_load.yaml"

@@ -9,7 +9,7 @@ from drake_tc.config.quoted import json_value
 from drake_tc.experiments.rehearsal.run import Rehearsal, half_power
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
-from drake_tc.report.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
+from drake_tc.report.plots.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
 
 FILES = ("rehearsal.html", "rehearsal.json")
 

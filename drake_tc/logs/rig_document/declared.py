@@ -103,7 +103,7 @@ DeclaredEntry: TypeAlias = Annotated[
 def declared_of(entry: str | list[str] | dict[str, Values] | None) -> dict[str, float | None]:
     """`id` and `id.parameter` to the known value, or None; viscous and Coulomb friction are always in it.
 
-    What a file declares is not in it: `drake_tc.logs.declared_file` adds it to the rig.
+    What a file declares is not in it: `drake_tc.logs.rig_document.declared_file` adds it to the rig.
     """
     declared: dict[str, float | None] = {"viscous": None, "coulomb": None}
     if isinstance(entry, str) and is_file(entry):

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from drake_tc.report.block_graph.columns import Row, arrange
-from drake_tc.report.block_graph.lines import Ways, corridor_tracks, level_of, polyline, ways_of
 from drake_tc.report.block_graph.place import GAP, Box, Frame, frame_of, heights_in_row, measure
-from drake_tc.report.block_graph.route import Ground, PinNode
+from drake_tc.report.block_graph.route import Ground, PinNode, Ways, corridor_tracks, level_of, polyline, ways_of
 from drake_tc.report.block_graph.view import Net, Pin, View
 
 HEAD, FOOT = 30.0, 14.0

@@ -15,7 +15,7 @@ from drake_tc.diagnosis.residual.unexplained import (
 )
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import effect
-from drake_tc.report.words import joined, signal_name, signal_range
+from drake_tc.report.sentences.words import joined, signal_name, signal_range
 
 ISOLATES: Mapping[str, str] = {
     "rotor_inertia": "drive the joint with fast accelerations at small speed (a chirp of small amplitude)",

@@ -33,7 +33,7 @@ from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.logs.record import distinct_notes
 from drake_tc.report.numbers import percent, pretty_unit, significant
-from drake_tc.report.words import capital, mostly_unexplained, title_of
+from drake_tc.report.sentences.words import capital, mostly_unexplained, title_of
 
 NO_FREE_RUN: Mapping[FreeRunObstacle, str] = {
     "load_beyond_gear": "an effect of the model depends on the load torque at the gear, and the fitted smooth load "

@@ -9,7 +9,7 @@ import numpy as np
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.result.rig_result import SET_UP_ERRORS, SetUpCheck, SetUpError
 from drake_tc.report.numbers import percent, significant
-from drake_tc.report.words import joined
+from drake_tc.report.sentences.words import joined
 
 COMMON = 1.1
 """Factor within which the drive gains of several joints are wrong by the same factor."""

@@ -7,7 +7,7 @@ the rig files it wrote. Logs lie beside the rig file that reads them.
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from drake_tc.logs import bam_runs
+from drake_tc.logs.files import bam_runs
 from tests.benchmarks.importers import dfki, go2, so101, staubli, tiago, tmotor, uart_backlash, ur10e
 
 IMPORTERS: Mapping[str, Callable[[Path, Path], tuple[Path, ...]]] = {

@@ -9,8 +9,8 @@ import pandas as pd
 import yaml
 
 from drake_tc.errors import LogError
-from drake_tc.logs.bam_runs import find, read_text, write_log, write_rig
-from drake_tc.logs.readers import read_table, run_name
+from drake_tc.logs.files.bam_runs import find, read_text, write_log, write_rig
+from drake_tc.logs.files.readers import read_table, run_name
 from drake_tc.types import FloatArray
 
 __all__ = [

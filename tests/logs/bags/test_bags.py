@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.prepare import load_run
-from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import parse_rig
 
 pytest.importorskip("rosbags")

@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.logs.bags.cut import is_cut
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.inspection.inspect import inspect_log
-from drake_tc.logs.readers import read_table
 
 from .recorded import bag, joint_states
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.logs.readers import read_table
+from drake_tc.logs.files.readers import read_table
 
 from .recorded import T, arrays, bag, header, joint_states, nanoseconds
 

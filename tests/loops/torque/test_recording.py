@@ -6,8 +6,8 @@ import yaml
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError
+from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.readers import read_table
 from drake_tc.logs.rig import load_rig
 from drake_tc.loops.recording import write_log, write_rig
 from drake_tc.loops.torque.running import log_columns, rig_of, simulate_scenario, summarise, write_results

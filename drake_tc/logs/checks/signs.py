@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.errors import LogError
+from drake_tc.logs.checks.plausible import derivative
 from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
-from drake_tc.logs.plausible import derivative
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray, IntArray

@@ -15,7 +15,7 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.thresholds import LEAST_LINE
 from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant
-from drake_tc.report.svg import AFTER, BEFORE, INK, MUTED, SHADE, new_figure, page_style, to_svg
+from drake_tc.report.plots.svg import AFTER, BEFORE, INK, MUTED, SHADE, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 
 SIZE = (6.4, 2.6)

@@ -20,7 +20,7 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.clock import MIN_ROWS, stated_period, with_times
+from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
 from drake_tc.logs.episodes import Source, one_log
 from drake_tc.logs.inspection.names import meaning
 

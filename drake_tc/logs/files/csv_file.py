@@ -23,7 +23,7 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.csv_header import (
+from drake_tc.logs.files.csv_header import (
     COMMENT_MARKS,
     LONGEST_LINE,
     SEPARATORS,

@@ -24,8 +24,18 @@ from drake_tc.diagnosis.result.joint_result import FoundEffect, JointResult
 from drake_tc.effects.base import DriveEffect
 from drake_tc.report.equation import equations
 from drake_tc.report.numbers import Scale, fold, percent, scale_for, significant
-from drake_tc.report.rows import MOST_POINTS, Quantity, SplitRows, binned, evenly, frame, modulo, quantity, rows_of
-from drake_tc.report.svg import (
+from drake_tc.report.plots.rows import (
+    MOST_POINTS,
+    Quantity,
+    SplitRows,
+    binned,
+    evenly,
+    frame,
+    modulo,
+    quantity,
+    rows_of,
+)
+from drake_tc.report.plots.svg import (
     BACKWARD,
     BACKWARD_DOT,
     FORWARD,

@@ -11,8 +11,8 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.residual.unexplained import DataSplit
-from drake_tc.report.rows import LABELS, extreme_samples
-from drake_tc.report.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_style, to_svg
+from drake_tc.report.plots.rows import LABELS, extreme_samples
+from drake_tc.report.plots.svg import AFTER, BEFORE, MUTED, SHADE, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 
 LEAST_PAIRS = 30

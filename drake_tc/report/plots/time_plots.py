@@ -16,8 +16,8 @@ from drake_tc.diagnosis.residual.unexplained import DataSplit
 from drake_tc.diagnosis.result.errors import MODELS
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.report.numbers import Scale, scale_for
-from drake_tc.report.rows import extreme_samples
-from drake_tc.report.svg import (
+from drake_tc.report.plots.rows import extreme_samples
+from drake_tc.report.plots.svg import (
     AFTER,
     BEFORE,
     INK,

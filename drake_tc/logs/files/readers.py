@@ -13,14 +13,14 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.array_files import Value, read_arrays, read_mat
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
-from drake_tc.logs.clock import MIN_ROWS, stated_period, with_times
-from drake_tc.logs.csv_file import read_csv, refuse_repeated, with_texts
+from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
 from drake_tc.logs.episodes import Source, source_of
+from drake_tc.logs.files.array_files import Value, read_arrays, read_mat
+from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
+from drake_tc.logs.files.json_log import read_json, read_json_lines
+from drake_tc.logs.files.lerobot import is_data_set, read_data_set, without_lists
 from drake_tc.logs.inspection.names import meaning
-from drake_tc.logs.json_log import read_json, read_json_lines
-from drake_tc.logs.lerobot import is_data_set, read_data_set, without_lists
 
 Reader = Callable[[Path], pd.DataFrame]
 

@@ -21,10 +21,10 @@ import numpy as np
 from drake_tc.config.joint_units import TORQUE, JointType
 from drake_tc.errors import LogError
 from drake_tc.logs.channels import run_lengths
-from drake_tc.logs.plausible import derivative
+from drake_tc.logs.checks.plausible import derivative
+from drake_tc.logs.checks.signs import TELLING, effort_and_motion, sign_evidence
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.signs import TELLING, effort_and_motion, sign_evidence
 from drake_tc.logs.units import scale_of
 from drake_tc.types import FloatArray, IntArray
 

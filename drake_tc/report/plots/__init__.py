@@ -1,0 +1,1 @@
+"""What the report draws: the residual over signals, over time and over frequency, as SVG."""
