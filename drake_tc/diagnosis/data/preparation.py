@@ -80,6 +80,41 @@ def _filtered_motion(
     return light.smooth(position), light.derivative(position), acceleration
 
 
+def _signals(
+    channels: Channels, rig: Rig, light: CommonKernel, runs: Sequence[Run], raw_command: FloatArray
+) -> Signals:
+    """Every channel through the light kernel, without direction of motion and travel; `raw_command` as it acts."""
+    joint, raw_q = channels.joint, channels.raw("position")
+    q, v, a = _filtered_motion(channels, light, raw_q)
+    command, load = light.smooth(raw_command), rig.load[joint]
+    torque, slow_torque, slope = _load(channels, rig, light, q, a)
+    temperature, motor_position, supply = (
+        light.smooth(raw) if np.isfinite(raw).any() else raw
+        for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
+    )
+    return Signals(
+        time=channels.time,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        load_torque=torque,
+        expected_torque=torque,
+        slow_torque=slow_torque,
+        effort=command - q if rig.drive[joint] == "position_servo" else command,
+        command=command,
+        direction=np.zeros_like(q),
+        travel=np.zeros_like(q),
+        load_slope=slope,
+        temperature=temperature,
+        motor_position=motor_position,
+        supply_voltage=supply,
+        known_torque=np.zeros_like(q),
+        link_inertia=float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0,
+        rotor_inertia=load_scale(rig, joint).rotor_inertia,
+        period=channels.period,
+    )
+
+
 def final_kernel(
     moving: BoolArray, segments: Sequence[slice], light: CommonKernel, widths: Sequence[float]
 ) -> CommonKernel:
@@ -116,48 +151,23 @@ def build_samples(
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
     """
-    channels, scale = channels_of(runs, joint), load_scale(rig, joint)
+    channels = channels_of(runs, joint)
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
     step, noise = encoder_of(channels, rig, raw_q)
     timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
     whole_noise = noise if timing is None else timing.position_noise(timing.speed)
     light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
-    q, v, a = _filtered_motion(channels, light, raw_q)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
-    command = light.smooth(aged(raw_command, segments, effort_age))
-    torque, slow_torque, slope = _load(channels, rig, light, q, a)
+    signals = _signals(channels, rig, light, runs, aged(raw_command, segments, effort_age))
+    q, v, a = signals.position, signals.velocity, signals.acceleration
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest, timing=timing)
     direction, travel, moving = direction_of_motion(
         q, v, inner, resolution, rig.joint_type(joint), both_sides=both_sides
     )
-    temperature, motor_position, supply = (
-        light.smooth(raw) if np.isfinite(raw).any() else raw
-        for raw in map(channels.raw, ("temperature", "motor_position", "supply_voltage"))
-    )
-    signals = Signals(
-        time=channels.time,
-        position=q,
-        velocity=v,
-        acceleration=a,
-        load_torque=torque,
-        expected_torque=torque,
-        slow_torque=slow_torque,
-        effort=command - q if rig.drive[joint] == "position_servo" else command,
-        command=command,
-        direction=direction,
-        travel=travel,
-        load_slope=slope,
-        temperature=temperature,
-        motor_position=motor_position,
-        supply_voltage=supply,
-        known_torque=np.zeros_like(q),
-        link_inertia=float(np.mean([load.in_run(run).inertia for run in runs])) if isinstance(load, Pendulum) else 0.0,
-        rotor_inertia=scale.rotor_inertia,
-        period=period,
-    )
+    signals = replace(signals, direction=direction, travel=travel)
     order, raw_noise = (1, resolution.raw_velocity_noise) if channels.speed_only else (2, whole_noise)
     if load == "torque" and "rotor_inertia" not in rig.declared[joint]:
         raw_noise = 0.0  # no inertia is in the balance, and a wider kernel would hide one that is missing
@@ -166,6 +176,7 @@ def build_samples(
     final = final_kernel(moving, segments, light, widths)
     rows, block = choose_rows(moving, segments, final, light, period)
     moments = None if timing is None else timing_of_rows(timing.time, channels, light, final, v, rows)
+    servo = rig.drive[joint] == "position_servo"
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
     return Samples(
         signals=signals,
@@ -178,15 +189,7 @@ def build_samples(
         moving=moving,
         runs=tuple(r.name for r in runs),
         resolution=resolution,
-        floor=NoiseFloor.of(
-            resolution,
-            light,
-            final,
-            signals,
-            rows,
-            servo=rig.drive[joint] == "position_servo",
-            timing=moments,
-        ),
+        floor=NoiseFloor.of(resolution, light, final, signals, rows, servo=servo, timing=moments),
         timing=moments,
         between=_between_samples(channels, light, final, rows, load),
         row_period=float(np.median(np.diff(rows))) * period,
@@ -194,7 +197,7 @@ def build_samples(
         notes=(*channels.notes(runs), *silent_effort(channels, rig.command_column(joint), raw_command, moving)),
         load_unknown=unknown_form(load) is not None,
         effort_age=effort_age,
-        units=replace(rig.units_of(joint), torque_as_effort=scale.as_effort),
+        units=replace(rig.units_of(joint), torque_as_effort=load_scale(rig, joint).as_effort),
         effort_period=channels.slowest([rig.command_column(joint)]),
         torque_period=channels.slowest([f"{joint}/torque"]),
     )
