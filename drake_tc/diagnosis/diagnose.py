@@ -239,6 +239,8 @@ def without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
     """
     evidence = decision.found.evidence
     first = corrected(evidence, decision.best)
+    if first.b[0] <= evidence.model.least_gain:  # noise is all of the load: nothing is left of the drive
+        return evidence, decision.best
     there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
     moved = there.refined(there.score(decision.best.terms))
     if moved.log_odds > decision.best.log_odds - ALTERNATIVE:

@@ -45,6 +45,11 @@ class FittedJoint:
     usable: tuple[Effect, ...]
     obstacles: Mapping[str, Obstacle]
 
+    def alone(self) -> "FittedJoint":
+        """The declared model by itself, under the noise that the most probable set leaves."""
+        declared = self.evidence.refined(self.evidence.score(self.evidence.model.declared))
+        return replace(self, best=declared, final=(self.evidence, declared))
+
     @property
     def context(self) -> Context:
         """What the logs offer to effects."""
@@ -77,11 +82,13 @@ class FittedJoint:
 
     @cached_property
     def numbers(self) -> JointNumbers:
-        """The declared model in numbers, and the largest values of the rows."""
+        """The declared model by itself in numbers, and the largest values of the rows."""
         context, s = self.context, self.evidence.model.train.samples.signals
         rows = self.evidence.model.train.samples.rows
+        parameters = self.alone().parameters
+        gain = parameters["drive"]["gain"].value
         known = {
-            name: max(self.parameters.get(name, {})[name].value, 0.0) if name in self.parameters else 0.0
+            name: max(parameters[name][name].value, 0.0) if name in parameters else 0.0
             for name in ("viscous", "coulomb", "rotor_inertia")
         }
         tau, link = s.load_torque[rows], s.link_inertia
@@ -91,11 +98,11 @@ class FittedJoint:
             link = max(float(np.linalg.lstsq(basis, tau, rcond=None)[0][0]), 0.0)
         rotor = s.rotor_inertia + known["rotor_inertia"]
         return JointNumbers(
-            gain=self.gain,
+            gain=gain,
             viscous=known["viscous"],
             coulomb=known["coulomb"],
             inertia=link + rotor,
-            torque=context.effort / self.gain,
+            torque=context.effort / gain,
             effort=context.effort,
             speed=context.max_speed,
             span=float(np.ptp(context.position_span)),

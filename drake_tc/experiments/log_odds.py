@@ -18,8 +18,10 @@ noise floor. The square root of the variable is nearly normal with variance 1 ar
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from scipy.stats import norm
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence
@@ -42,6 +44,8 @@ NUMERICAL = 1e-7
 """Share of a contribution (RMS) that must be left: less of it is the rounding error of an exact identity."""
 CERTAIN = 1.6448536269514722
 """95 % quantile of the standard normal distribution."""
+Shapes: TypeAlias = Mapping[str, Sequence[Mapping[str, float]]]
+"""By effect key, values of its shape parameters."""
 ROUNDS = 6
 """Of the fixed point of a size and Occam's term, which grows with its logarithm."""
 
@@ -123,11 +127,11 @@ class Remainders:
 class EffectOdds:
     """Expected log odds of effects in the rows of a joint."""
 
-    def __init__(self, fitted: FittedJoint, effects: Sequence[Effect]) -> None:
-        """Of these effects beside the most probable set of the joint."""
+    def __init__(self, fitted: FittedJoint, effects: Sequence[Effect], shapes: Shapes | None = None) -> None:
+        """Of these effects beside the most probable set of the joint; at given shapes, or at those of a search."""
         self.fitted, self.model, train = fitted, fitted.evidence.model, fitted.evidence.model.train
         self.sizes = {e.key: size_of(e, fitted.numbers, fitted.context, train.samples.units) for e in effects}
-        made = _Columns(fitted)
+        made = _Columns(fitted, shapes or {})
         self.variants: Mapping[str, list[Variant]] = {e.key: made.variants(e, self.sizes[e.key]) for e in effects}
         self._columns = made.all()
         self._variance = fitted.best.posterior.variance
@@ -247,22 +251,41 @@ class EffectOdds:
         design, _ = Evidence(model, NoiseModel(), evidence.spread).design(model.train, terms)
         return names, np.sqrt(np.mean(design[:, : len(names)] ** 2, axis=0))
 
-    def apart(self, truth: Variant, other: Effect, size: float) -> float:
-        """Expected log odds by which an effect of this size is more probable than the best fit of another one."""
+    def found_probability(self, variant: Variant, size: float) -> float:
+        """Probability that a diagnosis names a variant of this size by its log odds."""
+        information = self.beside(variant.term.effect).information(*variant.at(size))
+        asked = math.sqrt(max(2.0 * (ALTERNATIVE + self.occam(variant, size)), 0.0))
+        return float(norm.cdf(math.sqrt(information + variant.freedom - 1.0) - asked))
+
+    def apart(self, truth: Variant, other: Effect, size: float) -> tuple[float, float]:
+        """(log odds by which an effect of this size is more probable than the best fit of another, squared distance).
+
+        The log odds are half the squared distance of the two in units of the noise, less the difference of Occam's
+        terms. In one log they vary with the distance as their standard deviation.
+        """
         remainders = self.beside(truth.term.effect)
         places, weights = truth.at(size)
-        own = 0.5 * remainders.information(places, weights) - self.occam(truth, size)
-        return own - max(self._explained(each, remainders, places, weights) for each in self.variants[other.key])
+        information = remainders.information(places, weights)
+        gain, explained = max(self._explained(each, remainders, places, weights) for each in self.variants[other.key])
+        own = 0.5 * information - self.occam(truth, size)
+        return own - gain, max(information - 2.0 * explained, 0.0)
 
-    def _explained(self, other: Variant, remainders: Remainders, places: IntArray, weights: FloatArray) -> float:
-        """Log odds that another effect gets from a contribution."""
+    def apart_probability(self, truth: Variant, other: Effect, size: float) -> float:
+        """Probability that a diagnosis names this effect and does not list the other one beside it."""
+        odds, distance = self.apart(truth, other, size)
+        return float(norm.cdf((odds - ALTERNATIVE) / math.sqrt(distance))) if distance > 0.0 else 0.0
+
+    def _explained(
+        self, other: Variant, remainders: Remainders, places: IntArray, weights: FloatArray
+    ) -> tuple[float, float]:
+        """(log odds that another effect gets from a contribution, the log likelihood in them)."""
         if other.by_shape:
             along = remainders.gram[np.ix_(other.changes, places)] @ weights
             squares = np.maximum(np.diag(remainders.gram)[other.changes], 1e-300)
             share = np.clip(along / squares, 0.5, 2.0)  # between two sizes the change is nearly in proportion
             each = share * along - 0.5 * share**2 * squares
             best = int(np.argmax(each))
-            return float(each[best]) - self.occam(other, float(other.sizes[best]))
+            return float(each[best]) - self.occam(other, float(other.sizes[best])), float(each[best])
         prior = other.prior.prior
         along = remainders.gram[np.ix_(other.places, places)] @ weights
         hessian = remainders.gram[np.ix_(other.places, other.places)] + np.diag(1.0 / prior.deviation**2)
@@ -270,13 +293,14 @@ class EffectOdds:
         if (beta[prior.positive] < 0.0).any():
             beta = np.where(prior.positive, 0.0, beta)
         size = float(np.max(np.abs(beta)) / max(float(np.max(np.abs(other.unit))), 1e-300))
-        return float(beta @ along - 0.5 * beta @ hessian @ beta) - self.occam(other, size)
+        gain = float(beta @ along - 0.5 * beta @ hessian @ beta)
+        return gain - self.occam(other, size), gain
 
     def confused_with(self, effect: Effect, size: float) -> tuple[str, ...]:
         """Ids of effects that explain this one at a size nearly as well, so that a diagnosis lists them beside it."""
         truth = self.middle(effect)
         ids = [o.term.effect for key, each in self.variants.items() for o in each[:1] if key != effect.key]
-        found = [o for o in ids if o.id != effect.id and self.apart(truth, o, size) <= ALTERNATIVE]
+        found = [o for o in ids if o.id != effect.id and self.apart(truth, o, size)[0] <= ALTERNATIVE]
         return tuple(dict.fromkeys(o.id for o in found))
 
     def middle(self, effect: Effect) -> Variant:
@@ -312,8 +336,8 @@ def crossing(sizes: FloatArray, margin: FloatArray) -> float:
 class _Columns:
     """Collects the columns of all variants, in units of the effort."""
 
-    def __init__(self, fitted: FittedJoint) -> None:
-        self._fitted, self._model = fitted, fitted.evidence.model
+    def __init__(self, fitted: FittedJoint, shapes: Shapes) -> None:
+        self._fitted, self._model, self._shapes = fitted, fitted.evidence.model, shapes
         self._parts: list[FloatArray] = []
         self._size = 0
 
@@ -331,7 +355,7 @@ class _Columns:
         """The effect at the shapes that a search would try."""
         if acts_through_shape(effect) or effect.key == "current_lag.winding":
             return [self._by_shape(effect, size)]
-        grid = effect.shape_grid(self._fitted.context)
+        grid = self._shapes.get(effect.key) or effect.shape_grid(self._fitted.context)
         shapes = grid[:: max(1, -(-len(grid) // MOST_SHAPES))]
         return [variant for shape in shapes for variant in self._linear(effect, shape)]
 

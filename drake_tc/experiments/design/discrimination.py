@@ -9,8 +9,8 @@ inside their bounds. T is twice the expected logarithm of the ratio of the likel
 over the orders of A and B, over both signs of A and over its shapes, largest.
 
 An order in which B has more parameters than A is left out: of two models that fit equally well, a diagnosis takes the
-one with fewer parameters, and lists the other one only if it fits better. A diagnosis must also find the effect at all.
-The probability therefore also depends on the distances V of A and of B from the declared model without either of them.
+one with fewer parameters, and lists the other one only if it fits better. A diagnosis must also find the effect at all,
+which depends on the distances V of A and of B from the declared model without either of them.
 Where the smallest V is less than `ENOUGH` times what a diagnosis asks for, the criterion falls by the logarithm of what
 is lacking; a larger one adds nothing, since only T separates the two.
 """
@@ -22,11 +22,9 @@ import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.priors import NAMED_FLOORS
-from drake_tc.diagnosis.thresholds import SAME_ERROR
 from drake_tc.experiments.design.criteria import Criterion, information_scale
 from drake_tc.experiments.design.forms import EffectForm, Projection, declared_columns
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
-from drake_tc.experiments.sizes import is_late
 from drake_tc.types import FloatArray
 
 FOUND = NAMED_FLOORS**2
@@ -91,11 +89,6 @@ class Discrimination(Criterion):
     def _scale(self, columns: BalanceColumns, duration: float | None) -> float:
         return information_scale(columns.joint, self.duration if duration is None else duration, columns.weight.size)
 
-    @property
-    def _late(self) -> bool:
-        """Whether the two are a delay and a lag."""
-        return all(is_late(form.effect) for form in self.orders[0])
-
     def value(self, columns: BalanceColumns) -> float:
         """Smooth minimum of log T over both orders and all shapes, less what the visibility of an effect lacks."""
         declared = _declared(columns)
@@ -109,20 +102,6 @@ class Discrimination(Criterion):
         sliding = self.duration * max(float(np.mean(columns.weight)), 1e-9)
         return FOUND * columns.joint.independent_per_second * sliding
 
-    def probability(self, columns: BalanceColumns, duration: float | None = None) -> float:
-        """Probability that a diagnosis of such rows separates the effects, for the worst order, sign and shape.
-
-        Args:
-            columns: Of the motion.
-            duration: Of the run [s]; None for that of the experiment.
-        """
-        sliding = (self.duration if duration is None else duration) * float(np.mean(columns.weight))
-        independent = columns.joint.independent_per_second * sliding
-        worst = min(float(np.min(each)) for each in self.distances(columns, duration).values())
-        weakest = min(float(np.min(each)) for each in self.visibilities(columns, duration).values())
-        found = detection_probability(weakest, independent)
-        return min(distinction_probability(worst, independent, late=self._late), found)
-
 
 def _declared(columns: BalanceColumns) -> Projection:
     """What the declared model leaves of a column."""
@@ -133,41 +112,3 @@ def _soft_minimum(squares: FloatArray) -> float:
     logs = np.log(squares + 1e-9)
     least = float(logs.min())
     return least - float(np.log(np.mean(np.exp(-SOFT * (logs - least))))) / SOFT
-
-
-def told_apart(*, late: bool) -> float:
-    """T/n that a diagnosis asks: an error that rises by 2 %, of a delay and a lag half a noise floor."""
-    return float(NAMED_FLOORS**2 if late else (1.0 + SAME_ERROR) ** 2 - 1.0)
-
-
-def detection_probability(distance: float, independent: float) -> float:
-    """Probability that a diagnosis finds an effect whose distance from the declared model is T.
-
-    The effect must explain half a noise floor (`diagnosis.priors.NAMED_FLOORS`).
-
-    Args:
-        distance: T.
-        independent: Number n of independent samples.
-    """
-    if distance <= 0.0:
-        return 0.0
-    return float(norm.cdf((distance - independent * FOUND) / (2.0 * np.sqrt(distance))))
-
-
-def distinction_probability(distance: float, independent: float, *, late: bool = False) -> float:
-    """Probability that a diagnosis tells two models apart whose distance is T.
-
-    The difference of the squared errors is normal with mean T and variance 4 T in units of the noise. Two models are
-    told apart where it is positive with a probability of 98 % and the error rises by 2 %; a delay and a lag where the
-    better one explains half a noise floor more of a run.
-
-    Args:
-        distance: T.
-        independent: Samples n.
-        late: Whether the two are a delay and a lag.
-    """
-    if distance <= 0.0:
-        return 0.0
-    needed = independent * told_apart(late=late)
-    spread = 2.0 * np.sqrt(distance)
-    return float(min(norm.cdf(distance / spread - CERTAIN), norm.cdf((distance - needed) / spread)))

@@ -17,11 +17,13 @@ from scipy.ndimage import minimum_filter1d
 
 from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.noise import NoiseModel
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context, DriveEffect, Signals, TorqueEffect, plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.filtering.common_kernel import CommonKernel
+from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 REACH = 0.6
@@ -56,6 +58,8 @@ class DesignJoint:
         resolution: Of the sensors; None where it is not known from a log.
         gain_held: Whether every fit holds the drive gain at its value, so that it is no parameter.
         servo_damping: Part of the viscous friction that is the declared damping of the position servo [N m s/rad].
+        left: Noise model of what the most probable model of the logs leaves.
+        rig: Of the logs; None where there is none.
     """
 
     name: str
@@ -77,6 +81,8 @@ class DesignJoint:
     resolution: Resolution | None = None
     gain_held: bool = False
     servo_damping: float = 0.0
+    left: NoiseModel = field(default_factory=NoiseModel)
+    rig: Rig | None = None
 
     @property
     def inertia(self) -> float:
@@ -175,7 +181,7 @@ LATE_RESPONSES: Mapping[str, Callable[[NDArray[np.complex128], float], NDArray[n
 
 
 class BalanceColumns(Protocol):
-    """Columns of the balance, of a log or of a designed motion, all filtered alike.
+    """Columns of the balance, of one designed motion or of several, all filtered alike.
 
     Attributes:
         joint: The joint.
@@ -207,36 +213,6 @@ def _changes(columns: BalanceColumns, terms: Sequence[Term]) -> FloatArray:
     """(T, g) change of y* by each term alone, one after the other."""
     before = columns.effort(())
     return np.stack([columns.effort([term]) - before for term in terms], axis=-1)
-
-
-class LogColumns:
-    """The same of recorded runs."""
-
-    def __init__(self, joint: DesignJoint, columns: Columns) -> None:
-        """Over the training rows of a prepared joint."""
-        self.joint, self._columns = joint, columns
-        self.weight = np.ones(columns.target.size)
-        self.seconds = float(np.count_nonzero(columns.samples.moving)) * columns.samples.signals.period
-
-    def effort(self, terms: Sequence[Term]) -> FloatArray:
-        """y* (N,)."""
-        return self._columns.effort(terms)
-
-    def changes(self, terms: Sequence[Term]) -> FloatArray:
-        """(N, g)."""
-        return _changes(self, terms)
-
-    def of(self, term: Term) -> FloatArray:
-        """Phi (N, k)."""
-        return self._columns.of(term)
-
-    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
-        """Phi (N, k) of each."""
-        return [self._columns.of(term) for term in terms]
-
-    def design(self, terms: Sequence[Term]) -> FloatArray:
-        """[y*, -phi ...] (N, 1 + sum k)."""
-        return self._columns.design(terms)
 
 
 class MotionColumns:

@@ -12,10 +12,11 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.effects.base import Context, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.check.joint import joint_effects
+from drake_tc.experiments.check.joint import joint_noise
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
@@ -34,8 +35,8 @@ LIMIT_NAMES = ("position", "velocity", "acceleration", "jerk", "torque", "bandwi
 
 def joint_from_logs(
     rig: Rig, runs: Sequence[Run], joint: str, model: ActuatorModel | None = None
-) -> tuple[DesignJoint, JointLimits, Prepared]:
-    """A joint as its logs show it, the limits that its motions kept so far, and its prepared rows.
+) -> tuple[DesignJoint, JointLimits, FittedJoint]:
+    """A joint as its logs show it, the limits that its motions kept so far, and its fit.
 
     Args:
         rig: Of the logs.
@@ -48,18 +49,19 @@ def joint_from_logs(
     """
     loaded, rig_used = with_loads(rig, runs)
     prepared = prepare_joint(loaded, [], rig_used, joint)
-    found = joint_effects(prepared)
+    fitted = fitted_joint(prepared)
+    numbers, noise = fitted.numbers, joint_noise(fitted)
     samples = prepared.train.samples
     s, rows = samples.signals, samples.rows
     moving = max(float(np.count_nonzero(samples.moving)) * s.period, 1e-9)
     inertia, gravity, zero, constant = _load(prepared, rig_used, joint)
     declared = tuple(Term(t.effect, t.shape) for t in prepared.terms)
-    torque, damping = found.numbers.torque, servo_damping(rig, joint, found.numbers.gain)
+    torque, damping = numbers.torque, servo_damping(rig, joint, numbers.gain)
     if damping > 0.0:
-        torque = float(np.max(np.abs(s.effort[rows] / found.numbers.gain - damping * s.velocity[rows])))
+        torque = float(np.max(np.abs(s.effort[rows] / numbers.gain - damping * s.velocity[rows])))
     made = DesignJoint(
         name=joint,
-        numbers=found.numbers,
+        numbers=numbers,
         context=prepared.context,
         rotor_inertia=s.rotor_inertia,
         link_inertia=inertia,
@@ -67,15 +69,17 @@ def joint_from_logs(
         zero=zero,
         constant=constant,
         declared=declared,
-        noise=found.noise.left,
-        independent_per_second=found.noise.independent / moving,
+        noise=noise.left,
+        independent_per_second=noise.independent / moving,
         slowest=samples.resolution.least_speed,
         kernel_width=samples.light.actual_width_s,
         final_width=samples.kernel.actual_width_s,
-        floor=found.noise.floor,
+        floor=noise.floor,
         resolution=samples.resolution,
         gain_held=prepared.train.declared_gain is not None,
         servo_damping=damping,
+        left=fitted.evidence.noise,
+        rig=rig_used,
     )
     made = made if model is None else with_model(made, model)
     low, high = prepared.context.position_span
@@ -86,7 +90,7 @@ def joint_from_logs(
         torque=1.05 * torque,
         units=prepared.context.units,
     )
-    return made, limits, prepared
+    return made, limits, fitted
 
 
 def servo_damping(rig: Rig, joint: str, gain: float) -> float:
@@ -203,6 +207,7 @@ def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLi
         kernel_width=0.02,
         final_width=0.02,
         servo_damping=servo_damping(rig, joint, model.drive.gain),
+        rig=rig,
     )
     return with_model(made, model)
 

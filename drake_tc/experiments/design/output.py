@@ -175,6 +175,11 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
 def start_text(design: JointDesign) -> str:
     """Where the motion begins and how long it lasts."""
     time, motion = design.motion(100.0)
+    if design.sinusoid is not None:
+        return (
+            f"Move the joint to {motion[0, 0]:.4g} {design.limits.units.position} and let it rest. The motion begins "
+            f"and ends at rest and lasts {time[-1]:.4g} s."
+        )
     periods = "one period" if design.repeats == 1 else f"{design.repeats} periods"
     return (
         f"Move the joint to {motion[0, 0]:.4g} {design.limits.units.position} and let it rest. The motion begins and "
@@ -189,9 +194,8 @@ def number_text(value: float) -> str:
 
 
 def motion_plot(design: JointDesign, name: str) -> str:
-    """Position, velocity and acceleration over one period, with their limits."""
-    motion = design.basis.motion(design.optimum.x)
-    return _plot_of(motion, design.basis.step, design.limits, design.joint.name, name)
+    """Position, velocity and acceleration over one period, or the whole sinusoid, with their limits."""
+    return _plot_of(*design.one, design.limits, design.joint.name, name)
 
 
 def _plot_of(motion: FloatArray, step: float, limits: JointLimits, joint: str, name: str) -> str:

@@ -13,7 +13,6 @@ from drake_tc.actuation.model_file import load_models
 from drake_tc.config.files import is_file
 from drake_tc.config.quoted import did_you_mean
 from drake_tc.diagnosis.data.preparation import load_scale
-from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
@@ -25,6 +24,7 @@ from drake_tc.experiments.design.load_result import LoadDesign
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.robot_noise import robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
+from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.sizes import sizes_found
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
@@ -156,22 +156,22 @@ def _designed_joint(
     progress: Progress,
 ) -> JointDesign:
     name, goal, model = what
-    joint, limits, prepared = _known(request, rig, runs, name, model)
-    return design_joint(joint, limits, goal, options, prepared, progress)
+    joint, limits, fitted = _known(request, rig, runs, name, model)
+    return design_joint(joint, limits, goal, options, fitted, progress)
 
 
 def _known(
     request: DesignRequest, rig: Rig, runs: Sequence[Run], name: str, model: ActuatorModel | None
-) -> tuple[DesignJoint, JointLimits, Prepared | None]:
-    """A joint as its logs show it, or its model alone, the limits of its motion, and its rows where there are logs."""
+) -> tuple[DesignJoint, JointLimits, FittedJoint | None]:
+    """A joint as its logs show it, or its model alone, the limits of its motion, and its fit where there are logs."""
     if request.limits.get("torque") is not None and load_scale(rig, name).as_effort:
         raise ParamsError(
             f"--torque: joint {name}: nothing fixes the scale of its torques (load: unknown), so a limit in N m"
             " cannot be compared with them; declare drive_gain, or omit --torque"
         )
     if runs:
-        joint, found, prepared = joint_from_logs(rig, runs, name, model)
-        return joint, limits_with(found, request.limits, name), prepared
+        joint, found, fitted = joint_from_logs(rig, runs, name, model)
+        return joint, limits_with(found, request.limits, name), fitted
     if model is None:
         raise ParamsError(f"joint {name}: nothing is known of it; give --log RUN, --after report.json, or --model FILE")
     limits = limits_with(None, request.limits, name)

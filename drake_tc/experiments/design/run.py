@@ -6,19 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import BPoly
 
-from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.discrimination import Discrimination
-from drake_tc.experiments.design.expected import TOLD, Expected, expected_of
+from drake_tc.experiments.design.expected import TOLD, Expected, expected_of, worth_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
-from drake_tc.experiments.design.joint import DesignJoint, LogColumns, MotionColumns
+from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.lead import lead_in, quintic
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.noise import measured_as
+from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
 from drake_tc.experiments.design.solve import Optimum, optimise
 from drake_tc.experiments.design.tracking import tracking_warning
 from drake_tc.experiments.design.wider import what_limits
+from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -32,6 +32,11 @@ FINE = 1e-3
 REFIT = (
     "Give the new run as --log and the earlier ones as --holdout. If they were fitted together, the earlier runs alone "
     "would also have to predict the new run, and their bias could make the diagnosis withdraw the true effect."
+)
+
+
+BETTER_SINUSOID = (
+    "No designed motion was better than the growing sinusoid, which is therefore the motion of this design."
 )
 
 
@@ -65,6 +70,7 @@ class JointDesign:
         expected: What it is expected to bring.
         sentences: The same in words.
         contained: (truth, other, proof) of an effect that the other one contains: no motion rules that other out.
+        sinusoid: (4, T) the growing sinusoid at a step of `FINE`, where no motion of the basis is better.
     """
 
     joint: DesignJoint
@@ -76,22 +82,38 @@ class JointDesign:
     expected: tuple[Expected, ...]
     sentences: tuple[str, ...]
     contained: tuple[tuple[str, str, str], ...] = ()
+    sinusoid: FloatArray | None = None
+
+    @property
+    def one(self) -> tuple[FloatArray, float]:
+        """(one period (4, T), or the whole sinusoid; step [s]) of the motion."""
+        if self.sinusoid is not None:
+            return self.sinusoid, FINE
+        return self.basis.motion(self.optimum.x), self.basis.step
+
+    def planned(self, name: str) -> PlannedRun:
+        """The motion without lead-in and lead-out, as a run."""
+        one, step = self.one
+        return PlannedRun(name, self.joint, np.tile(one, (1, 1 if self.sinusoid is not None else self.repeats)), step)
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, FloatArray]:
         """(time (T,), motion (4, T)) of the whole experiment at a rate [Hz]; it begins and ends at rest."""
-        one = _from_reversal(self.basis.motion(self.optimum.x))
-        state = one[:3, 0]
+        one, step = self.one
+        if self.sinusoid is None:
+            one = _from_reversal(one)
+            closed, repeats = np.concatenate([one, one[:, :1]], axis=1), self.repeats
+        else:
+            closed, repeats = one, 1
+        period = (closed.shape[1] - 1) * step
         # the lead-out is a lead-in backwards in time: odd derivatives change their sign
         turned = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
-        backwards = state * turned[:3, 0]
+        state, backwards = closed[:3, 0], closed[:3, -1] * turned[:3, 0]
         rest, first = lead_in(state, self.limits, self.joint.name, self._torque)
         left, last = lead_in(backwards, self.limits, self.joint.name, lambda motion: self._torque(turned * motion))
-        whole = self.repeats * self.basis.period
+        whole = repeats * period
         time = np.arange(int(np.ceil((first + whole + last) * rate_hz - 1e-6)) + 1) / rate_hz
-        grid = np.arange(one.shape[1] + 1) * self.basis.step
-        closed = np.concatenate([one, one[:, :1]], axis=1)
-        place = np.mod(time - first, self.basis.period)
-        spline = BPoly.from_derivatives(grid, closed[:3].T)
+        place = np.mod(time - first, period)
+        spline = BPoly.from_derivatives(np.arange(closed.shape[1]) * step, closed[:3].T)
         out = np.stack([spline(place, order) for order in range(4)])
         begin, end = time < first, time > first + whole
         out[:, begin] = quintic(np.array([rest, 0.0, 0.0]), state, first, time[begin])
@@ -117,7 +139,7 @@ def design_joint(
     limits: JointLimits,
     goal: Goal,
     options: DesignOptions,
-    logs: Prepared | None = None,
+    logs: FittedJoint | None = None,
     progress: Progress = lambda text, share: None,
 ) -> JointDesign:
     """The best motion for a goal within limits.
@@ -127,23 +149,23 @@ def design_joint(
         limits: Of the motion.
         goal: What it is for.
         options: How it is looked for.
-        logs: The runs so far, for comparison; None where there are none.
+        logs: Fit of the runs so far, for comparison; None where there are none.
         progress: Told how far it is.
 
     Raises:
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
     limits.require_resolved(joint.slowest, joint.name)
-    logged, joint = joint, joint_within(joint, limits)
+    joint = joint_within(joint, limits)
     fill = default_motion(joint, limits, options.duration, FINE)
-    if goal.kind != "all":
-        joint = measured_as(joint, fill, FINE)
-    criterion = criterion_of(goal, joint, options.duration, smallest=options.smallest)
+    by_default = next_log([PlannedRun("sinusoid", joint, fill, FINE)], options.seed)
+    seen = as_fitted(joint, by_default)
+    criterion = criterion_of(goal, seen, options.duration, smallest=options.smallest)
     repeats = max(1, round(options.duration / PERIOD))
     period = options.duration / repeats
     basis = scaled(motion_basis(options.basis, period, whole_step(period, STEP), limits.bandwidth_hz), limits)
     found = optimise(
-        joint,
+        seen,
         basis,
         limits,
         criterion,
@@ -152,19 +174,22 @@ def design_joint(
         iterations=options.iterations,
         progress=progress,
     )
-    motion = basis.motion(found.x)
-    own = measured_as(joint, motion, basis.step) if goal.kind != "all" else joint
-    designed = MotionColumns(own, motion, basis.step, sharp=True)
-    default = MotionColumns(joint, fill, FINE, periodic=False, sharp=True)
-    before = None if logs is None else LogColumns(logged, logs.train)
-    expected, sentences = expected_of(criterion, before, default, designed)
+    made = JointDesign(joint, goal, limits, basis, found, repeats, (), ())
+    default = worth_of(criterion, by_default)
+    designed = worth_of(criterion, next_log([made.planned("designed")], options.seed))
+    if designed.total < default.total:
+        made, designed = replace(made, sinusoid=fill), default
+    expected, sentences = expected_of(
+        criterion, None if logs is None else worth_of(criterion, logs.alone()), default, designed
+    )
+    sentences = (*sentences, *([BETTER_SINUSOID] if made.sinusoid is not None else []))
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
-        sentences = (*sentences, what_limits(joint, limits, criterion, basis, options.seed))
-    elif isinstance(criterion, Discrimination) and before is not None:
+        sentences = (*sentences, what_limits(seen, limits, criterion, basis, options.seed))
+    elif isinstance(criterion, Discrimination) and logs is not None:
         sentences = (*sentences, REFIT)
-    sentences = (*sentences, *tracking_warning(joint, limits, motion, basis.step))
+    sentences = (*sentences, *tracking_warning(joint, limits, *made.one))
     contained = criterion.contained if isinstance(criterion, Discrimination) else ()
-    return JointDesign(joint, goal, limits, basis, found, repeats, expected, sentences, contained)
+    return replace(made, expected=expected, sentences=sentences, contained=contained)
 
 
 def joint_within(joint: DesignJoint, limits: JointLimits) -> DesignJoint:
