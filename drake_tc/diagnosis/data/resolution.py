@@ -191,7 +191,7 @@ class NoiseFloor:
 
     Noise of a raw sample (`Resolution`) through the kernels and the balance's coefficients: torque noise through k,
     encoder noise through J k'' + F_v k' + s k (+ k/K where the effort is q_d - q), J [kg m^2] with a pendulum's own and
-    s = d tau/dq where the load is computed from the position. Scatter of the sampling instants (`timing_noise`) adds to
+    s = d tau/dq where the load is computed from the position. Scatter of the sampling instants (`data.clocks`) adds to
     the encoder's noise.
 
     Attributes:

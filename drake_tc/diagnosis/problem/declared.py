@@ -182,16 +182,16 @@ def command_is_held(build: Callable[..., Samples], rig: Rig, joint: str, loads: 
     load = rig.load[joint]
     if isinstance(load, RobotLoad) and load.fitted:
         return bool(build().signals.period >= HELD_FROM_PERIOD)  # the load is not yet fitted
-    alike = drop_by_hold(partial(build, both_sides=True), rig, joint, loads)
+    alike = _drop_by_hold(partial(build, both_sides=True), rig, joint, loads)
     if alike.size == 0:
         return False
-    share = better_share(alike)
+    share = _better_share(alike)
     if 0.5 < share < HELD_CERTAIN:
-        return better_share(drop_by_hold(build, rig, joint, loads)) >= CERTAINLY_BETTER
+        return _better_share(_drop_by_hold(build, rig, joint, loads)) >= CERTAINLY_BETTER
     return share >= HELD_CERTAIN
 
 
-def drop_by_hold(build: Callable[..., Samples], rig: Rig, joint: str, loads: Sequence[Effect]) -> FloatArray:
+def _drop_by_hold(build: Callable[..., Samples], rig: Rig, joint: str, loads: Sequence[Effect]) -> FloatArray:
     """(B,) by how much the squared error of each block drops if the command is held, over the mean of all blocks.
 
     Empty on a fast clock. One number where the kernels leave other rows: nothing can be compared block by block.
@@ -214,7 +214,7 @@ def _block_errors(samples: Samples, rig: Rig, joint: str, loads: Sequence[Effect
     return fit_declared(columns, [*names, *inertia], context_of(samples, rig, joint), loads).block_sse
 
 
-def better_share(difference: FloatArray, seed: int = 0) -> float:
+def _better_share(difference: FloatArray, seed: int = 0) -> float:
     """Share of resamples of pairs of neighbouring blocks in which a sum of differences (B,) is positive."""
     if difference.size % 2:
         difference = np.append(difference, 0.0)

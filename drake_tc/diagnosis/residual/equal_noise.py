@@ -1,7 +1,7 @@
 """Residuals under noise of different size in each row, weighted so that noise alone would be equally loud everywhere.
 
 Where the sampling instants scatter, fast motion is loud although nothing acts on the joint, and held-out runs that are
-faster than the training runs leave more. Jumps of a torque on a slower clock are loud too (`data.between_samples`).
+faster than the training runs leave more. Jumps of a torque on a slower clock are loud too (`data.clocks`).
 The tests of what is left compare rows, stretches and runs with each other. They therefore get the residual times
 
     w_i = L/sqrt(b^2 + t_i^2)

@@ -66,7 +66,7 @@ class LinkPosterior:
         columns: (p,) their places among all shared parameters.
         delta: (p,). spread: (p, p) their covariance. tolerance: (p,) standard deviations of their prior.
         critical: Half width of a 95 % interval over the standard deviation.
-        gain_tolerance: As in `fitted_links`.
+        gain_tolerance: Common relative error of the declared drive gains, one standard deviation.
     """
 
     columns: IntArray

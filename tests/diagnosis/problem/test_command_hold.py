@@ -1,19 +1,14 @@
 """A servo whose goal holds for 10 ms, and one that is logged as slowly but follows a continuous command."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.diagnosis.data.preparation import build_samples
-from drake_tc.diagnosis.problem import declared
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.diagnosis.problem.declared import better_share
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
-from drake_tc.diagnosis.thresholds import HELD_CERTAIN
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -65,29 +60,3 @@ def test_a_wrong_statement_costs_half_a_period_of_delay():
     wrong = replace(rig_of(SERVO), command_hold=False)
     excess = viscous(prepared(wrong, held=True)) - SERVO.viscous
     assert_allclose(excess, 0.5 * SERVO.stiffness * SERVO.period, rtol=0.1)
-
-
-CLEAR, LEANING, AGAINST = np.full(20, 1.0), np.tile([1.5, 1.5, -2.0, -0.4], 6), np.full(20, -1.0)
-"""Drops of the squared error by block, of which all, some three quarters and no resamples speak for a held command."""
-
-
-@pytest.mark.parametrize(
-    "alike, everywhere, held",
-    [
-        (CLEAR, AGAINST, True),
-        (AGAINST, CLEAR, False),
-        (LEANING, CLEAR, True),
-        (LEANING, LEANING, False),
-        (np.zeros(0), np.zeros(0), False),
-    ],
-)
-def test_all_rows_decide_where_those_around_reversals_leave_it_open(monkeypatch, alike, everywhere, held):
-    def drops(build, *others):
-        return alike if build.keywords.get("both_sides") else everywhere
-
-    monkeypatch.setattr(declared, "drop_by_hold", drops)
-    assert declared.command_is_held(partial(build_samples), rig_of(SERVO), JOINT, ()) is held
-
-
-def test_the_example_that_leans_does_lean():
-    assert 0.5 < better_share(LEANING) < HELD_CERTAIN
