@@ -23,7 +23,7 @@ from drake_tc.types import FloatArray, IntArray
 
 OPEN = 3
 """Code beside those of `problem`: there is a problem, and the stages are to solve it."""
-STATUS = 9
+STATUS = 11
 """Numbers of a status, see `drake_tc.tsid.law.Status`."""
 KIND, WEIGHT, SIZE_WEIGHT, DAMPING, WIDTH, ACCURACY, EXACT, MOST, LARGEST, FORCES = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 """Places in the form: PLAIN or RECTANGLE, w of R_ind or R_rect and w of the box's size (both 0 for "classic"), damping,

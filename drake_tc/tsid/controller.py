@@ -71,7 +71,7 @@ class RobustTsid(PortMethods, LeafSystem):
         torque (n): tau, in the robot's order [N m].
         acceleration (nv): vdot that the model expects of it.
         contact_force (K): of all contacts, 0 where one does not carry, each in its own axes [N, N m].
-        status (9): see `drake_tc.tsid.law.Status`; `constraints` names the rows that LIMIT counts.
+        status (11): see `drake_tc.tsid.law.Status`; `constraints` names the rows that LIMIT counts.
 
         y[n] = F(u[n], s[n]),  x[n+1] = [t[n]; y[n]; s[n+1]],  s: what the next tick's solve knows of this one
 

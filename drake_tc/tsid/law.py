@@ -121,6 +121,9 @@ class Status(IntEnum):
     RELAXED: How many joints' limits gave way before any program saw them, as their position, velocity and acceleration
         contradict each other at this state (`limits.viability`); 0 for none, and where the state is lost.
     CONVERGED: 1 where the formulation reached its accuracy, 0 where its budget was spent before or with a fallback.
+    FALLING: From 0 to 1, how long ticks have had no solution; at 1 the joints are damped alone
+        (`drake_tc.tsid.falling`).
+    DROPPED: How many contacts that should carry move, and were left out of the tick.
     """
 
     OUTCOME = 0
@@ -132,6 +135,8 @@ class Status(IntEnum):
     MISSED = 6
     RELAXED = 7
     CONVERGED = 8
+    FALLING = 9
+    DROPPED = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,4 +277,4 @@ class Law:
     @cached_property
     def memory(self) -> TickMemory:
         """How one tick is laid out in an array."""
-        return TickMemory(self.model.n, self.model.nv, self.model.force_size, len(Status))
+        return TickMemory(self.model.n, self.model.nv, self.model.force_size, len(Status), Status.FALLING)

@@ -10,6 +10,7 @@ tick always has an answer, and `Tick.status` says which it is:
     risky         every limit can be kept but not R <= R_min: the formulation's safest torque
     infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
     failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
+    falling       ticks without a solution have lasted: the torque above gives way to damping (`falling`)
     lost          an input is not finite, or a task or limit raised an exception: the torque before, faded out,
                   tau[n] = exp(-period/fade) tau[n-1]; `Tick.error` holds the exception
 """
@@ -22,6 +23,7 @@ import numpy as np
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import AffineMap, Reduced, names_of, reduce
 from drake_tc.tsid.contacts import ActiveContacts
+from drake_tc.tsid.falling import START, Standing, damped_torque, falling_share, standing_contacts, terms_at
 from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
 from drake_tc.tsid.infeasible import diagnose, safe_torque
 from drake_tc.tsid.law import LARGEST, Law, Status
@@ -43,7 +45,7 @@ class Tick(NamedTuple):
         torque: (n,) tau [N m], in the robot's order.
         acceleration: (nv,) vdot that it causes; 0 where the state is lost.
         force: (K,) of all contacts, 0 where one is not active [N, N m]; 0 where the state is lost.
-        status: (9,) see `Status`.
+        status: (11,) see `Status`.
         start: For the next tick.
         error: What went wrong in the tick, where that raised an exception.
     """
@@ -54,6 +56,11 @@ class Tick(NamedTuple):
     status: FloatArray
     start: Start | None
     error: Exception | None = None
+
+    @property
+    def previous(self) -> PreviousTick:
+        """This tick as the next one knows it."""
+        return PreviousTick(self.torque, self.start, float(self.status[Status.FALLING]))
 
 
 class TickProblem(NamedTuple):
@@ -120,6 +127,49 @@ def advance_tick(
     Returns:
         `Tick.error`.
     """
+    falling = float(before[law.memory.falling])
+    dropped = 0
+    if falling > 0.0:
+        active, dropped = _still_standing(law, scratch, state, active)
+    error = _advance(law, scratch, state, references, active, before, after)
+    status = after[law.memory.places["status"]]
+    unsolved = status[Status.OUTCOME] in (Outcome.INFEASIBLE, Outcome.FAILED)
+    if falling > 0.0 or unsolved:
+        status[Status.DROPPED] = dropped
+        status[Status.FALLING] = falling_share(falling, law.period, unsolved=bool(unsolved) or dropped > 0)
+        _damp(law, scratch, state, active, after)
+    return error
+
+
+def _still_standing(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...]) -> Standing:
+    """The contacts on which a robot that may be falling stands; those that are told where its state is lost."""
+    if not np.abs(state).max() < LARGEST:
+        return Standing(active, 0)
+    return standing_contacts(terms_at(law.model, scratch, state, active), active)
+
+
+def _damp(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...], after: FloatArray) -> None:
+    """Let the torque of a tick give way to damping as far as its status says; a state that is lost fades."""
+    memory = law.memory
+    torque, status = (after[memory.places[name]] for name in ("torque", "status"))
+    share = float(status[Status.FALLING])
+    if share <= START or not np.abs(state).max() < LARGEST:
+        return
+    damped = damped_torque(terms_at(law.model, scratch, state, active), torque, share, law.fallback_damping, law.period)
+    if np.isfinite(damped).all():
+        torque[:], status[Status.FALLBACK] = damped, 1.0
+
+
+def _advance(
+    law: Law,
+    scratch: Scratch,
+    state: FloatArray,
+    references: Sequence[FloatArray],
+    active: tuple[bool, ...],
+    before: FloatArray,
+    after: FloatArray,
+) -> Exception | None:
+    """As `advance_tick`, of a robot that does not fall."""
     given, fused = np.concatenate((state, *references), dtype=np.float64), law.fused
     told = fused is not None and not fused.asks  # the call itself looks whether a number is none
     if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
@@ -216,7 +266,7 @@ def _told(law: Law, causes: AffineMap, contacts: ActiveContacts, solution: Robus
     """The tick of a solution."""
     risk = min(solution.robustness, LARGEST)
     found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
-    status = np.array([*found, relaxed, solution.converged])
+    status = np.array([*found, relaxed, solution.converged, 0.0, 0.0])
     return _packed(law, causes, contacts, solution.torque, status, solution.start)
 
 
@@ -233,7 +283,7 @@ def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before:
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
     torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
     relaxed = _relaxed(problem)
-    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0])
+    status = np.array([solution.outcome, 1.0, solution.iterations, 0.0, 0.0, -1.0, 0.0, relaxed, 0.0, 0.0, 0.0])
     if solution.outcome is Outcome.INFEASIBLE:
         found = diagnose(polytope, solver=law.solver, centre=torque)
         if found.outcome is Outcome.SOLVED:

@@ -46,22 +46,25 @@ class PreviousTick(NamedTuple):
     Attributes:
         torque: (n,) [N m].
         start: Of its solution.
+        falling: `Status.FALLING`.
     """
 
     torque: FloatArray
     start: Start | None
+    falling: float = 0.0
 
 
 class TickMemory:
-    """The layout [tau (n); vdot (nv); f (K); status (9); start] of one tick; zeros are no tick.
+    """The layout [tau (n); vdot (nv); f (K); status (11); start] of one tick; zeros are no tick.
 
     Attributes:
         places: Of "torque", "acceleration", "contact_force" and "status", in this order.
         width: How many numbers these have together.
+        falling: Place of `Status.FALLING`.
         size: S, all numbers.
     """
 
-    def __init__(self, joints: int, velocities: int, forces: int, status: int) -> None:
+    def __init__(self, joints: int, velocities: int, forces: int, status: int, falling: int) -> None:
         """Lay it out.
 
         Args:
@@ -69,12 +72,14 @@ class TickMemory:
             velocities: nv.
             forces: K of all contacts.
             status: Numbers of a status.
+            falling: Which of these is `Status.FALLING`.
         """
         sizes = {"torque": joints, "acceleration": velocities, "contact_force": forces, "status": status}
         ends = np.cumsum([0, *sizes.values()]).tolist()
         self.places = {name: slice(first, end) for name, first, end in zip(sizes, ends, ends[1:], strict=False)}
         self._warm = WarmStart(joints)
         self.width: int = ends[-1]
+        self.falling = self.places["status"].start + falling
         self.size = self.width + self._warm.size
 
     def shown(self, memory: FloatArray) -> list[FloatArray]:
@@ -87,12 +92,12 @@ class TickMemory:
 
     def previous(self, memory: FloatArray) -> PreviousTick:
         """A tick as the next one knows it."""
-        return PreviousTick(memory[self.places["torque"]], self.start(memory))
+        return PreviousTick(memory[self.places["torque"]], self.start(memory), float(memory[self.falling]))
 
     def packed(self, before: PreviousTick) -> FloatArray:
         """(S,) with what the next tick knows."""
         memory = np.zeros(self.size)
-        memory[self.places["torque"]] = before.torque
+        memory[self.places["torque"]], memory[self.falling] = before.torque, before.falling
         self._warm.pack(before.start, memory[self.width :])
         return memory
 

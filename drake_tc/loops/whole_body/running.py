@@ -22,6 +22,7 @@ from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.references import POSITION, contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import joint_limits
+from drake_tc.tsid.falling import START
 from drake_tc.tsid.law import Law, Status
 from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.types import BoolArray, FloatArray
@@ -160,10 +161,15 @@ def summarise_tsid(recording: TsidRecording) -> dict[str, Any]:
 
 
 def _faults(recording: TsidRecording) -> list[dict[str, Any]]:
-    """Each limit that gave way, or the lack of any answer: its name, when first, for how many ticks."""
+    """Each limit that gave way, damping of a fall, or the lack of any answer: when first, for how many ticks."""
     fallback = recording.status(Status.FALLBACK) > 0.0
     which = recording.status(Status.LIMIT).astype(int)
+    damped = recording.status(Status.FALLING) > START
     found = []
+    if damped.any():
+        first = float(recording.time[int(np.argmax(damped))])
+        found.append({"name": "falling, joints damped", "first": first, "ticks": int(damped.sum())})
+    fallback &= ~(damped & (which < 0))
     for limit in np.unique(which[fallback]):
         times = recording.time[fallback & (which == limit)]
         name = recording.constraints[limit] if limit >= 0 else "no answer"
