@@ -1,9 +1,12 @@
 """From rest into a periodic motion and out of it: polynomials of degree five that keep the limits."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.limits import JointLimits
@@ -13,6 +16,8 @@ LENGTHS = (0.5, 1.0, 2.0, 3.0, 5.0)
 """Lengths that are tried [s]."""
 PLACES = 41
 """Positions of rest that are tried."""
+TURNED = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
+"""Signs of position and derivatives backwards in time."""
 
 
 def quintic(start: FloatArray, end: FloatArray, length: float, time: FloatArray) -> FloatArray:
@@ -64,3 +69,64 @@ def lead_in(
         f"joint {joint}: no lead-in of up to {LENGTHS[-1]:g} s from rest keeps the limits; raise the limit of the jerk "
         "or of the torque"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Core:
+    """The part of one joint's experiment between rest and rest: a motion that is repeated, or made once.
+
+    Attributes:
+        joint: Name. limits: That lead-in and lead-out keep.
+        motion: (4, T) position and its three derivatives, from the first sample to the one at which it ends.
+        step: Between samples [s]. repeats: How often it is made.
+        torque: (4, T) motion to the motor's torque (T,) [N m]; None where the torque has no limit.
+    """
+
+    joint: str
+    limits: JointLimits
+    motion: FloatArray
+    step: float
+    repeats: int = 1
+    torque: Callable[[FloatArray], FloatArray] | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Length of all repeats [s]."""
+        return float(self.repeats * (self.motion.shape[1] - 1) * self.step)
+
+    def leads(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """(rest, length) of lead-in and lead-out; a lead-out is a lead-in backwards in time."""
+        backwards = TURNED[:3, 0] * self.motion[:3, -1]
+        turned = None if self.torque is None else partial(_backwards, self.torque)
+        into = lead_in(self.motion[:3, 0], self.limits, self.joint, self.torque)
+        return into, lead_in(backwards, self.limits, self.joint, turned)
+
+
+def _backwards(torque: Callable[[FloatArray], FloatArray], motion: FloatArray) -> FloatArray:
+    return torque(TURNED * motion)
+
+
+def from_rest_to_rest(cores: Sequence[Core], rate_hz: float) -> tuple[FloatArray, list[FloatArray]]:
+    """(time (T,), motion (4, T) of each core) at a rate [Hz]: all lead in and out together, and rest before and after.
+
+    Raises:
+        ParamsError: No lead-in keeps the limits.
+    """
+    found = [core.leads() for core in cores]
+    before, after = (max(pair[side][1] for pair in found) for side in (0, 1))
+    whole = cores[0].seconds
+    time = np.arange(int(np.ceil((before + whole + after) * rate_hz - 1e-6)) + 1) / rate_hz
+    out = []
+    for core, ((start, first), (end, last)) in zip(cores, found, strict=True):
+        spline = BPoly.from_derivatives(np.arange(core.motion.shape[1]) * core.step, core.motion[:3].T)
+        place = np.mod(time - before, whole / core.repeats)
+        rows = np.stack([spline(place, order) for order in range(4)])
+        leading, leaving = time < before, time > before + whole
+        at = np.maximum(time[leading] - (before - first), 0.0)
+        rows[:, leading] = quintic(np.array([start, 0.0, 0.0]), core.motion[:3, 0], first, at)
+        ago = np.maximum(before + whole + last - time[leaving], 0.0)
+        state = TURNED[:3, 0] * core.motion[:3, -1]
+        rows[:, leaving] = TURNED * quintic(np.array([end, 0.0, 0.0]), state, last, ago)
+        rows[1:, (time < before - first) | (time > before + whole + last)] = 0.0
+        out.append(rows)
+    return time, out

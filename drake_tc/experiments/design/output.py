@@ -123,10 +123,8 @@ def robot_page(design: RobotDesign) -> str:
         (f"{design.pairs} pairs of collision shapes keep a distance of {design.distance:g} m.",) if design.pairs else ()
     )
     plots = [
-        _plot_of(basis.motion(x), basis.step, limits, name, f"m{number}")
-        for number, (name, basis, x, limits) in enumerate(
-            zip(design.joints, design.bases, design.x, design.limits, strict=True)
-        )
+        _plot_of(design.best[:, :, i], design.bases[0].step, limits, name, f"m{i}")
+        for i, (name, limits) in enumerate(zip(design.joints, design.limits, strict=True))
     ]
     section = PageSection("All joints", (*design.sentences, *distance), plots=plots, tables=(table,), aside="SI units")
     return plain_page("The next experiment", "design", (), (section,))

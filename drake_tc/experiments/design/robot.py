@@ -14,14 +14,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from drake_tc.config.joint_units import JointType, JointUnits
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.expected import Expected
-from drake_tc.experiments.design.lead import lead_in, quintic
+from drake_tc.experiments.design.lead import Core, from_rest_to_rest
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import (
     CriterionName,
@@ -56,6 +55,11 @@ UNKNOWN_SPEED: Mapping[JointType, float] = {"revolute": 2.0, "prismatic": 0.2}
 """Largest speed of a joint without a limit of its speed [rad/s or m/s]."""
 
 
+BETTER_SINUSOIDS = (
+    "No designed motion was better than the growing sinusoids, which are therefore the motion of this design."
+)
+
+
 @dataclass(frozen=True, eq=False)
 class RobotDesign:
     """The designed motion of a robot.
@@ -66,6 +70,7 @@ class RobotDesign:
         value, start_value: Of the criterion, designed and of the best random motion.
         pairs: Pairs of shapes that could touch. distance: Least distance that was asked for [m].
         sinusoids: (3, T, n) q, qdot, qddot of the growing sinusoids that it is compared with, at a step of `STEP`.
+        by_sinusoids: Whether these are the design, because no other motion is better by the criterion.
     """
 
     joints: tuple[str, ...]
@@ -80,48 +85,26 @@ class RobotDesign:
     pairs: int
     distance: float
     sinusoids: FloatArray
+    by_sinusoids: bool = False
+
+    @property
+    def best(self) -> FloatArray:
+        """(4, T, n) one period of the motion, or the sinusoids where these are the design."""
+        if self.by_sinusoids:
+            return np.concatenate([self.sinusoids, np.zeros_like(self.sinusoids[:1])])
+        return np.stack([basis.motion(x) for basis, x in zip(self.bases, self.x, strict=True)], axis=-1)
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
         """(time (T,), joint to motion (4, T)): all joints lead in together and begin and end at rest."""
-        period = self.bases[0].period
-        made, leads = [], []
-        for joint, limits, basis, x in zip(self.joints, self.limits, self.bases, self.x, strict=True):
-            one = basis.motion(x)
-            leads.append((lead_in(one[:3, 0], limits, joint), lead_in(one[:3, 0] * [1, -1, 1], limits, joint)))
-            made.append(one)
-        length = max(found[1] for pair in leads for found in pair)
-        whole = self.repeats * period
-        time = np.arange(round((whole + 2.0 * length) * rate_hz) + 1) / rate_hz
-        out = {}
-        for joint, basis, one, pair in zip(self.joints, self.bases, made, leads, strict=True):
-            grid = np.arange(one.shape[1] + 1) * basis.step
-            closed = np.concatenate([one, one[:, :1]], axis=1)
-            spline, place = BPoly.from_derivatives(grid, closed[:3].T), np.mod(time - length, period)
-            rows = np.stack([spline(place, order) for order in range(4)])
-            out[joint] = _with_leads(rows, time, (length, whole), one[:3, 0], pair)
-        return time, out
-
-
-def _with_leads(
-    rows: FloatArray,
-    time: FloatArray,
-    lengths: tuple[float, float],
-    state: FloatArray,
-    leads: tuple[tuple[float, float], tuple[float, float]],
-) -> FloatArray:
-    """The motion (4, T) with rest, lead-in, lead-out and rest in place of what lies outside the periods."""
-    length, whole = lengths
-    (start, first), (end, last) = leads
-    before = time < length
-    at = np.maximum(time[before] - (length - first), 0.0)
-    rows[:, before] = quintic(np.array([start, 0.0, 0.0]), state, first, at)
-    after = time > length + whole
-    left = np.maximum(last - (time[after] - length - whole), 0.0)
-    turned = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
-    rows[:, after] = turned * quintic(np.array([end, 0.0, 0.0]), state * [1.0, -1.0, 1.0], last, left)
-    for resting in (time < length - first, time > length + whole + last):
-        rows[1:, resting] = 0.0
-    return rows
+        one, repeats = self.best, 1 if self.by_sinusoids else self.repeats
+        if not self.by_sinusoids:
+            one = np.concatenate([one, one[:, :1]], axis=1)
+        cores = [
+            Core(name, limits, one[:, :, i], self.bases[0].step, repeats)
+            for i, (name, limits) in enumerate(zip(self.joints, self.limits, strict=True))
+        ]
+        time, motions = from_rest_to_rest(cores, rate_hz)
+        return time, dict(zip(self.joints, motions, strict=True))
 
 
 @dataclass(frozen=True)
@@ -263,16 +246,19 @@ class _Found:
 def _described(robot: Robot, limits: tuple[JointLimits, ...], options: RobotOptions, found: _Found) -> RobotDesign:
     """Intervals of all parameters with the designed motion and with a growing sinusoid of each joint."""
     search, goal, best = found.search, found.search.goal, found.best
-    spread = standard_errors(goal.information(*search.motions(best[1])[:3]))
+    of_sinusoids = search.criterion.value(goal.information(*found.sinusoids))
+    worse = of_sinusoids > best[0] and search.collision.allows(found.sinusoids[0, :: max(1, round(0.1 / STEP))])
+    spread = found.default if worse else standard_errors(goal.information(*search.motions(best[1])[:3]))
     names, units = goal.names(robot.joints), goal.units
     rows = tuple(
         Expected(f"{name}, half 95 % interval", "SI", float("nan"), 1.96 * u * float(d), 1.96 * u * float(b))
         for name, u, d, b in zip(names, units.tolist(), found.default, spread, strict=True)
     )
     text = _sentences(goal, spread / found.default, options.noise)
+    text = (*text, *([BETTER_SINUSOIDS] if worse else []))
     made = RobotDesign(
         robot.joints, limits, search.bases, best[1], found.repeats, rows, (*text, *search.collision.sentences), best[0],
-        found.start_value, search.collision.pairs, options.distance, found.sinusoids,
+        found.start_value, search.collision.pairs, options.distance, found.sinusoids, worse,
     )  # fmt: skip
     motions = made.motion(LEAD_RATE_HZ)[1]
     if search.collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.default_motion import default_motion
@@ -12,7 +11,7 @@ from drake_tc.experiments.design.discrimination import Discrimination
 from drake_tc.experiments.design.expected import TOLD, Expected, expected_of, worth_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.lead import lead_in, quintic
+from drake_tc.experiments.design.lead import Core, from_rest_to_rest
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
 from drake_tc.experiments.design.solve import Optimum, optimise
@@ -99,27 +98,12 @@ class JointDesign:
     def motion(self, rate_hz: float) -> tuple[FloatArray, FloatArray]:
         """(time (T,), motion (4, T)) of the whole experiment at a rate [Hz]; it begins and ends at rest."""
         one, step = self.one
+        core = Core(self.joint.name, self.limits, one, step, torque=self._torque)
         if self.sinusoid is None:
             one = _from_reversal(one)
-            closed, repeats = np.concatenate([one, one[:, :1]], axis=1), self.repeats
-        else:
-            closed, repeats = one, 1
-        period = (closed.shape[1] - 1) * step
-        # the lead-out is a lead-in backwards in time: odd derivatives change their sign
-        turned = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
-        state, backwards = closed[:3, 0], closed[:3, -1] * turned[:3, 0]
-        rest, first = lead_in(state, self.limits, self.joint.name, self._torque)
-        left, last = lead_in(backwards, self.limits, self.joint.name, lambda motion: self._torque(turned * motion))
-        whole = repeats * period
-        time = np.arange(int(np.ceil((first + whole + last) * rate_hz - 1e-6)) + 1) / rate_hz
-        place = np.mod(time - first, period)
-        spline = BPoly.from_derivatives(np.arange(closed.shape[1]) * step, closed[:3].T)
-        out = np.stack([spline(place, order) for order in range(4)])
-        begin, end = time < first, time > first + whole
-        out[:, begin] = quintic(np.array([rest, 0.0, 0.0]), state, first, time[begin])
-        ago = np.maximum(first + whole + last - time[end], 0.0)
-        out[:, end] = turned * quintic(np.array([left, 0.0, 0.0]), backwards, last, ago)
-        return time, out
+            core = replace(core, motion=np.concatenate([one, one[:, :1]], axis=1), repeats=self.repeats)
+        time, (motion,) = from_rest_to_rest([core], rate_hz)
+        return time, motion
 
     def _torque(self, motion: FloatArray) -> FloatArray:
         return self.joint.motor_torque(motion, self.basis.step)
