@@ -25,21 +25,15 @@ HELD_FROM_PERIOD = 4e-3
 """Period of a log [s] from which on a position servo's command is taken to hold between samples. On a faster clock half
 a period is less than a drive's own delay, which the effect `delay` tells where it is longer than that."""
 HELD_CERTAIN = 0.90
-"""Share of block resamples in which a held command must leave the smaller error."""
-
-
-LEAD_FLOORS = 1.5
-"""Noise floors that the declared model must leave before the effort is taken to be recorded late."""
+"""Share of block resamples in which a held command must leave the smaller error ..."""
+CERTAINLY_BETTER = 0.98
+"""... and of those of all rows, where the rows that lie alike on both sides of a reversal leave it open."""
 
 LEAST_EFFORT = 0.05
 """Share of an effort that alone tells an unknown load which declared drive effects must leave."""
 
 SAME_ERROR = 0.02
-"""Rise of the error that an effect in another's place may bring to fit as well."""
-CERTAINLY_BETTER = 0.98
-"""Share of block resamples from which on the chosen effect is the better one all the same."""
-
-
+"""Rise of the cross-validated error that a simpler form of a declared effect or load may bring."""
 # What is left
 
 LEAST_FLOORS = 1.5

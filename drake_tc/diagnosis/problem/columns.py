@@ -41,13 +41,9 @@ def coefficients_by_term(terms: Sequence[Term], beta: FloatArray) -> Iterator[tu
         yield term, theta
 
 
-def prior_coefficients(terms: Sequence[Term], *kinds: type[Effect]) -> BoolArray:
-    """(1 + sum k,) which coefficients of beta have a prior: sensor errors within tolerance.
-
-    They are estimated along and not reported. `kinds`: one of the two alone.
-    """
-    asked = kinds or (WithinTolerance,)
-    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, asked)) for t in terms]
+def prior_coefficients(terms: Sequence[Term]) -> BoolArray:
+    """(1 + sum k,) which coefficients of beta have a prior: sensor errors within tolerance, which are not reported."""
+    parts = [np.full(len(t.effect.coefficients), isinstance(t.effect, WithinTolerance)) for t in terms]
     return np.concatenate([np.zeros(1, dtype=np.bool_), *parts])
 
 
