@@ -22,7 +22,11 @@ LCM, STOPPED_EARLY = "lcm", 3
 
 def run_command(
     controller: Annotated[
-        str, typer.Argument(help="module:attribute of a function that returns a controller, as torque_controller does.")
+        str,
+        typer.Argument(
+            help="module:attribute of a function that returns a controller, as torque_controller does; or the name of a"
+            " diagram, whose scenario's controller is taken."
+        ),
     ],
     robot: Annotated[
         str,
@@ -31,6 +35,9 @@ def run_command(
         ),
     ] = LCM,
     duration: Annotated[float | None, typer.Option(help="Seconds until the stop; without end when left out.")] = None,
+    scenario_name: Annotated[str | None, typer.Option(help="Scenario of a diagram; its first when left out.")] = None,
+    scenario_file: Annotated[Path | None, typer.Option(help="Scenario file (YAML) of your own.")] = None,
+    scenario_text: Annotated[str | None, typer.Option(help="YAML of fields to change: '{gains: {k6: 0.25}}'.")] = None,
     dry: Annotated[bool, typer.Option("--dry", help="Send no commands.")] = False,
     offset_limit: Annotated[
         float | None, typer.Option(help="Largest offset of a servo from its joint [rad], or |command| of other drives.")
@@ -67,7 +74,12 @@ def run_command(
         priority=priority,
         dry=dry,
     )
-    made = _controller(controller)
+    own = ":" in controller
+    if own and (scenario_name or scenario_file or scenario_text):
+        raise typer.BadParameter(
+            "expected the name of a diagram beside it, got module:attribute", param_hint="--scenario"
+        )
+    made = _controller(controller) if own else _of_diagram(controller, scenario_name, scenario_file, scenario_text)
     report = RealTimeLoop(made, _link(robot, made), spec).run(math.inf if duration is None else duration)
     if as_json:
         print(json.dumps(report.to_json()))
@@ -110,6 +122,22 @@ def _controller(text: str) -> "Controller":
             f" {type(made).__name__}"
         )
     return made
+
+
+def _of_diagram(name: str, scenario: str | None, file: Path | None, text: str | None) -> "Controller":
+    """The controller of a diagram's scenario."""
+    from drake_tc.loops.torque.controller import scenario_controller as torque
+    from drake_tc.loops.whole_body.controller import scenario_controller as whole_body
+    from drake_tc.registry import runnable
+
+    entry = runnable(name).naming(file, text)
+    chosen = entry.scenario(scenario, file, text)
+    if entry.kind not in ("torque", "whole_body"):
+        raise ParamsError(
+            f"{name}: expected the diagram of a torque loop or of a whole-body loop, got one of {entry.kind}; make its"
+            " controller in Python and give module:attribute"
+        )
+    return torque(chosen) if entry.kind == "torque" else whole_body(chosen)
 
 
 def _url(robot: str) -> str | None:

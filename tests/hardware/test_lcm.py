@@ -95,6 +95,8 @@ def test_the_command_runs_a_controller_and_a_message_stops_it(capsys):
     assert run([*arguments, "--stop-time", "0.05", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["ended"], told["counts"]["controller_errors"]) == ("duration", 0)
+    assert run(["run", "hrp2_leg", "--robot", robot, "--duration", "0.1", "--stop-time", "0.05", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["counts"]["controller_errors"] == 0
     leg = ["run", "drake_tc.diagrams.hardware_loop:controller", "--robot", f"lcm={BUS}"]
     assert run([*leg, "--patience", "0.05"]) == 3
     assert "no sound readings within 0.05 s" in capsys.readouterr().err
@@ -114,6 +116,10 @@ def test_the_command_runs_a_controller_and_a_message_stops_it(capsys):
         (["drake_tc.diagrams.hardware_loop:controller", "--robot", "drake_tc.types:GRAVITY"], "none with read()"),
         (["drake_tc.diagrams.hardware_loop:controller", "--rate-limit", "-1"], "guard.rate_limit: expected"),
         (["drake_tc.diagrams.hardware_loop:controller", "--duration", "nan"], "--duration"),
+        (["drake_tc.diagrams.hardware_loop:controller", "--scenario-name", "swing"], "--scenario"),
+        (["hrp2_legs"], "no diagram 'hrp2_legs'"),
+        (["sea_joint"], "expected the diagram of a torque loop or of a whole-body loop"),
+        (["humanoid_tsid"], "guard: expected limits"),
     ],
 )
 def test_what_cannot_run_is_told_in_one_line(arguments, message, capsys):

@@ -15,9 +15,11 @@ from pydrake.trajectories import Trajectory
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.gains import TorqueGains
 from drake_tc.loops.boundary import ControlledJoints, Controller, add_input
-from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source
+from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.references import references, table_source
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
 from drake_tc.loops.torque.stages import TorqueLoopBuilder
-from drake_tc.loops.torque.wiring import add_torque_controller
+from drake_tc.loops.torque.wiring import Reference, add_torque_controller
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
@@ -29,7 +31,7 @@ INPUTS = {"encoder": "position", "imu": "imu", "force_torque": "force_torque", "
 def torque_controller(
     robot: Robot,
     models: Models,
-    motion: Trajectory | Literal["input"] | None = None,
+    motion: Trajectory | System | Literal["input"] | None = None,
     spec: TorqueLoopSpec | None = None,
     *,
     gains: TorqueGains | None = None,
@@ -55,8 +57,8 @@ def torque_controller(
     Args:
         robot: From `load_robot`.
         models: What the controller takes the drives for, by joint or in the order of the robot's joints.
-        motion: What the joints shall do: positions (n) over time; None: the robot's posture; "input": what the input
-            port `reference` says.
+        motion: What the joints shall do: positions (n) over time, or a system with one output [q_d; qdot_d; qddot_d]
+            (3n); None: the robot's posture; "input": what the input port `reference` says.
         spec: How the joints are controlled; None: the defaults. Its `sensors` say what noise the fault monitor expects,
             its `faults` are those of simulated sensors and are not used.
         gains: Feedback gains; None: `TorqueGains.from_servo` of the models.
@@ -84,6 +86,10 @@ def torque_controller(
     sizes["joint_torque"] = n if spec.torque_from == "sensor" else 0
     ports = {name: add_input(builder, INPUTS[name], size) for name, size in sizes.items() if size}
     forced = bool(gains.kf.any()) and bool(robot.force_torque)
+    if isinstance(motion, System):
+        reference: Reference = builder.AddNamedSystem("reference", motion).get_output_port(0)
+    else:
+        reference = add_input(builder, "reference", 3 * n) if isinstance(motion, str) else motion
     parts = TorqueLoopBuilder(
         builder,
         spec,
@@ -98,7 +104,7 @@ def torque_controller(
         force_reference=add_input(builder, "force_reference", sizes["force_torque"]) if forced else None,
         free=free,
     )
-    add_torque_controller(parts, add_input(builder, "reference", 3 * n) if isinstance(motion, str) else motion)
+    add_torque_controller(parts, reference)
     servo = tuple(model.drive.kind == "position_servo" for model in assumed)
     limits = joint_limits(robot)
     controlled = ControlledJoints(
@@ -110,3 +116,25 @@ def torque_controller(
         flag_names=parts.flag_names,
     )
     return Controller(builder, f"{robot.name}_controller", controlled, parts.signals, left_out=ports, fused=fused)
+
+
+def scenario_controller(scenario: Scenario) -> Controller:
+    """The controller of a scenario's loop, in one system: its robot, models, gains and references, without its plant.
+
+    Args:
+        scenario: Of the torque loop; forces that it commands at a contact come in through `force_reference`.
+
+    Raises:
+        ParamsError: a file that cannot be read, or names that do not fit.
+    """
+    robot = loop_robot(scenario)
+    path = references(scenario, robot)
+    return torque_controller(
+        robot,
+        actuator_models(scenario, robot, controller=True),
+        table_source(path.time, path.motion),
+        scenario,
+        gains=torque_gains(scenario, robot),
+        free=not (scenario.objects or scenario.pushes),
+        fused=True,
+    )

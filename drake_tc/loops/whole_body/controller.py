@@ -16,12 +16,15 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.boundary import ControlledJoints, Controller, Start, add_input
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
-from drake_tc.loops.whole_body.scenario import WholeBodySpec
+from drake_tc.loops.whole_body.drives import drive_models
+from drake_tc.loops.whole_body.references import contact_source, task_source
+from drake_tc.loops.whole_body.scenario import TsidScenario, WholeBodySpec
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
-from drake_tc.loops.whole_body.series_elastic_drives import SpringReadings, check_springs
+from drake_tc.loops.whole_body.series_elastic_drives import SpringReadings, check_springs, spring_models
 from drake_tc.loops.whole_body.wiring import by_joint
 from drake_tc.robot.plant import joint_limits
 from drake_tc.sensing.suite import Readings
+from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import reference_port
 from drake_tc.tsid.law import Law
 
@@ -32,7 +35,7 @@ def whole_body_controller(
     motion: Mapping[str, System | Trajectory | Literal["input"]] | None = None,
     spec: WholeBodySpec | None = None,
     *,
-    contacts: Literal["input"] | None = None,
+    contacts: System | Literal["input"] | None = None,
     stages: Mapping[str, System] | None = None,
     between: Mapping[str, System] | None = None,
     fused: bool = False,
@@ -58,7 +61,8 @@ def whole_body_controller(
         motion: Task to what it follows, "input" for an input port; others rest.
         spec: What stands between controller and robot; None: its state is known, its commands are torques. Its `faults`
             and `torque_error` are those of a simulation and are not used.
-        contacts: "input": an input port says which contacts carry; None: all of them.
+        contacts: Which contacts carry: a system with one output (contacts), "input" for the input port
+            `active_contacts`; None: all of them.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
         between: "stage.port" to a system of your own behind that output port.
         fused: Run the stages in one system, which gives the same numbers in less time.
@@ -104,7 +108,11 @@ def whole_body_controller(
         check_springs(required_models(wiring, "models"))
         springs = SpringReadings(port("motor_position", n), port("spring_torque", n))
     follows = {name: _follows(law, name, path, port) for name, path in (motion or {}).items()}
-    stands = port("active_contacts", len(law.model.contacts)) if contacts == "input" else None
+    stands: OutputPort | None = None
+    if isinstance(contacts, System):
+        stands = builder.AddNamedSystem("contacts", contacts).get_output_port(0)
+    elif contacts is not None:
+        stands = port("active_contacts", len(law.model.contacts))
     control = add_whole_body_control(wiring, readings, springs, follows, stands)
     limits = joint_limits(robot)
     controlled = ControlledJoints(
@@ -158,3 +166,27 @@ def _hold(wiring: WholeBodyBuilder, springs: SpringReadings | None, control: Who
         wound.held.get_mutable_source_value(values.context_of(wound.held)).SetFromVector(angle + first / gain)
 
     return (start,)
+
+
+def scenario_controller(scenario: TsidScenario) -> Controller:
+    """The controller of a scenario's loop, in one system: its law, models, references and contacts, without its plant.
+
+    Raises:
+        ParamsError: a file that cannot be read, or names or times that do not fit.
+    """
+    law = load_law(scenario.path(scenario.controller), scenario.changes)
+    robot = law.model.robot
+    models: Models | None = None
+    if scenario.torque == "series_elastic":
+        models = spring_models(scenario, robot)
+    elif scenario.torque == "drives":
+        models = drive_models(scenario, robot, controller=True)
+    lifts = contact_source(law.model.contacts, scenario.lifted, scenario.duration, law.period)
+    return whole_body_controller(
+        law,
+        models,
+        {name: task_source(law, name, spec) for name, spec in scenario.motion.items()},
+        scenario,
+        contacts=lifts if scenario.lifted else None,
+        fused=True,
+    )

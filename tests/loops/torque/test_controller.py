@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem
 
+import drake_tc.diagrams
 import drake_tc.models
 from drake_tc.actuation.model_file import load_models
 from drake_tc.actuation.wiring import sliding
@@ -20,13 +21,16 @@ from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.controller import INPUTS, torque_controller
-from drake_tc.loops.torque.scenario import TorqueLoopSpec
+from drake_tc.loops.torque.controller import INPUTS, scenario_controller, torque_controller
+from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import run_loop
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.report.block_graph.graph import block_graph
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.spec import SensorFault
 
+DIAGRAMS = Path(next(iter(drake_tc.diagrams.__path__)))
 LEG = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_leg.yaml"
 N, DT = 6, 1e-3
 SPECS = {
@@ -126,3 +130,14 @@ def test_graph_and_linear_analysis_take_the_controller():
     simulator.AdvanceTo(1.0)
     system = linearise(controller, context, DT, inputs=["position:y"], outputs=["guard:command"])
     np.testing.assert_allclose(system.d, 0.6 * np.eye(N), atol=1e-6)
+
+
+def test_the_controller_of_a_scenario_commands_what_its_loop_has_commanded():
+    scenario = Scenario.load(DIAGRAMS / "hrp2_leg.scenario.yaml", "stairs_swing", "{duration: 1.2}")
+    run = run_loop(build_loop(scenario, fused=True))
+    stepper = ControllerStepper(scenario_controller(scenario), scenario.dt)
+    read = [name for name, port in INPUTS.items() if port in stepper.inputs]
+    ticks = range(len(run.time))
+    found = [stepper.tick({INPUTS[name]: run[name][k] for name in read})["command"] for k in ticks]
+    assert np.ptp(run["command"], axis=0).max() > 0.1
+    assert_array_equal(found, run["command"])

@@ -12,10 +12,11 @@ import drake_tc.diagrams
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.recording import add_log
-from drake_tc.loops.whole_body.controller import whole_body_controller
+from drake_tc.loops.whole_body.controller import scenario_controller, whole_body_controller
 from drake_tc.loops.whole_body.drives import drive_models
-from drake_tc.loops.whole_body.loop import add_grounded_plant
+from drake_tc.loops.whole_body.loop import add_grounded_plant, build_tsid
 from drake_tc.loops.whole_body.references import contact_source, task_source
+from drake_tc.loops.whole_body.running import run_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop
@@ -91,6 +92,15 @@ def test_commands_are_those_of_the_simulated_loop(case, fused):
     found = np.array([stepper.tick({name: signals[name][k] for name in signals})["command"] for k in ticks])
     assert np.ptp(found, axis=0).max() > 1e-4
     assert_array_equal(found, commanded)
+
+
+def test_the_controller_of_a_scenario_commands_what_its_loop_has_commanded():
+    scenario = TsidScenario.load(HUMANOID, "one_foot", "{duration: 0.1, lifted: {right_sole: [{begin: 0.05}]}}")
+    run = run_tsid(build_tsid(scenario, fused=True))
+    stepper = ControllerStepper(scenario_controller(scenario), run.law.period)
+    assert set(stepper.inputs) == {"state"}
+    found = [stepper.tick({"state": state})["command"] for state in run["state"]]
+    assert_array_equal(found, run["torque"])
 
 
 def test_motors_are_held_where_their_encoders_are_at_the_start():
