@@ -161,9 +161,9 @@ def noise_floor(columns: Columns, fitted: Fit) -> float:
 
 
 def solve_bounded(
-    gram: FloatArray, moment: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray | None = None
+    gram: FloatArray, moment: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray | bool = False
 ) -> FloatArray:
-    """Argmin beta' G beta / 2 - m' beta in a box, by an active set that only grows (few bounds are ever active).
+    """Argmin beta' G beta / 2 - m' beta in a box, (m,), by an active set that only grows (few bounds are ever active).
 
     A column that is zero up to rounding identifies no coefficient: the quotient of two rounding errors may be 1e100.
     Its coefficient is held at the value of the box that is closest to 0.
@@ -173,15 +173,14 @@ def solve_bounded(
         moment: (m,).
         lower: (m,) bounds.
         upper: (m,).
-        held: (m,) further coefficients to hold; None for none.
-
-    Returns:
-        beta (m,).
+        held: (m,) further coefficients to hold.
     """
-    g, m, scale, dead = _scaled(gram, moment)
+    norms = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    dead = norms <= LEAST_SIZE * norms.max()
+    scale = np.where(dead, 1.0, norms)
+    g, m = gram / np.outer(scale, scale) + 1e-12 * np.eye(scale.size), moment / scale
     low, high = lower * scale, upper * scale
-    beta = np.clip(np.zeros(m.size), low, high)
-    fixed = dead | (low == high) if held is None else dead | (low == high) | held
+    beta, fixed = np.clip(np.zeros(m.size), low, high), dead | (low == high) | held
     for _ in range(m.size + 1):
         free = ~fixed
         beta[free] = np.linalg.solve(g[np.ix_(free, free)], m[free] - g[np.ix_(free, fixed)] @ beta[fixed])
@@ -193,21 +192,12 @@ def solve_bounded(
     return np.clip(beta / scale, lower, upper)
 
 
-def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Normal equations (..., m, m), (..., m) with columns of unit length and a ridge of 1e-12; the lengths (..., m), 1
-    for a column that is zero up to rounding; and which columns (..., m) are.
-    """
-    norms = np.sqrt(np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 0.0))
-    dead = np.asarray(norms <= LEAST_SIZE * norms.max(axis=-1, keepdims=True))
-    scale = np.where(dead, 1.0, norms)
-    g = gram / (scale[..., :, None] * scale[..., None, :])
-    return g + 1e-12 * np.eye(g.shape[-1]), moment / scale, scale, dead
-
-
 def cross_validated(
     grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, precision: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Least squares in a box of all folds, and without each of them.
+    """Least squares in a box: beta (m,) of all folds, and (F, m) without each of them.
+
+    A coefficient whose column is zero outside a fold is 0 there.
 
     Args:
         grams: (F, m, m) X'X by fold.
@@ -215,43 +205,15 @@ def cross_validated(
         lower: (m,) bounds.
         upper: (m,).
         precision: (m,) of a prior about 0, which counts in full without each of the folds too.
-
-    Returns:
-        beta (m,), and (F, m) fitted without each fold. A coefficient whose column is zero outside a fold is 0 there.
     """
     gram, moment = grams.sum(0), moments.sum(0)
-    sums = np.concatenate([gram[None], gram - grams])
-    unseen = np.diagonal(sums, axis1=1, axis2=2) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)
-    unseen[0] = False
-    rest = np.concatenate([moment[None], moment - moments])
     known = np.broadcast_to(precision, moment.shape)
-    solved = _solve_each(sums + np.diag(known), rest, lower, upper, unseen & (known == 0.0))
-    return solved[0], solved[1:]
-
-
-def _solve_each(
-    grams: FloatArray, moments: FloatArray, lower: FloatArray, upper: FloatArray, held: BoolArray
-) -> FloatArray:
-    """`solve_bounded` of B problems: together, but one by one where a coefficient is held or rests on a bound.
-
-    Coefficients whose bounds are equal are known: the others are solved for on what these leave.
-    """
-    known = lower == upper
-    if known.any():
-        free = ~known
-        rest = moments[:, free] - grams[:, free][:, :, known] @ lower[known]
-        found = np.broadcast_to(lower, moments.shape).copy()
-        found[:, free] = _solve_each(grams[:, free][:, :, free], rest, lower[free], upper[free], held[:, free])
-        return found
-    g, m, scale, dead = _scaled(grams, moments)
-    alone = (held | dead).any(axis=1)
-    beta = np.zeros_like(m)
-    beta[~alone] = np.linalg.solve(g[~alone], m[~alone, :, None])[..., 0]
-    outside = (beta < lower * scale - SLACK) | (beta > upper * scale + SLACK)
-    beta = beta / scale
-    for i in np.flatnonzero(alone | outside.any(axis=1)):
-        beta[i] = solve_bounded(grams[i], moments[i], lower, upper, held[i])
-    return np.clip(beta, lower, upper)
+    without = []
+    for left_out, part in zip(grams, moments, strict=True):
+        rest = gram - left_out
+        unseen = (np.diag(rest) <= LEAST_OUTSIDE_FOLD**2 * np.diag(gram)) & (known == 0.0)
+        without.append(solve_bounded(rest + np.diag(known), moment - part, lower, upper, unseen))
+    return solve_bounded(gram + np.diag(known), moment, lower, upper), np.array(without)
 
 
 def collinear(gram: FloatArray) -> bool:

@@ -14,10 +14,10 @@ import numpy as np
 
 from drake_tc.diagnosis.data.preparation import SLOWER, load_scale
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, solve_bounded
 from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, MAX_CONDITION
-from drake_tc.effects.base import Context, Signals
+from drake_tc.effects.base import Context
 from drake_tc.effects.unknown_load import CURVE_LOADS, PENDULUM, SLIDER, SMOOTH_LOADS, UnknownLoadEffect
 from drake_tc.errors import IdentificationError
 from drake_tc.filtering.common_kernel import CommonKernel
@@ -42,13 +42,8 @@ def possible_loads(rig: Rig, joint: str) -> tuple[UnknownLoadEffect, ...]:
 
 def load_of(fitted: Fit) -> tuple[Term, FloatArray] | None:
     """The term of the unknown load and its coefficients (k,); None where the fit has none."""
-    at = 1
-    for term in fitted.terms:
-        theta = fitted.beta[at : at + len(term.effect.coefficients)]
-        if isinstance(term.effect, UnknownLoadEffect):
-            return term, theta
-        at += theta.size
-    return None
+    found = coefficients_by_term(fitted.terms, fitted.beta)
+    return next(((term, theta) for term, theta in found if isinstance(term.effect, UnknownLoadEffect)), None)
 
 
 def with_fitted_load(columns: Columns, fitted: Fit) -> Columns:
@@ -62,7 +57,8 @@ def with_fitted_load(columns: Columns, fitted: Fit) -> Columns:
     (term, theta), samples = found, columns.samples
     s = samples.signals
     load = term.effect.columns(s, term.shape) @ theta
-    ends = [term.effect.columns(_moved(s, h), term.shape) @ theta for h in (-STEP, STEP)]
+    moved = (replace(s, position=s.position + step) for step in (-STEP, STEP))
+    ends = [term.effect.columns(each, term.shape) @ theta for each in moved]
     slope = (ends[1] - ends[0]) / (2.0 * STEP)
     inertial = isinstance(term.effect, UnknownLoadEffect) and term.effect.inertial
     inertia = float(theta[-1]) if inertial else 0.0
@@ -74,10 +70,6 @@ def with_fitted_load(columns: Columns, fitted: Fit) -> Columns:
     floor = replace(samples.floor, inertia=s.rotor_inertia + inertia, load_slope=rms)
     samples = replace(samples, signals=signals, floor=floor)
     return columns.changed(samples=samples)
-
-
-def _moved(signals: Signals, step: float) -> Signals:
-    return replace(signals, position=signals.position + step)
 
 
 def with_torque_span(context: Context, samples: Samples) -> Context:

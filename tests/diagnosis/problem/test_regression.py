@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.problem.columns import Columns, Term
-from drake_tc.diagnosis.problem.regression import FOLDS, cross_validated, fit, fold_of, predict, solve_bounded
+from drake_tc.diagnosis.problem.regression import FOLDS, fit, fold_of, predict, solve_bounded
 from drake_tc.effects.library import effect
 
 from ..rigs import Joint, motion, problem, record, rig_of
@@ -65,21 +65,6 @@ def test_bounds_are_those_of_scipys_solver(seed):
     cost = 0.5 * float(np.sum((x @ found - z) ** 2))
     # nearly orthogonal columns: fixing all violated bounds at once is exact up to rounding in almost every draw
     assert cost <= wanted.cost * 1.001 + 1e-9
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_folds_solved_together_are_the_folds_solved_one_by_one(seed):
-    rng = np.random.default_rng(seed)
-    x = rng.standard_normal((FOLDS, 12, 3)) * np.array([1.0, 30.0, 1e-2])
-    z = rng.standard_normal((FOLDS, 12))  # no signal: some folds meet the bound at 0, others do not
-    grams, moments = x.transpose(0, 2, 1) @ x, np.einsum("fnk,fn->fk", x, z)
-    low, high = np.array([0.0, -np.inf, 0.0]), np.full(3, np.inf)
-    beta, without = cross_validated(grams, moments, low, high)
-    assert_allclose(beta, solve_bounded(grams.sum(0), moments.sum(0), low, high), rtol=1e-12)
-    for fold in range(FOLDS):
-        kept = np.arange(FOLDS) != fold
-        alone = solve_bounded(grams[kept].sum(0), moments[kept].sum(0), low, high)
-        assert_allclose(without[fold], alone, rtol=1e-9, atol=1e-12)  # a sum of four against a difference of two
 
 
 def test_a_coefficient_that_would_be_negative_rests_on_its_bound():
