@@ -58,9 +58,8 @@ class ControllerStepper:
         self._places: dict[str, Any] = {}
         for index in range(diagram.num_input_ports()):
             port: Any = diagram.get_input_port(index)
-            self._places[port.get_name()] = port
-            port.FixValue(self._context, np.full(port.size(), np.nan))
-        self.inputs = {name: int(port.size()) for name, port in self._places.items()}
+            self._places[port.get_name()] = port.FixValue(self._context, np.full(port.size(), np.nan))
+        self.inputs = {name: int(diagram.GetInputPort(name).size()) for name in self._places}
         self._outputs: dict[str, Any] = {name: diagram.GetOutputPort(name) for name in outputs}
 
     def start(self, readings: Mapping[str, FloatArray]) -> None:
@@ -102,4 +101,4 @@ class ControllerStepper:
 
     def _give(self, readings: Mapping[str, FloatArray]) -> None:
         for name, value in readings.items():
-            self._places[name].FixValue(self._context, value)
+            self._places[name].GetMutableData().get_mutable_value().SetFromVector(value)
