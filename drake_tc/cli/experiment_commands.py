@@ -160,8 +160,7 @@ def _designed_joints(
     progress: "Progress",
 ) -> tuple[dict[str, Any], list[str]]:
     """Write the design of each joint; (design.json, lines for the console)."""
-    from drake_tc.experiments.design.load_output import LoadExperiment
-    from drake_tc.experiments.design.load_result import LoadDesign
+    from drake_tc.experiments.design.load_output import LoadDesign, LoadExperiment
     from drake_tc.experiments.design.output import design_json, write_design
     from drake_tc.experiments.design.request import designed, designed_with_loads
 

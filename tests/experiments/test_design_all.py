@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.expected import worth_of
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.known import joint_from_logs
+from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.logs.prepare import load_runs

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from pydrake.common.yaml import yaml_load_typed
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_tc.experiments.design.drake_output import drake_trajectory
+from drake_tc.experiments.design.output import drake_trajectory
 
 
 def test_drake_reads_the_trajectory_back_with_its_derivatives(tmp_path):

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
-from drake_tc.experiments.design.default_motion import default_motion
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.known import joint_from_logs
+from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.sizes import JointNumbers

@@ -14,7 +14,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 
 from drake_tc.experiments.design.basis import motion_basis, scaled
-from drake_tc.experiments.design.default_motion import DEFAULT_HZ
+from drake_tc.experiments.design.lead import DEFAULT_HZ
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import RelativeIntervals, standard_errors
 from drake_tc.experiments.design.robot_goal import TURN_SPEED

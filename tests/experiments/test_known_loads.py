@@ -11,19 +11,16 @@ from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import motion_basis, scaled
-from drake_tc.experiments.design.criteria import Parameters
-from drake_tc.experiments.design.discrimination import Discrimination
-from drake_tc.experiments.design.forms import form_of
+from drake_tc.experiments.design.criteria import Discrimination, Parameters
+from drake_tc.experiments.design.forms import form_of, identity
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
-from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.known_loads import KnownLoad, carrying, declaring, parse_loads
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.load_design import design_with_loads
-from drake_tc.experiments.design.load_result import LoadDesign
-from drake_tc.experiments.design.load_search import LoadSearch, slow_passes, splits
+from drake_tc.experiments.design.load_output import LoadDesign
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
-from drake_tc.experiments.design.stacked import RememberedColumns, StackedColumns
+from drake_tc.experiments.design.search import MotionSearch, RememberedColumns, StackedColumns, slow_passes, splits
 from drake_tc.experiments.sizes import JointNumbers, size_of
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_document.writing import rig_document
@@ -97,7 +94,7 @@ def test_the_best_split_for_two_parameters_under_two_loads_is_the_even_one():
     member = effect("load_dependent_friction")
     criterion = Parameters(base, (form_of(base, member.key, size_of(member, base.numbers, base.context)),), 40.0)
     basis = scaled(motion_basis("fourier", 10.0, STEP, 2.0), LIMITS)
-    search = LoadSearch(joints, basis, basis, LIMITS, criterion, 4)
+    search = MotionSearch(joints, basis, basis, LIMITS, criterion, 4)
     slots, value = search.split([rows_of(j, slow_sine(40.0)) for j in joints])
     assert slots == (2, 2)
     uneven = search.value([rows_of(j, slow_sine(40.0)) for j in joints], (1, 3))

@@ -9,7 +9,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.run import DesignOptions, design_joint
-from drake_tc.experiments.rehearsal.twin_runs import integrated
+from drake_tc.experiments.rehearsal.twin import integrated
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.joint_simulator.measurement import clean_log, measured
 from drake_tc.joint_simulator.spec import RigSpec, Sensors

@@ -155,12 +155,15 @@ def _apart(first: FloatArray, second: FloatArray, lead: int) -> float:
 
 
 def _declared(fitted: FittedJoint) -> Finding:
-    """Drive gain and friction of the model, with the interval of the gain."""
-    units = fitted.prepared.train.samples.units
-    wrong = [key for key in FRICTION if key in fitted.parameters and fitted.parameters[key][key].value <= 0.0]
+    """Drive gain and friction: the declared model by itself must not ask for power, and the gain has its interval."""
+    units, alone = fitted.prepared.train.samples.units, fitted.alone().parameters
+    wrong = [key for key in FRICTION if key in alone and alone[key][key].value <= 0.0]
     gain = fitted.parameters["drive"]["gain"]
     if wrong:
-        text = f"The model fits without {' and '.join(wrong)} friction: a column has the wrong sign, or is late."
+        text = (
+            f"The declared model fits without {' and '.join(wrong)} friction: a column has the wrong sign, or an "
+            "effect is missing."
+        )
         return Finding("declared model", "warning", gain.value, units.gain, text)
     if units.torque_as_effort:
         text = (

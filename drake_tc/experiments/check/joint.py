@@ -10,8 +10,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
-from drake_tc.experiments.check.facts import MotionFacts
-from drake_tc.experiments.check.reasons import Hidden, sentence
+from drake_tc.experiments.check.reasons import Hidden, MotionFacts, sentence
 from drake_tc.experiments.check.visibility import WEAK, Status, Visibility
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 from drake_tc.experiments.log_odds import EffectOdds

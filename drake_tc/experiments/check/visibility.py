@@ -1,5 +1,6 @@
-"""What logs show of one effect."""
+"""What logs show of one effect, and effects that cannot be looked for, by the reason."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -54,3 +55,31 @@ class Visibility:
             below = f"below {self.separable:.3g} {self.size.unit}".removesuffix(" -")
             return f"{below} not separable from {names}" if not self.reason else self.reason
         return self.reason
+
+
+Reasons = dict[str, tuple[str, ...]]
+"""By reason, keys of effects."""
+
+
+def by_reason(effects: Sequence[Visibility]) -> Reasons:
+    """Effects of one joint that cannot be looked for, in the order of the library."""
+    found: dict[str, list[str]] = {}
+    for each in effects:
+        if each.obstacle:
+            found.setdefault(each.obstacle, []).append(each.key)
+    return {reason: tuple(keys) for reason, keys in found.items()}
+
+
+def shared_and_own(joints: Mapping[str, Sequence[Visibility]]) -> tuple[Reasons, dict[str, Reasons]]:
+    """What no joint can show for the same reason, and what is left by joint. A single joint shares nothing.
+
+    Args:
+        joints: By joint, its effects.
+    """
+    each = {joint: by_reason(effects) for joint, effects in joints.items()}
+    if len(each) < 2:
+        return {}, each
+    first, *others = each.values()
+    shared = {reason: keys for reason, keys in first.items() if all(o.get(reason) == keys for o in others)}
+    own = {joint: {r: k for r, k in reasons.items() if r not in shared} for joint, reasons in each.items()}
+    return shared, own

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
-from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.criteria import AllEffects, Criterion, Discrimination, Parameters
 from drake_tc.experiments.design.forms import EffectForm
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.log_odds import EffectOdds, Variant

@@ -6,10 +6,8 @@ from typing import Literal
 
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.criteria import AllEffects, Criterion, Parameters
-from drake_tc.experiments.design.discrimination import Discrimination
-from drake_tc.experiments.design.forms import EffectForm, form_of
-from drake_tc.experiments.design.identity import identity
+from drake_tc.experiments.design.criteria import AllEffects, Criterion, Discrimination, Parameters
+from drake_tc.experiments.design.forms import EffectForm, form_of, identity
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.known_loads import carrying, trial_load
 from drake_tc.experiments.sizes import is_late, size_of

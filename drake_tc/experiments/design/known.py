@@ -69,7 +69,7 @@ def joint_from_logs(
         zero=zero,
         constant=constant,
         declared=declared,
-        noise=noise.left,
+        noise=fitted.noise * float(np.sqrt(1.0 + fitted.evidence.noise.ratio)),  # away from rest
         independent_per_second=noise.independent / moving,
         slowest=samples.resolution.least_speed,
         kernel_width=samples.light.actual_width_s,

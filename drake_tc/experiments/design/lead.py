@@ -1,4 +1,4 @@
-"""From rest into a periodic motion and out of it: polynomials of degree five that keep the limits."""
+"""The growing sinusoid beside a design, and motions from rest into a motion and out of it, within the limits."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +9,9 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from drake_tc.errors import ParamsError
+from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
 
 LENGTHS = (0.5, 1.0, 2.0, 3.0, 5.0)
@@ -130,3 +132,32 @@ def from_rest_to_rest(cores: Sequence[Core], rate_hz: float) -> tuple[FloatArray
         rows[1:, (time < before - first) | (time > before + whole + last)] = 0.0
         out.append(rows)
     return time, out
+
+
+DEFAULT_HZ = 0.4
+"""Frequency of the growing sinusoid with which a design is compared [Hz]."""
+SHRINKING, LEAST_DEFAULT = 0.95, 1e-3
+"""Factor by which this sinusoid is made smaller until it keeps jerk and torque, and its least share of the span."""
+
+
+def default_motion(joint: DesignJoint, limits: JointLimits, duration: float, step: float) -> FloatArray:
+    """(4, T) growing sinusoid of the same length and limits, which fills them at its end.
+
+    Args:
+        joint: Whose motor has the torque limit.
+        limits: Of position, speed, acceleration, jerk and torque.
+        duration: Of the motion [s].
+        step: Time between its samples [s].
+    """
+    time: FloatArray = np.asarray(np.arange(round(duration / step)) * step, dtype=np.float64)
+    low, high = limits.position
+    bounds = MotionLimits(limits.position, limits.velocity, limits.acceleration)
+    half = 0.5 * (high - low)
+    while True:
+        made = growing_sinusoid(time, DEFAULT_HZ, 0.05 * half, 0.95 * half / duration, bounds, 0.5 * (low + high))
+        jerk = np.gradient(made.acceleration, step)
+        motion = np.stack([made.position, made.velocity, made.acceleration, jerk])
+        kept = np.abs(jerk).max() <= limits.jerk and np.abs(joint.motor_torque(motion, step)).max() <= limits.torque
+        if kept or half < LEAST_DEFAULT * (high - low):
+            return motion
+        half *= SHRINKING

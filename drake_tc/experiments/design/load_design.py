@@ -6,38 +6,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.basis import motion_basis, scaled, whole_step
-from drake_tc.experiments.design.criteria import Criterion
-from drake_tc.experiments.design.default_motion import default_motion
-from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.advice import tracking_warning
+from drake_tc.experiments.design.criteria import Discrimination
 from drake_tc.experiments.design.expected import TOLD, Worth, expected_of, worth_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.known_loads import KnownLoad, carrying, require_usable
+from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.load_result import LoadDesign, LoadRun
-from drake_tc.experiments.design.load_search import LoadPlan, LoadSearch
-from drake_tc.experiments.design.load_sentences import gain_sentences
+from drake_tc.experiments.design.load_output import LoadDesign, LoadRun, gain_sentences
 from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
 from drake_tc.experiments.design.run import (
     FINE,
-    PERIOD,
-    STEP,
     DesignOptions,
     JointDesign,
     Progress,
     design_joint,
     joint_within,
+    motion_search,
 )
-from drake_tc.experiments.design.solve import Optimum
-from drake_tc.experiments.design.tracking import tracking_warning
+from drake_tc.experiments.design.search import MotionPlan, MotionSearch
 from drake_tc.experiments.fitted import FittedJoint
 
 WORTH = 1.1
 """Gain from which on known loads are proposed."""
 NOUN = "designed experiment"
-ROUGH = 0.01
-"""Time between the samples that the solver sees [s]."""
 ITERATIONS = 10
 """Most iterations of the solver for each load."""
 
@@ -74,13 +67,13 @@ def design_with_loads(
     joints = tuple(carrying(as_fitted(joint, by_default), load) for load in loads)
     criterion = criterion_of(goal, joints[0], options.duration, smallest=options.smallest, under=joints)
     unloaded, refusal = _unloaded(logged, limits, goal, options, logs, lambda text, part: progress(text, 0.5 * part))
-    search = _search(joints, limits, criterion, options)
+    search = motion_search(joints, limits, criterion, options)
     same = unloaded is not None and unloaded.basis.period == search.basis.period
     plan = search.best(
         np.random.default_rng(options.seed),
         [unloaded.optimum.x] if unloaded is not None and same else [],
-        min(options.iterations, ITERATIONS),
-        lambda text, part: progress(f"{text}, with loads", 0.5 + 0.5 * part),
+        iterations=min(options.iterations, ITERATIONS),
+        progress=lambda text, part: progress(f"{text}, with loads", 0.5 + 0.5 * part),
     )
     alone = None if unloaded is None else worth_of(criterion, next_log([unloaded.planned("alone")], options.seed))
     found = _Found(joint, limits, goal, tuple(loads), search, plan, unloaded, refusal, alone, options.seed)
@@ -96,8 +89,8 @@ class _Found:
     limits: JointLimits
     goal: Goal
     loads: tuple[KnownLoad, ...]
-    search: LoadSearch
-    plan: LoadPlan
+    search: MotionSearch
+    plan: MotionPlan
     unloaded: JointDesign | None
     refusal: str
     alone: Worth | None
@@ -128,17 +121,6 @@ def _unloaded(
         return design_joint(joint, limits, goal, options, logs, progress), ""
     except ParamsError as error:
         return None, str(error)
-
-
-def _search(
-    joints: tuple[DesignJoint, ...], limits: JointLimits, criterion: Criterion, options: DesignOptions
-) -> LoadSearch:
-    slots = max(round(options.duration / PERIOD), len(joints))
-    period, limit = options.duration / slots, limits.bandwidth_hz
-    fine, rough = (
-        scaled(motion_basis(options.basis, period, whole_step(period, step), limit), limits) for step in (STEP, ROUGH)
-    )
-    return LoadSearch(joints, fine, rough, limits, criterion, slots)
 
 
 def _told(found: _Found, before: Worth | None, default: Worth) -> LoadDesign | JointDesign:
@@ -184,7 +166,7 @@ def _resonance(found: _Found, load: int) -> tuple[str, ...]:
 
 def _run_of(found: _Found, load: int, worth: float) -> LoadRun:
     search, plan = found.search, found.plan
-    optimum = Optimum(plan.x[load], plan.value, plan.start_value, plan.solver, len(plan.used), plan.solved)
+    optimum = plan.optimum(load, len(plan.used))
     slots = plan.slots[load]
     made = JointDesign(search.joints[load], found.goal, found.limits, search.basis, optimum, slots, (), ())
     return LoadRun(found.loads[load], made, slots * search.basis.period, worth)

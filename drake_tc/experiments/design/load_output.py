@@ -1,28 +1,154 @@
-"""An experiment with known loads as files: one trajectory for each load, the lines of the rig file, JSON and a page."""
+"""An experiment with known loads: its logs, what they bring, and its files."""
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from drake_tc.config.quoted import json_value
-from drake_tc.experiments.design.drake_output import drake_trajectory
-from drake_tc.experiments.design.known_loads import MOST_LOADS, declaring, hang_angle
-from drake_tc.experiments.design.load_result import LoadDesign, LoadRun
-from drake_tc.experiments.design.load_sentences import BEYOND
+from drake_tc.experiments.design.criteria import AllEffects, Criterion, Discrimination, Parameters
+from drake_tc.experiments.design.expected import Expected
+from drake_tc.experiments.design.goal import Goal
+from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.experiments.design.known_loads import MOST_LOADS, KnownLoad, declaring, hang_angle
 from drake_tc.experiments.design.output import (
     FILES,
+    drake_trajectory,
     joint_trajectory,
     motion_plot,
     number_text,
     start_text,
     trajectory_table,
 )
+from drake_tc.experiments.design.run import JointDesign
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.rig_document.writing import rig_document
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+
+
+@dataclass(frozen=True, eq=False)
+class LoadRun:
+    """One log of the experiment.
+
+    Attributes:
+        load: What hangs on the joint.
+        design: The motion under it.
+        seconds: That its periods last.
+        worth: What the load brings: the gain of the experiment over the same one without this log; 1 if nothing.
+    """
+
+    load: KnownLoad
+    design: JointDesign
+    seconds: float
+    worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class LoadDesign:
+    """The best experiment with known loads.
+
+    Attributes:
+        joint: The joint without loads. goal: What it is for.
+        loads: That the user has.
+        runs: The logs, one for each load that takes part.
+        unloaded: The best design without loads; None where no motion without loads reaches the goal.
+        refusal: Why none does.
+        gain: Factor by which the loads lengthen the distances or shorten the intervals; infinite beside a refusal.
+        expected: What the experiment is worth. without: the same of the best motion without loads, where it exists.
+        sentences: In words.
+    """
+
+    joint: DesignJoint
+    goal: Goal
+    loads: tuple[KnownLoad, ...]
+    runs: tuple[LoadRun, ...]
+    unloaded: JointDesign | None
+    refusal: str
+    gain: float
+    expected: tuple[Expected, ...]
+    without: tuple[Expected, ...]
+    sentences: tuple[str, ...]
+
+
+BEYOND = 1e4
+"""Gain beyond which there is nothing to compare with."""
+
+
+@dataclass(frozen=True)
+class Better:
+    """How a goal is told to be better reached: a larger distance, or smaller errors."""
+
+    quantity: str
+    larger: bool
+
+    @property
+    def word(self) -> str:
+        """Of a better value."""
+        return "larger" if self.larger else "smaller"
+
+    @property
+    def opposite(self) -> str:
+        """Of a worse value."""
+        return "smaller" if self.larger else "larger"
+
+    def ratio(self, after: float, without: float) -> float:
+        """By which factor a quantity is better than without loads."""
+        above, below = (after, without) if self.larger else (without, after)
+        return above / below if below > 0.0 else np.nan
+
+
+BETTER: Mapping[type[Criterion], Better] = {
+    Discrimination: Better("the smallest distance", larger=True),
+    Parameters: Better("the standard error (geometric mean)", larger=False),
+    AllEffects: Better("the smallest size that is found (geometric mean)", larger=False),
+}
+
+
+def gain_sentences(
+    criterion: Criterion,
+    refusal: str,
+    gain: float,
+    worths: Sequence[tuple[KnownLoad, float]],
+    expected: Sequence[Expected],
+    without: Sequence[Expected],
+) -> tuple[str, ...]:
+    """What the loads bring over the best motion without them, and which of them brings most.
+
+    Args:
+        criterion: Of the goal.
+        refusal: Why no motion without loads reaches the goal; empty where one does.
+        gain: Factor over the best motion without loads.
+        worths: Each load that takes part, and the factor that is lost without its log.
+        expected: What the experiment is worth.
+        without: What the best motion without loads is worth.
+    """
+    better = BETTER[type(criterion)]
+    if refusal:
+        texts = [f"Without known loads the goal is out of reach: {refusal}."]
+    elif gain > BEYOND:
+        texts = ["Without known loads no motion reaches the goal."]
+    else:
+        texts = [f"With the known loads {better.quantity} is {gain:.3g} times {better.word} than without loads."]
+    best, worth = max((each for each in worths if each[0].mass), key=lambda each: each[1])
+    if len(worths) == 1:
+        texts.append(f"The whole experiment is under one load: {best.words}.")
+    else:
+        lost = "the goal would be out of reach"
+        if worth < BEYOND:
+            lost = f"{better.quantity} would be {worth:.3g} times {better.opposite}"
+        texts.append(f"The load that brings most is {best.words}: without its log {lost}.")
+    alone = {each.name: each.after for each in without}
+    ratios = {each.name: better.ratio(each.after, alone.get(each.name, np.nan)) for each in expected}
+    ratios = {name: r for name, r in ratios.items() if np.isfinite(r) and not name.startswith("probability")}
+    if ratios:
+        name = max(ratios, key=lambda each: ratios[each])
+        texts.append(f"The loads change this quantity most: {name}, {ratios[name]:.3g} times {better.word}.")
+    return tuple(texts)
+
 
 RIG_LINES = "rig_load.yaml"
 LOAD_FILES = (

@@ -1,4 +1,13 @@
-"""A designed experiment as files: CSV at a rate, a ROS JointTrajectory, a Drake trajectory, JSON and a page."""
+"""A designed experiment as files: CSV at a rate, a ROS JointTrajectory, a Drake trajectory, JSON and a page.
+
+A designed motion as a Drake trajectory: a `PiecewisePolynomial` in the YAML that Drake reads and writes.
+
+    from pydrake.common.yaml import yaml_load_typed
+    from pydrake.trajectories import PiecewisePolynomial
+    trajectory = yaml_load_typed(schema=PiecewisePolynomial, filename="trajectory.drake.yaml")
+
+Rows are the joints in the order of the other files.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -9,9 +18,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
+from scipy.interpolate import BPoly, PPoly
 
 from drake_tc.config.quoted import json_value
-from drake_tc.experiments.design.drake_output import drake_trajectory
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
@@ -215,3 +224,29 @@ def _plot_of(motion: FloatArray, step: float, limits: JointLimits, joint: str, n
             axes.tick_params(labelbottom=row == len(labels) - 1)
         axes.set_xlabel("time [s], one period")
         return to_svg(figure, f"designed motion of {joint}")
+
+
+KNOT = 0.02
+"""Time between knots, about [s]: position, velocity and acceleration are exact there."""
+
+
+def drake_trajectory(time: FloatArray, motions: Mapping[str, FloatArray]) -> str:
+    """YAML of a `PiecewisePolynomial` of degree 5 through position, velocity and acceleration at knots.
+
+    Between knots the position errs by h^6/46080 of its sixth derivative at most (Hermite): 3e-7 of the amplitude at
+    4 Hz.
+
+    Args:
+        time: (T,) [s], evenly spaced.
+        motions: By joint, (4, T) position, velocity, acceleration and jerk.
+    """
+    every = max(1, round(KNOT / float(time[1] - time[0])))
+    picked = np.unique(np.append(np.arange(0, time.size, every), time.size - 1))
+    knots = time[picked]
+    rows = []
+    for motion in motions.values():
+        spline = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, motion[:3, picked].T))
+        rows.append(spline.c[::-1].T.tolist())  # by segment, lowest power first
+    polynomials = [[[row[k]] for row in rows] for k in range(knots.size - 1)]
+    lines = ",\n".join(json.dumps(each) for each in polynomials)
+    return f'{{"breaks": {json.dumps(knots.tolist())},\n"polynomials": [\n{lines}\n]}}\n'

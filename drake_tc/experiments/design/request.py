@@ -20,7 +20,7 @@ from drake_tc.experiments.design.known import joint_from_logs, joint_from_model,
 from drake_tc.experiments.design.known_loads import KnownLoad
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.load_design import design_with_loads
-from drake_tc.experiments.design.load_result import LoadDesign
+from drake_tc.experiments.design.load_output import LoadDesign
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
 from drake_tc.experiments.design.robot_noise import robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint

@@ -11,7 +11,7 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.collisions import Collisions
-from drake_tc.experiments.design.default_motion import DEFAULT_HZ
+from drake_tc.experiments.design.lead import DEFAULT_HZ
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.robot_criteria import InformationCriterion
 from drake_tc.experiments.design.robot_goal import RobotGoal

@@ -5,18 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.experiments.design.advice import tracking_warning, what_limits
 from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled, whole_step
-from drake_tc.experiments.design.default_motion import default_motion
-from drake_tc.experiments.design.discrimination import Discrimination
+from drake_tc.experiments.design.criteria import Criterion, Discrimination
 from drake_tc.experiments.design.expected import TOLD, Expected, expected_of, worth_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.lead import Core, from_rest_to_rest
+from drake_tc.experiments.design.lead import Core, default_motion, from_rest_to_rest
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
-from drake_tc.experiments.design.solve import Optimum, optimise
-from drake_tc.experiments.design.tracking import tracking_warning
-from drake_tc.experiments.design.wider import what_limits
+from drake_tc.experiments.design.search import MotionSearch
+from drake_tc.experiments.design.solve import Optimum
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.types import FloatArray
 
@@ -25,6 +24,8 @@ PERIOD = 10.0
 """Period of the motion [s], about: the experiment holds a whole number of them."""
 STEP = 0.005
 """Time between the samples of a design [s]."""
+ROUGH = 0.01
+"""The same of those that the solver sees [s]."""
 FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
 
@@ -145,20 +146,12 @@ def design_joint(
     by_default = next_log([PlannedRun("sinusoid", joint, fill, FINE)], options.seed)
     seen = as_fitted(joint, by_default)
     criterion = criterion_of(goal, seen, options.duration, smallest=options.smallest)
-    repeats = max(1, round(options.duration / PERIOD))
-    period = options.duration / repeats
-    basis = scaled(motion_basis(options.basis, period, whole_step(period, STEP), limits.bandwidth_hz), limits)
-    found = optimise(
-        seen,
-        basis,
-        limits,
-        criterion,
-        np.random.default_rng(options.seed),
-        starts=options.starts,
-        iterations=options.iterations,
-        progress=progress,
-    )
-    made = JointDesign(joint, goal, limits, basis, found, repeats, (), ())
+    limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
+    search = motion_search((seen,), limits, criterion, options)
+    starts, repeats, basis = options.starts, search.slots, search.basis
+    rng = np.random.default_rng(options.seed)
+    plan = search.best(rng, starts=starts, iterations=options.iterations, progress=progress)
+    made = JointDesign(joint, goal, limits, basis, plan.optimum(0, starts), repeats, (), ())
     default = worth_of(criterion, by_default)
     designed = worth_of(criterion, next_log([made.planned("designed")], options.seed))
     if designed.total < default.total:
@@ -174,6 +167,18 @@ def design_joint(
     sentences = (*sentences, *tracking_warning(joint, limits, *made.one))
     contained = criterion.contained if isinstance(criterion, Discrimination) else ()
     return replace(made, expected=expected, sentences=sentences, contained=contained)
+
+
+def motion_search(
+    joints: tuple[DesignJoint, ...], limits: JointLimits, criterion: Criterion, options: DesignOptions
+) -> MotionSearch:
+    """The search for the motions of a joint under each of some loads; a slot lasts about `PERIOD`."""
+    slots = max(round(options.duration / PERIOD), len(joints))
+    period, limit = options.duration / slots, limits.bandwidth_hz
+    fine, rough = (
+        scaled(motion_basis(options.basis, period, whole_step(period, step), limit), limits) for step in (STEP, ROUGH)
+    )
+    return MotionSearch(joints, fine, rough, limits, criterion, slots)
 
 
 def joint_within(joint: DesignJoint, limits: JointLimits) -> DesignJoint:

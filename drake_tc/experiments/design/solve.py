@@ -4,7 +4,13 @@
 
 Linear constraints but the last. The gradient of f is a forward difference: f is a function of a few tens of numbers.
 The solver sees friction that turns over smoothly. All motions that it visits are judged with sharp friction, and the
-best of them is refined (`refine`).
+best of them is refined by a search that needs no gradient. From the best point found,
+
+
+    x' = x + s m o n,   n ~ N(0, I),   m: a random third of the functions
+
+is kept where the sharp criterion is larger; s grows by half after a success and shrinks after a failure, so that about
+one trial in five succeeds (Rechenberg, 1973). A step that has become too small begins anew.
 """
 
 from collections.abc import Callable
@@ -21,7 +27,6 @@ from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.criteria import Criterion
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.refine import refined
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -53,63 +58,6 @@ class Optimum:
     solver: str
     starts: int
     solved: int
-
-
-def optimise(
-    joint: DesignJoint,
-    basis: MotionBasis,
-    limits: JointLimits,
-    criterion: Criterion,
-    rng: np.random.Generator,
-    *,
-    starts: int = 2,
-    iterations: int = 40,
-    progress: Progress = lambda text, share: None,
-) -> Optimum:
-    """Maximise a criterion over the motions of a basis.
-
-    Args:
-        joint: The joint.
-        basis: Of the motion.
-        limits: That it keeps.
-        criterion: What is maximised.
-        rng: Of the starts.
-        starts: Number of starts of the solver.
-        iterations: Of the solver, from each start.
-        progress: Told how far it is.
-
-    Raises:
-        ParamsError: No motion of the basis keeps the limits.
-    """
-    limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
-    tight = limits.with_margin(MARGIN)
-
-    def value(x: FloatArray) -> float:
-        return sharp_value(joint, criterion, basis, x)
-
-    def judged(x: FloatArray) -> tuple[float, FloatArray]:
-        kept = within(joint, basis, tight, x)
-        return value(kept), kept
-
-    def smooth(x: FloatArray) -> float:
-        return criterion.value(MotionColumns(joint, basis.motion(x), basis.step))
-
-    tried = []
-    for number in range(RANDOM_STARTS):
-        x = random_start(joint, basis, tight, rng)
-        tried.append((value(x), x))
-        progress("random motions", 0.1 * (number + 1) / RANDOM_STARTS)
-    tried += [(value(x), x) for x in single_waves(joint, basis, tight)]
-    tried.sort(key=lambda pair: -pair[0])
-    best, solved, name = tried[0], 0, ""
-    for number, (_, start) in enumerate(tried[:starts]):
-        visited, ended, name = solved_from(joint, basis, tight, smooth, start, iterations)
-        solved += ended
-        best = max([best, *map(judged, visited)], key=lambda pair: pair[0])
-        progress(f"start {number + 1} of {starts}", 0.2 + 0.7 * (number + 1) / starts)
-    if starts:
-        best = refined(judged, best, rng)
-    return Optimum(best[1], best[0], tried[0][0], name, starts, solved)
 
 
 def sharp_value(joint: DesignJoint, criterion: Criterion, basis: MotionBasis, x: FloatArray) -> float:
@@ -290,3 +238,39 @@ def differentiable(value: Callable[[FloatArray], float], visited: list[FloatArra
         return AutoDiffXd(here, slope_at(plain, here) @ ExtractGradient(at))
 
     return cost
+
+
+TRIALS = 400
+FIRST_STEP, LEAST_STEP = 0.1, 1e-3
+"""Steps s, over the amplitude that the limits allow each function alone."""
+GROWTH = 1.5
+SHARE = 1.0 / 3.0
+"""Of the functions that are changed together."""
+
+
+def refined(
+    value: Callable[[FloatArray], tuple[float, FloatArray]],
+    best: tuple[float, FloatArray],
+    rng: np.random.Generator,
+    trials: int = TRIALS,
+) -> tuple[float, FloatArray]:
+    """The best (value, x (n,)) after a number of trials; never less than that of `best`.
+
+    Args:
+        value: (criterion, the motion within limits) of a motion (n,).
+        best: From which the search begins.
+        rng: Of the trials.
+        trials: Their number.
+    """
+    found, x = best
+    step = FIRST_STEP
+    for _ in range(trials):
+        moved = rng.random(x.size) < SHARE
+        tried, at = value(x + step * moved * rng.normal(size=x.size))
+        if tried > found:
+            found, x, step = tried, at, step * GROWTH
+        else:
+            step *= GROWTH**-0.25
+        if step < LEAST_STEP:
+            step = FIRST_STEP
+    return found, x

@@ -16,10 +16,9 @@ from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.known_loads import KnownLoad
 from drake_tc.experiments.design.load_design import design_with_loads
-from drake_tc.experiments.design.load_output import LoadExperiment
-from drake_tc.experiments.design.load_result import LoadDesign
+from drake_tc.experiments.design.load_output import LoadDesign, LoadExperiment
 from drake_tc.experiments.design.run import DesignOptions, JointDesign
-from drake_tc.experiments.rehearsal.twin_runs import TwinRun, integrated
+from drake_tc.experiments.rehearsal.twin import TwinRun, integrated
 from drake_tc.joint_simulator.reference import LOG_PERIOD
 from drake_tc.joint_simulator.spec import RigSpec
 from drake_tc.logs.rig import Rig, parse_rig

@@ -1,4 +1,4 @@
-"""Which known loads, how long each, and which motion under each: the best plan of an experiment.
+"""The motions of an experiment: of the joint as it is, or under known loads, each with its own motion and time.
 
 The experiment has N equal slots of time. Load k takes n_k of them, in which it repeats its own motion x_k, and
 
@@ -6,21 +6,115 @@ The experiment has N equal slots of time. Load k takes n_k of them, in which it 
 
 for a criterion f of all rows together, since a diagnosis fits all logs of a joint with one model. The search begins
 with candidates (random motions, sinusoids, slow passes over the whole range in both directions), exchanges them load
-by load, tries every split of the slots, and then lets the solver improve the motion of one load at a time.
+by load, tries every split of the slots, and then lets the solver improve the motion of one load at a time. A single
+motion is refined at the end.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.experiments.design.basis import MotionBasis
 from drake_tc.experiments.design.criteria import Criterion
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint, MotionColumns
 from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.solve import MARGIN, RANDOM_STARTS, random_start, single_waves, solved_from, within
-from drake_tc.experiments.design.stacked import RememberedColumns, StackedColumns
+from drake_tc.experiments.design.solve import (
+    MARGIN,
+    RANDOM_STARTS,
+    Optimum,
+    random_start,
+    refined,
+    single_waves,
+    solved_from,
+    within,
+)
 from drake_tc.types import FloatArray
+
+
+def _key(terms: Sequence[Term]) -> Hashable:
+    return tuple((t.effect.key, tuple(sorted(t.shape.items()))) for t in terms)
+
+
+class RememberedColumns:
+    """Columns that are computed once: parts of an experiment that stay while another part is changed."""
+
+    def __init__(self, columns: BalanceColumns) -> None:
+        """Of a motion."""
+        self.joint, self.weight, self.seconds = columns.joint, columns.weight, columns.seconds
+        self._columns = columns
+        self._known: dict[Hashable, FloatArray] = {}
+
+    def effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (T,)."""
+        key = ("effort", _key(terms))
+        if key not in self._known:
+            self._known[key] = self._columns.effort(terms)
+        return self._known[key]
+
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(T, g)."""
+        key = ("changes", _key(terms))
+        if key not in self._known:
+            self._known[key] = self._columns.changes(terms)
+        return self._known[key]
+
+    def of(self, term: Term) -> FloatArray:
+        """Phi (T, k)."""
+        key = ("of", _key([term]))
+        if key not in self._known:
+            self._known[key] = self._columns.of(term)
+        return self._known[key]
+
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (T, k) of each; those that are not known yet are computed together."""
+        keys: list[Hashable] = [("of", _key([term])) for term in terms]
+        missing = {key: term for key, term in zip(keys, terms, strict=True) if key not in self._known}
+        if missing:
+            self._known |= zip(missing, self._columns.of_each(list(missing.values())), strict=True)
+        return [self._known[key] for key in keys]
+
+    def design(self, terms: Sequence[Term]) -> FloatArray:
+        """[y*, -phi ...] (T, 1 + sum k)."""
+        blocks = [self.effort(terms)[:, None]] + [-self.of(t) for t in terms if t.effect.coefficients]
+        return np.concatenate(blocks, axis=1)
+
+
+class StackedColumns:
+    """Rows of several parts, each with its share of the time of the whole experiment."""
+
+    def __init__(self, parts: Sequence[BalanceColumns], shares: Sequence[float]) -> None:
+        """Parts with the same noise and filters; shares of the time, which add up to 1."""
+        self.parts, self.shares = tuple(parts), tuple(shares)
+        self.joint = parts[0].joint
+        rows = sum(part.weight.size for part in parts)
+        self.weight = np.concatenate(
+            [part.weight * (share * rows / part.weight.size) for part, share in zip(parts, shares, strict=True)]
+        )
+        self.seconds = sum(part.seconds for part in parts)
+
+    def effort(self, terms: Sequence[Term]) -> FloatArray:
+        """y* (T,) after the drive effects among the terms."""
+        return np.concatenate([part.effort(terms) for part in self.parts])
+
+    def changes(self, terms: Sequence[Term]) -> FloatArray:
+        """(T, g) change of y* by each of several drive effects alone."""
+        return np.concatenate([part.changes(terms) for part in self.parts])
+
+    def of(self, term: Term) -> FloatArray:
+        """Phi (T, k) of one term."""
+        return np.concatenate([part.of(term) for part in self.parts])
+
+    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
+        """Phi (T, k) of each."""
+        each = zip(*(part.of_each(terms) for part in self.parts), strict=True)
+        return [np.concatenate(blocks) for blocks in each]
+
+    def design(self, terms: Sequence[Term]) -> FloatArray:
+        """[y*, -phi ...] (T, 1 + sum k)."""
+        return np.concatenate([part.design(terms) for part in self.parts])
+
 
 Progress = Callable[[str, float], None]
 SWEEPS = 3
@@ -30,8 +124,8 @@ PASSES = (1.0, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class LoadPlan:
-    """An experiment under known loads.
+class MotionPlan:
+    """The motions of an experiment, the joint as it is being one load.
 
     Attributes:
         x: By load, (n,) parameters of its motion.
@@ -52,9 +146,13 @@ class LoadPlan:
         """Numbers of the loads that take part."""
         return tuple(k for k, count in enumerate(self.slots) if count)
 
+    def optimum(self, load: int, starts: int) -> Optimum:
+        """The motion under one load."""
+        return Optimum(self.x[load], self.value, self.start_value, self.solver, starts, self.solved)
+
 
 @dataclass(frozen=True, eq=False)
-class LoadSearch:
+class MotionSearch:
     """What a plan is looked for with.
 
     Attributes:
@@ -86,14 +184,22 @@ class LoadSearch:
         return self.criterion.value(StackedColumns(parts, [slots[k] / sum(slots) for k in used]))
 
     def best(
-        self, rng: np.random.Generator, known: Sequence[FloatArray], iterations: int, progress: Progress
-    ) -> LoadPlan:
+        self,
+        rng: np.random.Generator,
+        known: Sequence[FloatArray] = (),
+        *,
+        starts: int = 1,
+        iterations: int = 20,
+        progress: Progress = lambda text, share: None,
+    ) -> MotionPlan:
         """The best plan.
 
         Args:
             rng: Of the random motions.
             known: Motions (n,) that are candidates under every load.
-            iterations: Of the solver for each load.
+            starts: Of the solver: the best candidates of a single motion, otherwise those of the plan; 0 leaves the
+                candidates as they are.
+            iterations: Of the solver for each motion.
             progress: Told how far it is.
 
         Raises:
@@ -107,8 +213,22 @@ class LoadSearch:
             progress("candidates", 0.1 * (k + 1) / len(self.joints))
         picked, slots, value = self._exchanged(tried)
         progress("loads", 0.3)
-        plan = LoadPlan(tuple(tried[k][i][0] for k, i in enumerate(picked)), slots, value, value)
-        return self._improved(plan, tight, iterations, progress)
+        plan = MotionPlan(tuple(tried[k][i][0] for k, i in enumerate(picked)), slots, value, value)
+        if not starts:
+            return plan
+        if len(self.joints) > 1:
+            return self._improved(plan, tight, iterations, progress)
+        others = sorted(tried[0], key=lambda pair: -self.value([pair[1]], slots))[:starts]
+        found = [self._improved(replace(plan, x=(x,)), tight, iterations, progress) for x, _ in others]
+        best = max(found, key=lambda each: each.value)
+        best = replace(best, solved=sum(each.solved for each in found))
+
+        def judged(x: FloatArray) -> tuple[float, FloatArray]:
+            kept = within(self.joints[0], self.basis, tight, x)
+            return self.value([self.rows(0, kept)], slots), kept
+
+        value, x = refined(judged, (best.value, best.x[0]), rng)
+        return replace(best, x=(x,), value=value)
 
     def _exchanged(
         self, tried: Sequence[Sequence[tuple[FloatArray, BalanceColumns]]]
@@ -143,7 +263,7 @@ class LoadSearch:
         best = max(values, key=lambda slots: values[slots])
         return best, values[best]
 
-    def _improved(self, plan: LoadPlan, tight: JointLimits, iterations: int, progress: Progress) -> LoadPlan:
+    def _improved(self, plan: MotionPlan, tight: JointLimits, iterations: int, progress: Progress) -> MotionPlan:
         """The plan with the motion of one load after the other improved by the solver, and the time split anew."""
         sharp = [self.rows(k, x) for k, x in enumerate(plan.x)]
         for number, k in enumerate(plan.used):
@@ -161,7 +281,7 @@ class LoadSearch:
         slots, value = self.split(sharp)
         return replace(plan, slots=slots, value=value) if value > plan.value else plan
 
-    def _with_one_free(self, plan: LoadPlan, load: int) -> Callable[[FloatArray], float]:
+    def _with_one_free(self, plan: MotionPlan, load: int) -> Callable[[FloatArray], float]:
         """The smooth value of a plan as a function of one load's motion."""
         fixed = {j: self.rows(j, plan.x[j], sharp=False) for j in plan.used if j != load}
 

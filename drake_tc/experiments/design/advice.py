@@ -1,5 +1,15 @@
-"""Which limit stands in the way of a goal: the criterion of rough motions, each limit in turn twice as wide."""
+"""Whether a position servo follows a designed motion, or its stiffness and the joint's inertia resonate with it.
 
+A servo of stiffness 1/K that is commanded to q_d moves the joint, but for dry friction and gravity, as
+
+    J q'' + F_v q' = (q_d - q)/K,   H(w) = 1/(1 - K J w^2 + i K F_v w)                              (following)
+
+with the rotor's and the load's inertia J. The motion that the joint then makes is H applied to the designed one.
+
+Which limit stands in the way of a goal: the criterion of rough motions, each limit in turn twice as wide.
+"""
+
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +20,57 @@ from drake_tc.experiments.design.criteria import Criterion
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.limits import JointLimits
 from drake_tc.experiments.design.solve import random_start, sharp_value, single_waves
+from drake_tc.types import FloatArray
+
+FOLLOWED = 1.05
+"""Largest |H| up to which the servo is said to follow, and largest speed and acceleration over their limits."""
+
+
+def followed_up_to(joint: DesignJoint) -> float:
+    """Frequency [Hz] up to which |H| <= `FOLLOWED`; infinite where the servo does not resonate, or is none."""
+    n = joint.numbers
+    if joint.context.drive != "position_servo" or not n.inertia > 0.0:
+        return math.inf
+    # |H|^-2 = (1 - x)^2 + d x with x = K J w^2 and d = K F_v^2/J
+    damping = n.gain * n.viscous**2 / n.inertia
+    half, end = 1.0 - 0.5 * damping, 1.0 - FOLLOWED**-2
+    if half <= 0.0 or half**2 <= end:
+        return math.inf
+    x = half - math.sqrt(half**2 - end)
+    return math.sqrt(x / (n.gain * n.inertia)) / (2.0 * math.pi)
+
+
+def followed(joint: DesignJoint, motion: FloatArray, step: float) -> FloatArray:
+    """Motion (4, T) of the joint under a periodic designed motion (4, T), by (following).
+
+    Args:
+        joint: With a position servo.
+        motion: One period.
+        step: Time between its samples [s].
+    """
+    n, size = joint.numbers, motion.shape[1]
+    w = 2.0 * np.pi * np.fft.rfftfreq(size, step)
+    response = 1.0 / (1.0 - n.gain * n.inertia * w**2 + 1j * n.gain * n.viscous * w)
+    return np.asarray(np.fft.irfft(np.fft.rfft(motion, axis=1) * response, size, axis=1))
+
+
+def tracking_warning(joint: DesignJoint, limits: JointLimits, motion: FloatArray, step: float) -> tuple[str, ...]:
+    """One sentence where the servo's resonance takes the joint beyond its limits; none where it does not."""
+    highest = followed_up_to(joint)
+    if not highest < limits.bandwidth_hz:
+        return ()
+    made = followed(joint, motion, step)
+    speed, acceleration = (float(np.abs(row).max()) for row in made[1:3])
+    if speed <= FOLLOWED * limits.velocity and acceleration <= FOLLOWED * limits.acceleration:
+        return ()
+    text = (
+        f"The position servo's stiffness and the inertia resonate: as its logs are fitted, the joint would reach "
+        f"{speed:.3g} rad/s and {acceleration:.3g} rad/s² where the limits are {limits.velocity:.3g} rad/s and "
+        f"{limits.acceleration:.3g} rad/s². Design the motion with --bandwidth {highest:.2g}, up to which the servo "
+        "follows its command."
+    )
+    return (joint.context.units.text(text),)
+
 
 TRIES = 8
 """Random motions within each set of limits."""
