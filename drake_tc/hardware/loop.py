@@ -25,6 +25,9 @@ from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.boundary import Controller
 from drake_tc.types import FloatArray
 
+SLIP, DRIFT = 0.05, 1e-4
+"""By how much of a period ticks move back where readings come in just behind them, and how much of that is earned back
+in a tick: all of it is one period, and then as much as two clocks can drift apart."""
 MADE_UP = 10
 """Ticks that are made up after a gap."""
 KEPT = 1 << 20
@@ -96,6 +99,9 @@ class RealTimeLoop:
     is counted as a miss. The next one is then at the next multiple of the period, and up to `MADE_UP` ticks in between
     are made up without a command, their positions interpolated, so that the controller's time is that of the clock. A
     gap of more than `max_age` is a fault for the guard.
+
+    The ticks follow the robot's clock: each tick that finds nothing new moves those after it back a little (`SLIP`),
+    until readings come in before their ticks.
 
     An exception of link or controller is counted, its text kept, and the guard holds. Commands are positions within the
     joints' ranges for position servos.
@@ -209,7 +215,7 @@ class RealTimeLoop:
         """Ticks until the stop has ended."""
         period, counts = self._joints.period, tick.counts
         state, after = self._guard.initial(), self._guard.initial()
-        due, passed, left = begin, 0, None
+        due, passed, left, slip = begin, 0, None, period
         while left is None or left > 0.0:
             self._clock.wait_until(due)
             start = self._clock.now()
@@ -233,7 +239,9 @@ class RealTimeLoop:
             passed = int((done - due) / period)
             counts.missed += passed > 0
             counts.skipped += passed
-            due += (1 + passed) * period
+            moved = min(SLIP * period, slip) if 0.0 < tick.age <= self._spec.max_age else 0.0
+            slip = min(slip - moved + DRIFT * period, period)
+            due += (1 + passed) * period + moved
 
     def _asked_to_stop(self, tick: _Tick) -> bool:
         """Whether the run is to end, by whomever."""

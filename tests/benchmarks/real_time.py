@@ -65,9 +65,10 @@ def real_time_rows(seconds: float, rounds: int, report: Callable[[str, float], N
     best = min(reports, key=lambda each: (each.ended != "duration", each.miss_share))
     note = f"best of {rounds} rounds of {seconds:g} s, " + (f"SCHED_FIFO {priority}" if priority else "no priority")
     counts, n = best.counts, best.counts.ticks
+    flags = ", ".join(f"{name} {number}" for name, number in best.flags.items())
     rows = [FigureRow("deadlines missed", best.miss_share, "share", n=n, note=note)]
     rows += [
-        FigureRow(name, float(value), n=n)
+        FigureRow(name, float(value), n=n, note=flags if "held" in name else "")
         for name, value in (
             ("ticks skipped", counts.skipped),
             ("readings late", counts.late),

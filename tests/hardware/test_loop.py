@@ -192,6 +192,34 @@ def test_deadlines_that_are_missed_are_counted_and_a_long_gap_is_held():
     assert (modes[250:280] < GuardMode.HOLD).all()
 
 
+def timed(period, jitter):
+    """Late ticks and all ticks of a second, of a robot that sends a reading every `period`, give or take `jitter`."""
+    clock, leg, rng = Steps(), robot(), np.random.default_rng(0)
+    arrivals = iter(np.arange(100_000) * period + rng.uniform(-jitter, jitter, 100_000))
+    waiting = [next(arrivals)]
+
+    def read():
+        new = False
+        while waiting[0] <= clock.time:
+            new, waiting[0] = True, next(arrivals)
+        return leg.read() if new else None
+
+    def write(command):
+        leg.advance(command["command"])
+
+    counts = RealTimeLoop(controller(), CallbackLink(read, write), QUICK, clock).run(1.0).counts
+    return counts.late, counts.ticks
+
+
+def test_ticks_follow_readings_that_come_in_at_the_same_instants():
+    """Where readings arrive with the ticks, give or take 20 us, every second tick would be late."""
+    late, ticks = timed(DT, 2e-5)
+    assert late < 0.02 * ticks
+    late, ticks = timed(2.0 * DT, 0.0)  # a slower robot does not slow the controller
+    assert 0.4 * ticks < late < 0.6 * ticks
+    assert ticks >= 1045
+
+
 def test_no_command_goes_out_before_readings_are_sound_or_in_a_dry_run():
     outside = {tick: (lambda readings: readings | {"position": np.full(6, 9.0)}) for tick in range(1, 400)}
     spec = RealTimeSpec(arm_time=0.05, patience=0.3, guard=QUICK.guard)
