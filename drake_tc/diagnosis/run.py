@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.sensor_errors import without_errors
+from drake_tc.diagnosis.problem.prepared import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
 from drake_tc.diagnosis.result.errors import FreeRun, with_free_runs

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.problem.sensor_errors import without_errors
+from drake_tc.diagnosis.problem.prepared import without_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.run import close_loop

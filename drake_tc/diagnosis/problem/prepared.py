@@ -1,15 +1,22 @@
-"""A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns."""
+"""A joint ready for a search: both sides filtered (`preparation`), its declared model fitted and known to columns.
 
-from collections.abc import Callable, Iterator, Sequence
+Errors of a joint's own sensors within tolerance are part of the model before and of the model after
+(`effects.within_tolerance`): theta ~ N(0, diag(t_i^2)), cut off at 3 t_i. Least squares with this prior counts N rows
+that are correlated in time as their n effective samples.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial, wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
+import numpy as np
+
 from drake_tc.diagnosis.data.channels import HELD
 from drake_tc.diagnosis.data.preparation import build_samples, context_of, load_scale
-from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.problem.columns import Columns, Term
+from drake_tc.diagnosis.data.samples import Samples, SensorPrior
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import (
     command_is_held,
     declared_terms,
@@ -18,8 +25,7 @@ from drake_tc.diagnosis.problem.declared import (
     require_positions,
 )
 from drake_tc.diagnosis.problem.drive_gain import at_reverse_regression, require_consistent_signs, require_torque_unit
-from drake_tc.diagnosis.problem.regression import fit, noise_floor
-from drake_tc.diagnosis.problem.sensor_errors import errors_of, weighed
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
 from drake_tc.diagnosis.problem.unknown_load import (
     possible_loads,
     require_identified_load,
@@ -27,11 +33,14 @@ from drake_tc.diagnosis.problem.unknown_load import (
     with_torque_span,
 )
 from drake_tc.diagnosis.thresholds import MAX_CONDITION
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, plain_signals
+from drake_tc.effects.library import effect
+from drake_tc.effects.within_tolerance import WithinTolerance, within_tolerance
 from drake_tc.errors import IdentificationError
+from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig
+from drake_tc.logs.rig import COMMAND_COLUMN, Rig
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -156,9 +165,9 @@ def prepare_joint(
         require_consistent_signs(first, plain, rig, joint, context.load)
         plain = at_reverse_regression(first, plain, context.drive)
     context = replace(context, tolerances=rig.joint_sensors(joint).tolerances(context.drive, plain.gain))
-    errors = errors_of(context)
+    errors = _errors_of(context)
     if errors is not None:
-        first, other = (weighed(each, first, plain) for each in (first, other))
+        first, other = (_weighed(each, first, plain) for each in (first, other))
         plain = fit(first, [*plain.terms, Term(errors)])
     first, other = (with_fitted_load(c.with_model(plain.terms, plain.beta, servo=servo), plain) for c in (first, other))
     return Prepared(
@@ -169,3 +178,56 @@ def prepare_joint(
         context=with_torque_span(context, first.samples),
         declared=(*(t.effect.id for t in plain.terms), *(key.partition(".")[0] for key in rig.declared[joint])),
     )
+
+
+def _errors_of(context: Context) -> WithinTolerance | None:
+    """The errors that are part of a joint's model, or None where no tolerance is declared that concerns it.
+
+    A torque sensor's scale counts without a declared inertia too: the balance does not tell it, but the scale of drive
+    gain and friction is no surer than the sensor's. With a robot's model the encoders' zeros are not fitted.
+    """
+    found = []
+    for name, size in context.tolerances.items():
+        if name.startswith("torque_sensor"):
+            acts = context.load == "torque"
+        else:
+            of_model = name == "encoder_offset" and context.load in ("robot", "links")
+            acts = not of_model and not effect(name).unavailable(context)
+        if acts:
+            found.append((name, size))
+    return within_tolerance(tuple(found)) if found else None
+
+
+def _weighed(columns: Columns, rows: Columns, fitted: Fit) -> Columns:
+    """The columns with the errors' prior weighed by what a fit to the training rows `rows` leaves.
+
+    Effective samples are N over the integrated autocorrelation time, no lag counted across runs; at least 3.
+    """
+    residual = rows.target - rows.design(fitted.terms) @ fitted.beta
+    lengths = [int(n) for n in np.bincount(rows.samples.run) if n]
+    effective = max(residual.size / correlation_time(residual - residual.mean(), lengths), 3.0)
+    prior = SensorPrior(variance=float(np.mean(residual**2)), share=effective / residual.size)
+    return columns.changed(samples=replace(columns.samples, sensor_prior=prior))
+
+
+def without_errors(runs: Sequence[Run], rig: Rig, joint: str, fitted: Fit) -> list[Run]:
+    """The runs as the joint's sensors would have recorded them without the errors within tolerance."""
+    for term, theta in coefficients_by_term(fitted.terms, fitted.beta):
+        if isinstance(term.effect, WithinTolerance):
+            values = term.effect.physical(theta, {}, fitted.gain)
+            effort = f"{joint}/{COMMAND_COLUMN[rig.drive[joint]]}"
+            bias = fitted.gain * values.get("bias_torque", 0.0)
+            return [_restored(run, joint, term.effect, values, {effort: bias}) for run in runs]
+    return list(runs)
+
+
+def _restored(
+    run: Run, joint: str, errors: WithinTolerance, values: Mapping[str, float], bias: Mapping[str, float]
+) -> Run:
+    """The run without the errors, and without the constant errors `bias` of the efforts among its columns."""
+    names = {"load_torque": f"{joint}/torque", "position": f"{joint}/position"}
+    known = {signal: run.columns[name] for signal, name in names.items() if name in run.columns}
+    restored = errors.restore(plain_signals(run.time.size, known), values)
+    changed = {names[signal]: getattr(restored, signal) for signal in known}
+    changed |= {name: run.columns[name] - by for name, by in bias.items() if name in run.columns}
+    return replace(run, columns=dict(run.columns) | changed)
