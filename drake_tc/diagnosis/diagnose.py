@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.attenuation import corrected, without_noise
+from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.data.samples import rms
@@ -120,8 +120,6 @@ def decided(found: Found) -> Decided:
     """The most probable set without effects that do not hold, and without those that are too small."""
     evidence, best = _resettled(found.evidence, found.best, pruned(found.evidence, found.best))
     without, noisy = timing_holds(evidence, best)
-    without, noise = without_noise(evidence, pruned(evidence, without))
-    noisy = (*noisy, *noise)
     evidence, best = _resettled(evidence, best, pruned(evidence, without))
     without, dropped = confirmed(evidence, best)
     evidence, best = _resettled(evidence, best, pruned(evidence, without))

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
-from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, posterior
-from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives
+from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, mode, posterior
+from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives, starts_unknown
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
@@ -32,6 +32,7 @@ class Scored:
         log_odds: log Z + log prior odds, comparable under one noise model.
         posterior: Of [K, b ..., shapes ..., ages ..., runs ...].
         coefficients: Number of [K, b ...]; shapes: number of shape parameters that follow.
+        passed: Share of what the set leaves that is the sensors' noise in its columns.
     """
 
     terms: tuple[Term, ...]
@@ -39,6 +40,7 @@ class Scored:
     posterior: Posterior
     coefficients: int
     shapes: int = 0
+    passed: float = 0.0
 
     @property
     def b(self) -> FloatArray:
@@ -84,28 +86,28 @@ class Evidence:
         rows = self.model.train.rows
         return rows.whitened(np.zeros((rows.samples.rows.size, 1)), self.noise)[1]
 
-    def design(self, split: Split, terms: Sequence[Term]) -> tuple[FloatArray, Prior]:
-        """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior."""
+    def design(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[FloatArray, Prior]:
+        """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior; `spread` of the runs."""
+        spread = spread or self.spread.of(terms)
         parts, priors = [], []
         keys = [("gain",), *(("term", *t.cache_key) for t in terms if t.effect.coefficients)]
         for key, block in zip(keys, self.model.blocks(split, terms), strict=True):
             parts.append(self._white(split, key, block.values))
             priors.append(block.prior)
         held = self.model.held_ages(terms)
-        for number, block in enumerate(self._others(split)):
-            parts.append(self._white(split, ("other", number, self.spread), block.values))
+        for number, block in enumerate(self._others(split, spread)):
+            parts.append(self._white(split, ("other", number, spread), block.values))
             priors.append(block.prior.held_at_zero(HELD_GAIN) if number in held else block.prior)
         return np.concatenate(parts, axis=1), Prior.stacked(priors)
 
-    def _others(self, split: Split) -> list[Block]:
-        kept = self._other_blocks.get(split is self.model.train)
-        if kept is None:
-            kept = [*self.model.nuisances(split), *self.model.of_runs(split, self.spread)]
-            self._other_blocks[split is self.model.train] = kept
-        return kept
+    def _others(self, split: Split, spread: RunSpread) -> list[Block]:
+        key = split is self.model.train, spread
+        if key not in self._other_blocks:
+            self._other_blocks[key] = [*self.model.nuisances(split), *self.model.of_runs(split, spread)]
+        return self._other_blocks[key]
 
     @cached_property
-    def _other_blocks(self) -> dict[bool, list[Block]]:
+    def _other_blocks(self) -> dict[tuple[bool, RunSpread], list[Block]]:
         return {}
 
     def target(self, split: Split, terms: Sequence[Term]) -> FloatArray:
@@ -122,9 +124,9 @@ class Evidence:
             return self._white(split, key, values[:, None])[:, 0]
         return self._whitened[place][:, 0]
 
-    def products(self, split: Split, terms: Sequence[Term]) -> tuple[Products, Prior]:
+    def products(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[Products, Prior]:
         """Products of the whitened rows of a set of terms."""
-        design, prior = self.design(split, terms)
+        design, prior = self.design(split, terms, spread)
         return Products.of(design, self.target(split, terms), self.noise.share), prior
 
     def prior_odds(self, terms: Sequence[Term]) -> float:
@@ -134,9 +136,9 @@ class Evidence:
         asked = [t for t in terms if not self.model.is_declared(t.effect)]
         return sum(UNCOMMON if t.effect.key in rare else COMMON for t in asked) - order
 
-    def score(self, terms: Sequence[Term], variance: float | None = None) -> Scored:
+    def score(self, terms: Sequence[Term], variance: float | None = None, spread: RunSpread | None = None) -> Scored:
         """Log odds with the shapes held; each shape costs what its starting points count."""
-        products, prior = self.products(self.model.train, terms)
+        products, prior = self.products(self.model.train, terms, spread)
         found = posterior(products, prior, variance)
         size = 1 + sum(len(t.effect.coefficients) for t in terms)
         return self._scored(terms, found, size, 0)
@@ -177,7 +179,7 @@ class Evidence:
         terms, where = scored.terms, shape_places(scored.terms)[0]
         current, step = self._with_shapes(scored)
         if not where:
-            return current
+            return self.told_apart(current)
         held = scored.log_odds
         for _ in range(rounds):
             values = shape_places(current.terms)[1]
@@ -191,7 +193,74 @@ class Evidence:
                     break
             else:
                 break
-        return current
+        return self.told_apart(current)
+
+    def told_apart(self, scored: Scored) -> Scored:
+        """The set with the odds that it has over its own declared part if noise in the columns is part of the model.
+
+        Less of a noisy column leaves less noise, and another column that has none then takes its place: half the drive
+        gain beside a payload. The rows do not tell these apart (`Products.without_noise`).
+        """
+        asked = [
+            t for t in scored.terms if t.effect.coefficients and not (self.model.is_declared(t.effect) or drives([t]))
+        ]
+        train, rest = self.model.train, [t for t in scored.terms if t not in asked]
+        products, prior = self.products(train, scored.terms)
+        gram, moment = self.noise_products(scored.terms)
+        taken, variance = products.without_noise(gram, moment), scored.posterior.variance
+        b = mode(products, prior, variance)
+        left = products.rss(b)
+        scored = replace(scored, passed=float(np.clip((b @ gram @ b - 2.0 * b @ moment) / left, 0.0, 1.0)))
+        if not asked:
+            return scored
+        true = mode(taken, prior, variance)
+        taken = taken.leaving(products.rss(true), true)
+        sizes = [(t in asked, len(t.effect.coefficients)) for t in scored.terms]
+        of_asked = np.concatenate([[False], *(np.full(size, own) for own, size in sizes)])
+        others = np.flatnonzero(~np.pad(of_asked, (0, prior.mean.size - of_asked.size)))
+        spread = self.spread.of(scored.terms)
+        base, whole = self.score(rest, spread=spread), posterior(taken, prior)
+        part = posterior(taken.at(others), self.products(train, rest, spread)[1])
+        more = self.odds(scored.terms, whole) - self.odds(rest, part)
+        shapes = scored.log_odds - self.score(scored.terms).log_odds if scored.shapes else 0.0
+        return replace(scored, log_odds=base.log_odds + more + shapes)
+
+    def noise_products(self, terms: Sequence[Term]) -> tuple[FloatArray, FloatArray]:
+        """E[dX'dX] (m, m) and E[dX'du] (m,): dX is whitened noise of the columns of `design`, du that of the target."""
+        train = self.model.train
+        keys: list[Term | str] = ["gain", *(t for t in terms if t.effect.coefficients), "ages"]
+        size = self.design(train, terms)[0].shape[1]
+        gram, moment = np.zeros((size, size)), np.zeros(size)
+        acting = drives(terms)
+        for number, noisy in enumerate(train.noisy):
+            parts = [self._noise_of(number, key) for key in keys]
+            columns = np.concatenate(parts, axis=1)
+            key = ("noise", number, "target", *(k for t in acting for k in t.cache_key))
+            change = noisy.target(terms) - train.target(terms) if key not in self._whitened else None
+            own = self._kept_white(key, change)[:, 0]
+            k = columns.shape[1]
+            gram[:k, :k] += self.noise.share * columns.T @ columns
+            moment[:k] += self.noise.share * columns.T @ own
+        return gram, moment
+
+    def _noise_of(self, number: int, part: Term | str) -> FloatArray:
+        """(n, k) whitened noise of a channel in the columns of a term, of the drive gain, or of the ages."""
+        model, train = self.model, self.model.train
+        key = ("noise", number, *(part.cache_key if isinstance(part, Term) else (part,)))
+        if key in self._whitened:
+            return self._whitened[key]
+        if isinstance(part, Term):
+            values = train.noisy[number].of(part) - train.of(part)
+        elif part == "gain":
+            values = (train.noisy[number].recorded.target - train.recorded.target)[:, None]
+        else:
+            values = model.noise_of_ages(number)
+        return self._kept_white(key, values)
+
+    def _kept_white(self, key: tuple[object, ...], values: FloatArray | None) -> FloatArray:
+        if key not in self._whitened and values is not None:
+            self._whitened[key] = self.model.train.rows.whitened(values, self.noise)[0]
+        return self._whitened[key]
 
     def _bounded(
         self, terms: Sequence[Term], where: Sequence[tuple[int, str]], values: FloatArray, step: FloatArray
@@ -306,21 +375,29 @@ class Evidence:
         return self.model.relinearised(scored.terms, scored.b[1:] / gain, gain, bent)
 
     def residual(self, split: Split, scored: Scored, *, runs: bool = False) -> FloatArray:
-        """(N,) recorded effort less the prediction on all rows [effort]; `runs`: with what differs from run to run."""
+        """(N,) recorded effort less the prediction on all rows [effort]; `runs`: with what differs from run to run.
+
+        What an unknown state at the start of a run adds is taken off either way.
+        """
         blocks = self.model.blocks(split, scored.terms)
         out = split.target(scored.terms) - np.concatenate([b.values for b in blocks], axis=1) @ scored.b
         at = scored.coefficients + scored.shapes
-        others = self._others(split) if runs else self.model.nuisances(split)
+        spread = self.spread.of(scored.terms) if runs else RunSpread()
+        others = self._others(split, spread)
         for block in others:
             out = out - block.values @ scored.posterior.beta[at : at + block.values.shape[1]]
             at += block.values.shape[1]
+        if starts_unknown(scored.terms) and not runs:
+            zeros = split.run_columns[-1]
+            out = out - zeros @ (zeros.T @ out / np.maximum(zeros.sum(axis=0), 1.0))
         return np.asarray(out)
 
     def predictive(self, terms: Sequence[Term], variance: float) -> float:
         """Log p(held-out rows | training rows, terms) under this noise; what differs between runs is each run's own."""
         train, prior = self.products(self.model.train, terms)
         held, _ = self.products(self.model.held, terms)
-        own = [sum(b.values.shape[1] for b in self.model.of_runs(s, self.spread)) for s in self._splits]
+        spread = self.spread.of(terms)
+        own = [sum(b.values.shape[1] for b in self.model.of_runs(s, spread)) for s in self._splits]
         shared, size = train.moment.size - own[0], train.moment.size + own[1]
         first, second = np.arange(train.moment.size), np.r_[np.arange(shared), size - own[1] + np.arange(own[1])]
         more = self.design(self.model.held, terms)[1]

@@ -9,16 +9,18 @@ at the most probable b, K the number of one-sided coefficients (MacKay, 1992, "B
 s^2 is where RSS/s^2 equals N less the number of parameters that the rows determine (his equation 4.4).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from drake_tc.types import BoolArray, FloatArray
+from drake_tc.types import BoolArray, FloatArray, IntArray
 
 ROUNDS = 4
 """Of the fixed point for s^2, which contracts by the share of determined parameters, K/N."""
 JITTER = 1e-12
+NEGLIGIBLE = 1e-9
+"""Information over that of a column below which noise in the columns is not told from rounding."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Prior:
         """The same coefficients held at 0, up to a share of their standard deviations."""
         return Prior(np.zeros_like(self.mean), share * self.deviation, self.positive)
 
-    def part(self, places: slice) -> "Prior":
+    def part(self, places: slice | IntArray) -> "Prior":
         """Of these coefficients alone."""
         return Prior(self.mean[places], self.deviation[places], self.positive[places])
 
@@ -62,6 +64,35 @@ class Products:
         return Products(
             self.gram + other.gram, self.moment + other.moment, self.square + other.square, self.rows + other.rows
         )
+
+    def at(self, places: IntArray) -> "Products":
+        """Of these columns alone."""
+        return Products(self.gram[np.ix_(places, places)], self.moment[places], self.square, self.rows)
+
+    def without_noise(self, gram: FloatArray, moment: FloatArray) -> "Products":
+        """What the rows tell of the coefficients if noise dX in the columns and du in the target is part of them.
+
+        The moments X'u - E[dX'du] are those of G b with G = X'X - E[dX'dX] (Fuller, 1987, section 2.2). Estimates
+        G^-1 (X'u - E[dX'du]) have the covariance s^2 G^-1 X'X G^-1 with s^2 of what they leave of u, and these products
+        are those of a fit that has them. Along a direction in which the columns are noise alone, the rows tell nothing.
+
+        Args:
+            gram: (k, k) E[dX'dX].
+            moment: (k,) E[dX'du].
+        """
+        size = np.diag(self.gram)
+        scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
+        lower = np.linalg.cholesky(self.gram * np.outer(scale, scale) + NEGLIGIBLE * np.eye(scale.size))
+        half = np.linalg.solve(lower, gram * np.outer(scale, scale))
+        share, turn = np.linalg.eigh(np.linalg.solve(lower, half.T))
+        left = np.clip(1.0 - share, 0.0, 1.0)
+        root = lower @ turn / scale[:, None]
+        told = turn.T @ np.linalg.solve(lower, scale * (self.moment - moment))
+        return replace(self, gram=(root * left**2) @ root.T, moment=root @ (left * told))
+
+    def leaving(self, rss: float, beta: FloatArray) -> "Products":
+        """With u'u for which these coefficients leave this RSS."""
+        return replace(self, square=rss + float(2.0 * beta @ self.moment - beta @ self.gram @ beta))
 
     def rss(self, beta: FloatArray) -> float:
         """|u - X b|^2."""

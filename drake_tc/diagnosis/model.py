@@ -21,7 +21,7 @@ from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.linear import Prior
-from drake_tc.diagnosis.noise import INDEPENDENT, Rows
+from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
 from drake_tc.diagnosis.priors import (
     AGE_PERIODS,
     CONTRIBUTION,
@@ -65,6 +65,8 @@ class Split:
         of_load: (m,) taps of the filter m by which the load takes up the residual.
         gain: K of the fit that computed w [effort/(N m)].
         ages: By channel, the age at which what it does is linearised [s].
+        fit: Terms and [1/K, theta ...] that computed w.
+        measured: Whether a sensor tells the load torque.
     """
 
     recorded: Columns
@@ -75,6 +77,8 @@ class Split:
     of_load: FloatArray
     gain: float
     ages: Mapping[str, float] = field(default_factory=dict)
+    fit: tuple[Sequence[Term], FloatArray] = ((), np.ones(1))
+    measured: bool = False
 
     @property
     def samples(self) -> Samples:
@@ -95,6 +99,20 @@ class Split:
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
         return filtered(self.samples, self.share, values)
+
+    @cached_property
+    def noisy(self) -> "tuple[Split, ...]":
+        """This split with the noise of each channel drawn once more, and passed through all that it passes."""
+        out, s = [], self.samples.signals
+        for drawn in drawn_noise(self.samples, measured=self.measured):
+            noise = s.rotor_inertia * (drawn.signals.acceleration - s.acceleration)
+            if not self.samples.load_unknown:
+                noise = noise + drawn.signals.load_torque - s.load_torque
+            target = self.recorded.target + self.samples.reduce(noise)
+            recorded = self.recorded.changed(samples=drawn, target=target)
+            shares = self.share, self.of_load
+            out.append(with_needed(recorded, *self.fit, measured=self.measured, ages=self.ages, shares=shares))
+        return tuple(out)
 
     @cached_property
     def rows(self) -> Rows:
@@ -402,7 +420,8 @@ class JointModel:
         size = np.sqrt(np.mean(train**2, axis=0))
         wide = DECLARED_CONTRIBUTION if self.is_declared(effect) else CONTRIBUTION
         largest = float(size.max(initial=0.0)) or 1.0  # a column of zeros tells nothing
-        deviation = wide * self.scale / np.maximum(size, 1e-9 * largest)
+        most = self.train.gain * np.array([p.upper for p in effect.coefficients])
+        deviation = np.minimum(wide * self.scale / np.maximum(size, 1e-9 * largest), most)
         if isinstance(effect, WithinTolerance):
             deviation = self.train.gain * np.asarray(effect.tolerances, float)
         positive = np.array([p.lower >= 0.0 for p in effect.coefficients])
@@ -449,6 +468,15 @@ class JointModel:
             out.append(Block(-split.gain * columns, self.shared.prior))
         return out
 
+    def noise_of_ages(self, number: int) -> FloatArray:
+        """(N, a) noise of a channel in the columns of the ages."""
+        sizes = np.array([self.viscous if channel == "rate" else 1.0 for channel in self.ages])
+        noisy, own = (
+            np.stack([split.reduced_slope(channel) for channel in self.ages], axis=1)
+            for split in (self.train.noisy[number], self.train)
+        )
+        return np.asarray((noisy - own) * sizes)
+
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
         """Columns of what differs from run to run: Coulomb and viscous friction, and the zero of the effort."""
         out, friction = [], spread.friction * split.gain
@@ -482,11 +510,8 @@ class JointModel:
 
     def with_share(self, share: float) -> "JointModel":
         """The model whose latent effort follows the recorded one by another share: all of its noise, or none."""
-        measured = self.context.load == "torque"
         taps = np.array([share])
-        train, held = (
-            with_clean(replace(s, share=taps, of_load=taps), measured=measured) for s in (self.train, self.held)
-        )
+        train, held = (with_clean(replace(s, share=taps, of_load=taps)) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
 
 
@@ -496,6 +521,15 @@ class RunSpread:
 
     friction: float = 0.0
     zero: float = 0.0
+
+    def of(self, terms: Sequence[Term]) -> "RunSpread":
+        """With terms that begin each run in an unknown state: the zero of a run is then any."""
+        return replace(self, zero=CONTRIBUTION) if starts_unknown(terms) else self
+
+
+def starts_unknown(terms: Sequence[Term]) -> bool:
+    """Whether a term begins each run in a state that no channel tells."""
+    return any(t.effect.unknown_start for t in terms)
 
 
 def rate_inside(values: FloatArray, samples: Samples) -> FloatArray:
@@ -519,8 +553,12 @@ def with_needed(
     *,
     measured: bool,
     ages: Mapping[str, float] = MappingProxyType({}),
+    shares: tuple[FloatArray, FloatArray] | None = None,
 ) -> Split:
-    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit, at ages [s]."""
+    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit, at ages [s].
+
+    `shares`: taps of the filters l and m; None computes them.
+    """
     samples = recorded.samples
     s = samples.signals
     torque = s.rotor_inertia * s.acceleration + s.known_torque
@@ -537,17 +575,21 @@ def with_needed(
     modelled = moved(modelled, samples, ages.get("inside", 0.0) - ages.get("effort", 0.0))
     modelled = modelled + Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
     modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
-    shares = latent_shares(samples, s.effort - modelled, gain)
-    return with_clean(Split(recorded, recorded, gain * torque, modelled, *shares, gain, ages), measured=measured)
+    shares = shares or latent_shares(samples, s.effort - modelled, gain)
+    return with_clean(
+        Split(recorded, recorded, gain * torque, modelled, *shares, gain, ages, (tuple(terms), beta), measured)
+    )
 
 
-def with_clean(first: Split, *, measured: bool) -> Split:
+def with_clean(first: Split) -> Split:
     """The split with its columns computed from the most probable effort and, if it is `measured`, load (`latent`)."""
     samples = first.samples
     s = samples.signals
     command = first.latent + s.position if samples.floor.servo else first.latent
-    load = first.load if measured else s.load_torque
-    slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load) if measured else s.slow_torque
+    load = first.load if first.measured else s.load_torque
+    slow = s.slow_torque
+    if first.measured:
+        slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
     stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
     signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow, stiffness=stiffness)
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))

@@ -19,6 +19,8 @@ from drake_tc.types import FloatArray, IntArray
 
 _whiten = Kernel("whitening", "whiten")
 
+SEED = 0
+"""Of the noise that is drawn again."""
 LONGEST_LAG = 500
 """Rows over which correlation is summed."""
 UNCORRELATED = 0.05
@@ -93,6 +95,39 @@ class Rows:
         out = np.empty_like(values)
         white = self.variances(noise)[self.index]
         return out, float(_whiten(values, self.apart, white, noise.ratio, noise.memory, out))
+
+
+def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
+    """The samples with the noise of position, torque sensor (`measured`) and effort drawn once more, one at a time.
+
+    As large as the log shows each channel's, after the light kernel; where the instants of sampling scatter, the
+    position's grows with the speed. Channels are drawn apart because a product of the
+    noise of two is 0 on average, and not in one draw.
+    """
+    level, s, light = samples.resolution, samples.signals, samples.light
+    random = np.random.default_rng(SEED)
+    raw, white, third = random.standard_normal((3, len(s)))
+    if level.raw_velocity_noise > 0.0:
+        velocity = level.raw_velocity_noise * raw
+        motion = (np.zeros(len(s)), light.smooth(velocity), light.derivative(velocity))
+    else:
+        position = raw * (level.position_noise if level.timing is None else level.timing.position_noise(s.velocity))
+        motion = (light.smooth(position), light.derivative(position), light.second_derivative(position))
+    names = ("position", "velocity", "acceleration")
+    changes = [dict(zip(names, motion, strict=True))]
+    if not measured:
+        changes[0]["load_torque"] = s.load_slope * motion[0] + s.link_inertia * motion[2]
+    if samples.floor.servo:
+        changes[0]["effort"] = -motion[0]
+    if measured and level.torque_noise > 0.0:
+        changes.append({"load_torque": level.torque_noise * light.smooth(white)})
+    own = max(level.effort_noise, level.effort_step / np.sqrt(12.0))
+    if own > 0.0:
+        changes.append({"effort": own * light.smooth(third)})
+    return [
+        replace(samples, signals=replace(s, **{name: getattr(s, name) + more for name, more in each.items()}))
+        for each in changes
+    ]
 
 
 def independent_share(rows: Rows, residual: FloatArray) -> float:

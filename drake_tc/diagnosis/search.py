@@ -9,7 +9,7 @@ from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
 from drake_tc.diagnosis.model import drives
-from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS
+from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS, NAMED
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
@@ -140,6 +140,8 @@ def possible(evidence: Evidence, scored: Scored) -> bool:
     if not np.isfinite(fit.beta).all() or scored.b[0] <= model.least_gain:
         return False
     named = physical_parameters(fit)
+    if named["drive"]["gain"] <= model.least_gain:
+        return False
     known = {"gain": max(named["drive"]["gain"], model.gain)} | {
         name: named[name][name] for name in ("viscous", "coulomb") if name in named
     }
@@ -175,6 +177,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         pool = pools[-1]
         found = pool[0]
         tried = [settled(used, s) for used, each in zip(starts, pools, strict=True) for s in _contenders(each)]
+        tried = equally_noisy(tried)
         sound = [pair for pair in tried if pair[0].distortion(pair[1]) <= DISTORTED]
         evidence, best = _trusted(first, simplest(tried), sound)
         if number and best.ids == before:
@@ -200,8 +203,26 @@ def _first(evidence: Evidence) -> list[Evidence]:
 
 def _pool(sets: Sets, best: Scored) -> list[Scored]:
     """Every set that a beam from a set and from the declared one scores, the most probable first."""
-    declared = sets.evidence.score(sets.evidence.model.declared)
-    return sorted(_beam(sets, [sets.score(best.terms), declared]), key=lambda s: -s.log_odds)
+    declared = sets.score(sets.evidence.model.declared)
+    pool = _beam(sets, [sets.score(best.terms), declared])
+    alike = equally_noisy([(sets.evidence, s) for s in pool], declared.log_odds + NAMED)
+    return sorted((s for _, s in alike), key=lambda s: -s.log_odds)
+
+
+def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.inf) -> list[tuple[Evidence, Scored]]:
+    """The sets with the odds that they have if noise in the columns of all is as loud as in the loudest.
+
+    A set whose columns have no noise leaves less than the true one whose columns have some. `least`: log odds from
+    which a set counts among the loud ones.
+    """
+    noise = [s.passed * s.posterior.variance for _, s in sets]
+    loudest = max((n for n, (_, s) in zip(noise, sets, strict=True) if s.log_odds > least), default=0.0)
+    out = []
+    for own, (evidence, s) in zip(noise, sets, strict=True):
+        rows = evidence.noise.share * evidence.model.train.rows.index.size
+        less = 0.5 * rows * np.log1p(max(loudest - own, 0.0) / s.posterior.variance)
+        out.append((evidence, replace(s, log_odds=float(s.log_odds - less))))
+    return out
 
 
 def _contenders(pool: Sequence[Scored]) -> list[Scored]:

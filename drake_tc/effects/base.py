@@ -100,6 +100,8 @@ class Effect(ABC):
     """Types of joints that can have the effect."""
     linear: ClassVar[bool] = False
     """Columns are linear (or nearly so) in the signals: what low-passed the signals has low-passed the columns."""
+    unknown_start: ClassVar[bool] = False
+    """Whether no channel tells the state in which a run begins, which adds a constant to the effort of that run."""
     ages_of: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Channels of the log ("command", "effort", "inside", "torque") that a delay makes older than usual, by its share:
     what makes the position late makes all others early."""

@@ -28,6 +28,7 @@ class ServoIntegrator(DriveEffect):
     equation = "y_eff = y + integral_rate * integral(y)"
     kind = "drive"
     linear = True
+    unknown_start = True
     coefficients = (Parameter("integral_torque", "N*m/(effort*s)", 0.0),)
     shapes = ()
     signature = Signature(x="time", split="", look_for="a slow rise while the effort keeps its sign")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.attenuation import corrected, drawn
+from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import CRITICAL
@@ -44,12 +44,13 @@ def test_the_drawn_noise_of_the_gain_s_column_is_what_the_filters_pass(noisy: tu
     evidence, scored = noisy
     samples = evidence.model.train.samples
     taps = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-    columns, _ = drawn(evidence, scored)
+    gram, _ = evidence.noise_products(scored.terms)
+    drawn = np.sqrt(gram[0, 0] / (evidence.noise.share * evidence.model.train.rows.index.size))
     unit = evidence.model.train.rows.whitened(
         np.random.default_rng(1).normal(size=(samples.rows.size, 1)), evidence.noise
     )[0]
     expected = NOISE * np.sqrt(taps @ taps) * np.sqrt(np.mean(unit**2))
-    assert np.sqrt(np.mean(columns[:, 0] ** 2)) == pytest.approx(expected, rel=0.35)
+    assert drawn == pytest.approx(expected, rel=0.35)
 
 
 def test_without_noise_nothing_changes() -> None:

@@ -5,7 +5,8 @@ import pytest
 from scipy.optimize import nnls
 from scipy.stats import multivariate_normal
 
-from drake_tc.diagnosis.linear import Prior, Products, posterior
+from drake_tc.diagnosis.linear import Prior, Products, mode, posterior
+from drake_tc.types import FloatArray
 
 RNG = np.random.default_rng(5)
 
@@ -59,3 +60,36 @@ def test_a_column_that_says_nothing_costs_evidence_and_one_that_acts_gains_it() 
     alone = posterior(Products.of(acts, u), _prior(1)).log_evidence
     assert posterior(Products.of(nothing, u), _prior(2)).log_evidence < alone
     assert posterior(Products.of(x[:, 1:], u), _prior(1)).log_evidence < alone - 50.0
+
+
+def noisy_regression(random: np.random.Generator, noise: float, rows: int = 400) -> tuple[Products, FloatArray]:
+    """Products of a regression whose first column holds noise of this size, and E[dX'dX]."""
+    true = np.stack([np.sin(0.1 * np.arange(rows)), np.cos(0.037 * np.arange(rows))], axis=1)
+    design = true + np.stack([noise * random.standard_normal(rows), np.zeros(rows)], axis=1)
+    target = true @ [1.0, -2.0] + 0.2 * random.standard_normal(rows)
+    return Products.of(design, target), np.diag([rows * noise**2, 0.0])
+
+
+def test_noise_in_a_column_biases_no_coefficient_and_widens_its_interval() -> None:
+    random, wide = np.random.default_rng(3), Prior(np.zeros(2), np.full(2, 100.0), np.zeros(2, dtype=bool))
+    found, told = [], []
+    for _ in range(400):
+        products, gram = noisy_regression(random, noise=0.7)
+        true = products.without_noise(gram, np.zeros(2))
+        b = mode(true, wide, 1.0)
+        own = posterior(true.leaving(products.rss(b), b), wide)
+        found.append(own.beta)
+        told.append(np.sqrt(np.diag(own.covariance)))
+    spread = np.std(found, axis=0)
+    assert np.mean(found, axis=0) == pytest.approx([1.0, -2.0], abs=4.0 * spread.max() / np.sqrt(400.0))
+    assert np.mean(told, axis=0) == pytest.approx(spread, rel=0.2)
+
+
+def test_a_column_of_noise_alone_tells_nothing() -> None:
+    rows = 400
+    noise = np.random.default_rng(5).standard_normal((rows, 1))
+    products = Products.of(noise, 3.0 * noise[:, 0])
+    prior = Prior(np.zeros(1), np.full(1, 0.5), np.zeros(1, dtype=bool))
+    own = posterior(products.without_noise(products.gram, np.zeros(1)), prior, 1.0)
+    assert own.beta == pytest.approx(0.0, abs=1e-6)
+    assert own.covariance[0, 0] == pytest.approx(0.25)

@@ -93,9 +93,9 @@ class TimingScatter:
     speed: float
     fastest: float
 
-    def position_noise(self, speed: float) -> float:
-        """RMS noise of one position [rad] in motion of this RMS speed [rad/s]."""
-        return float(np.hypot(self.noise, self.time * speed))
+    def position_noise(self, speed: FloatArray) -> FloatArray:
+        """(T,) RMS noise of one position [rad] in motion of these speeds (T,) [rad/s]."""
+        return np.hypot(self.noise, self.time * speed)
 
 
 def timing_scatter(position: FloatArray, segments: Sequence[slice], period: float, step: float) -> TimingScatter | None:

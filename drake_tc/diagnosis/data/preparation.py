@@ -156,7 +156,7 @@ def build_samples(
     raw_q = channels.raw("position")
     step, noise = encoder_of(channels, rig, raw_q)
     timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
-    whole_noise = noise if timing is None else timing.position_noise(timing.speed)
+    whole_noise = noise if timing is None else float(timing.position_noise(np.array(timing.speed)))
     light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
     signals = _signals(channels, rig, light, runs, aged(raw_command, segments, effort_age))

@@ -112,7 +112,10 @@ def message_of_both(evidence: Evidence, scored: Scored, columns: tuple[FloatArra
     (train, prior), (held, more) = (
         _products(alone, split, scored, each) for split, each in zip((model.train, model.held), columns, strict=True)
     )
-    runs = [sum(b.values.shape[1] for b in model.of_runs(s, alone.spread)) for s in (model.train, model.held)]
+    runs = [
+        sum(b.values.shape[1] for b in model.of_runs(s, alone.spread.of(scored.terms)))
+        for s in (model.train, model.held)
+    ]
     common, shapes = prior.mean.size - runs[0] - scored.shapes, np.arange(scored.shapes)
     own = prior.mean.size + runs[1]
     shared, places = own + np.arange(size), np.arange(prior.mean.size)
