@@ -1,12 +1,7 @@
-"""`WallClock`: the time of a real-time loop, and waiting for a tick; the priority with which it is woken."""
+"""`WallClock`: the time of a real-time loop, and waiting for a tick."""
 
-import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Protocol
-
-from drake_tc.errors import ParamsError
 
 
 class Clock(Protocol):
@@ -43,30 +38,3 @@ class WallClock:
             time.sleep(left)
         while time.perf_counter() < when:
             pass
-
-
-@contextmanager
-def real_time_priority(priority: int) -> Iterator[None]:
-    """Run before all processes without a real-time priority (SCHED_FIFO).
-
-    Args:
-        priority: From 1 to 99; 0 leaves everything as it is.
-
-    Raises:
-        ParamsError: a system or a user that may not.
-    """
-    if priority == 0:
-        yield
-        return
-    try:
-        policy, before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (AttributeError, OSError) as error:
-        raise ParamsError(
-            f"priority: expected 0, or 1 to 99 with the right to real-time scheduling (`ulimit -r`, CAP_SYS_NICE), got"
-            f" {priority}: {error}"
-        ) from None
-    try:
-        yield
-    finally:
-        os.sched_setscheduler(0, policy, before)

@@ -7,10 +7,6 @@ limits offset and rate of the command whatever the controller is, holds the last
 are missing, a deadline was missed by too much, the controller failed or returned NaN, and when the loop is stopped.
 """
 
-import gc
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,8 +14,10 @@ import numpy as np
 
 from drake_tc.control.guard import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
-from drake_tc.hardware.clock import Clock, WallClock, real_time_priority
+from drake_tc.hardware.clock import Clock, WallClock
 from drake_tc.hardware.link import Message, RobotLink
+from drake_tc.hardware.process import paused_garbage_collection, real_time_priority, stopping_signals
+from drake_tc.hardware.readings import LatestReadings
 from drake_tc.hardware.report import Counts, Ending, RunReport
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.boundary import Controller
@@ -77,10 +75,7 @@ class RealTimeSpec:
 class _Tick:
     """What a run knows between two ticks."""
 
-    readings: dict[str, FloatArray]
-    age: float = np.inf
-    speed: Any = 0.0
-    """(n,) of the positions, a tick [rad]."""
+    readings: LatestReadings
     counts: Counts = field(default_factory=Counts)
     last_error: str = ""
     inner: float = 0.0
@@ -141,8 +136,6 @@ class RealTimeLoop:
         outputs = [name for name in ("command", "mode", "flags") if controller.HasOutputPort(name)]
         self._stepper = ControllerStepper(controller, joints.period, outputs)
         self._guard = GuardLaw(self._n, joints.period, self._spec.guard or GuardSpec(), joints.servo)
-        self._position = next((name for name in ("position", "motor_position") if name in self._stepper.inputs), None)
-        self._nothing = {name: np.full(size, np.nan) for name, size in self._stepper.inputs.items()}
         servo = np.array(joints.servo)
         self._range = np.where(servo, joints.lower, -np.inf), np.where(servo, joints.upper, np.inf)
         self._ending: Ending | None = None
@@ -165,9 +158,13 @@ class RealTimeLoop:
             ParamsError: a priority that the process may not have.
         """
         self._ending = None
-        tick = _Tick(dict(self._nothing))
+        tick = _Tick(LatestReadings(self._stepper.inputs, self._joints.period, self._spec.max_age))
         times = np.zeros((KEPT, 2))
-        with real_time_priority(self._spec.priority), stopping_signals(self), paused_garbage_collection():
+        with (
+            real_time_priority(self._spec.priority),
+            stopping_signals(lambda: self.stop("signal")),
+            paused_garbage_collection(),
+        ):
             begin = self._clock.now()
             if self._wait(tick):
                 begin = self._clock.now()
@@ -206,9 +203,10 @@ class RealTimeLoop:
 
     def _sound(self, tick: _Tick) -> bool:
         """Whether the readings are recent, finite, and within the joints' ranges."""
-        if tick.age > self._spec.max_age or not all(np.all(np.isfinite(value)) for value in tick.readings.values()):
+        readings = tick.readings
+        if not readings.sound:
             return False
-        where = None if self._position is None else tick.readings[self._position]
+        where = None if readings.position is None else readings.values[readings.position]
         return where is None or bool(np.all((where >= self._range[0]) & (where <= self._range[1])))
 
     def _run(self, tick: _Tick, begin: float, duration: float, times: FloatArray) -> None:
@@ -219,15 +217,17 @@ class RealTimeLoop:
         while left is None or left > 0.0:
             self._clock.wait_until(due)
             start = self._clock.now()
-            before = tick.readings
+            before = tick.readings.values
             self._read(tick)
-            self._make_up(tick, before, passed)
+            for made_up in tick.readings.between(before, passed, min(passed, MADE_UP)) if passed else ():
+                self._command(tick, made_up)
             if self._ending is None and start - begin >= duration - 0.5 * period:
                 self.stop("duration")
             if left is None and self._asked_to_stop(tick):
                 left = self._spec.stop_time
             fault = left is not None or passed * period > self._spec.max_age
-            self._guard.step(state, self._command(tick), self._where(tick), float(fault), after)
+            command = self._command(tick, tick.readings.values)
+            self._guard.step(state, command, self._where(tick), float(fault), after)
             state, after = after, state
             mode = max(float(state[3 * self._n]), tick.inner if tick.inner >= GuardMode.HOLD else 0.0)
             counts.held += int(mode >= GuardMode.HOLD)
@@ -239,7 +239,7 @@ class RealTimeLoop:
             passed = int((done - due) / period)
             counts.missed += passed > 0
             counts.skipped += passed
-            moved = min(SLIP * period, slip) if 0.0 < tick.age <= self._spec.max_age else 0.0
+            moved = min(SLIP * period, slip) if tick.readings.late else 0.0
             slip = min(slip - moved + DRIFT * period, period)
             due += (1 + passed) * period + moved
 
@@ -260,54 +260,14 @@ class RealTimeLoop:
         except Exception as error:
             tick.counts.link_errors += 1
             self._told(tick, error)
-        name = self._position
-        if found is not None:
-            new = self._checked(tick, found)
-            if name is not None:
-                known = np.isfinite(new[name]) & np.isfinite(tick.readings[name])
-                tick.speed = np.where(known, new[name], 0.0) - np.where(known, tick.readings[name], 0.0)
-            tick.age, tick.readings = 0.0, new
-            return
-        tick.age += self._joints.period
-        if tick.age > self._spec.max_age:
-            tick.counts.missing += 1
-            tick.readings = dict(self._nothing)
-        else:
-            tick.counts.late += 1
-            if name is not None:
-                tick.readings = tick.readings | {name: tick.readings[name] + tick.speed}
+        arrival = tick.readings.update(found)
+        if arrival != "new":
+            setattr(tick.counts, arrival, getattr(tick.counts, arrival) + 1)
 
-    def _make_up(self, tick: _Tick, before: Message, passed: int) -> None:
-        """Step the controller over ticks that were skipped, without commands."""
-        name, count = self._position, min(passed, MADE_UP)
-        now = tick.readings
-        for number in range(1, count + 1):
-            if name is not None:
-                share = number / (count + 1)
-                tick.readings = now | {name: (1.0 - share) * before[name] + share * now[name]}
-            self._command(tick)
-        if count and name is not None:
-            tick.speed = tick.speed / (passed + 1)
-        tick.readings = now
-
-    def _checked(self, tick: _Tick, found: Message) -> dict[str, FloatArray]:
-        """The readings by port; NaN where one is not there, or not of its size."""
-        readings, sound = {}, True
-        for name, nothing in self._nothing.items():
-            try:
-                value = np.asarray(found[name], dtype=np.float64)
-                fits = value.shape == nothing.shape
-            except (KeyError, TypeError, ValueError):
-                value, fits = nothing, False
-            readings[name] = value if fits else nothing
-            sound = sound and fits
-        tick.counts.malformed += not sound
-        return readings
-
-    def _command(self, tick: _Tick) -> FloatArray:
+    def _command(self, tick: _Tick, readings: Message) -> FloatArray:
         """(n,) the controller's command within the joints' ranges; NaN where it failed."""
         try:
-            found = self._stepper.tick(tick.readings)
+            found = self._stepper.tick(readings)
         except (Exception, SystemExit) as error:
             tick.counts.controller_errors += 1
             self._told(tick, error)
@@ -319,10 +279,10 @@ class RealTimeLoop:
 
     def _where(self, tick: _Tick) -> FloatArray:
         """(n,) positions for the guard; of drives that are no servos only whether they are known counts."""
-        if self._position is not None:
-            return tick.readings[self._position]
-        known = all(np.all(np.isfinite(value)) for value in tick.readings.values())
-        return np.full(self._n, 0.0 if known else np.nan)
+        readings = tick.readings
+        if readings.position is not None:
+            return readings.values[readings.position]
+        return np.full(self._n, 0.0 if readings.sound else np.nan)
 
     def _write(self, tick: _Tick, command: FloatArray, mode: float) -> None:
         if self._spec.dry:
@@ -336,41 +296,3 @@ class RealTimeLoop:
     @staticmethod
     def _told(tick: _Tick, error: BaseException) -> None:
         tick.last_error = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
-
-
-@contextmanager
-def stopping_signals(loop: RealTimeLoop) -> Iterator[None]:
-    """SIGINT and SIGTERM stop the loop; a second one ends the process as it always does.
-
-    Outside of the main thread, which alone can take signals, nothing happens.
-    """
-    before: dict[signal.Signals, Any] = {}
-
-    def stop(number: int, frame: object) -> None:
-        loop.stop("signal")
-        signal.signal(number, before[signal.Signals(number)])
-
-    try:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            before[number] = signal.getsignal(number)
-            signal.signal(number, stop)
-    except ValueError:  # not the main thread
-        before.clear()
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
-def paused_garbage_collection() -> Iterator[None]:
-    """No collection of cycles, which would take milliseconds, while the loop runs; reference counts work on."""
-    enabled = gc.isenabled()
-    gc.collect()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

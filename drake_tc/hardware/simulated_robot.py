@@ -16,9 +16,10 @@ from pydrake.systems.primitives import PassThrough
 
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.hardware.clock import WallClock, real_time_priority
+from drake_tc.hardware.clock import WallClock
 from drake_tc.hardware.lcm_link import URL, LcmRobot
 from drake_tc.hardware.link import Message
+from drake_tc.hardware.process import real_time_priority
 from drake_tc.loops.boundary import add_input
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant

@@ -151,6 +151,20 @@ def test_two_readings_that_are_late_are_bridged():
     assert (np.array(rig.modes[:199]) < GuardMode.HOLD).all()
 
 
+def test_a_driver_may_reuse_its_arrays():
+    """Readings that are changed in place give the commands of readings of their own, late ones too."""
+    buffers = {}
+
+    def reuse(readings):
+        for name, value in readings.items():
+            buffers.setdefault(name, value.copy())[:] = value
+        return buffers
+
+    late = dict.fromkeys((100, 101), lambda readings: None)
+    found = [run(0.2, late | dict.fromkeys(set(range(1, 260)) - set(late), each))[2] for each in (reuse, dict)]
+    assert_array_equal(*found)
+
+
 class Failing(LeafSystem):
     """A stage of one's own that fails from a time on, in one of three ways."""
 
