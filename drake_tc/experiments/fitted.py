@@ -19,6 +19,7 @@ from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.search import find
 from drake_tc.effects.base import Context, Effect, Shape, Signals, Signature
+from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.sensor_delay import SensorDelay
 from drake_tc.experiments.sizes import JointNumbers
@@ -152,7 +153,8 @@ def fitted_joint(
         links_fitted: Whether a diagnosis fits the robot's links, so that it does not look for what these take up.
     """
     searched = replace(prepared, context=replace(prepared.context, load="links")) if links_fitted else prepared
-    asked = asked_of(searched, DiagnosisOptions(effects=None if effects is None else tuple(effects)))
+    library = looked_for(prepared.context) if links_fitted and effects is None else effects
+    asked = asked_of(searched, DiagnosisOptions(effects=None if library is None else tuple(library)))
     model, late = joint_model(prepared), LateEffort()
     own = (late,) if effects is None and late.unavailable(prepared.context) is None else ()
     decision = decided(find(Evidence(model).heard(model.declared, spread=False), (*asked.usable, *own)))

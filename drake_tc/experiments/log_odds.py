@@ -25,7 +25,7 @@ from scipy.stats import norm
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence
-from drake_tc.diagnosis.linear import Posterior
+from drake_tc.diagnosis.linear import Posterior, Products, mode
 from drake_tc.diagnosis.model import Block, drives
 from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.priors import ALTERNATIVE, NAMED_FLOORS
@@ -288,20 +288,25 @@ class EffectOdds:
             return float(each[best]) - self.occam(other, float(other.sizes[best])), float(each[best])
         prior = other.prior.prior
         along = remainders.gram[np.ix_(other.places, places)] @ weights
-        hessian = remainders.gram[np.ix_(other.places, other.places)] + np.diag(1.0 / prior.deviation**2)
-        beta = np.linalg.solve(hessian, along)
-        if (beta[prior.positive] < 0.0).any():
-            beta = np.where(prior.positive, 0.0, beta)
+        gram = remainders.gram[np.ix_(other.places, other.places)]
+        hessian, beta = gram + np.diag(1.0 / prior.deviation**2), mode(Products(gram, along, 0.0, 0.0), prior, 1.0)
         size = float(np.max(np.abs(beta)) / max(float(np.max(np.abs(other.unit))), 1e-300))
         gain = float(beta @ along - 0.5 * beta @ hessian @ beta)
         return gain - self.occam(other, size), gain
 
     def confused_with(self, effect: Effect, size: float) -> tuple[str, ...]:
-        """Ids of effects that explain this one at a size nearly as well, so that a diagnosis lists them beside it."""
-        truth = self.middle(effect)
-        ids = [o.term.effect for key, each in self.variants.items() for o in each[:1] if key != effect.key]
-        found = [o for o in ids if o.id != effect.id and self.apart(truth, o, size)[0] <= ALTERNATIVE]
-        return tuple(dict.fromkeys(o.id for o in found))
+        """Ids of effects that explain this one at a size nearly as well, so that a diagnosis lists them beside it.
+
+        The effect has the middle one of its shapes, and one of the directions that its coefficients may have.
+        """
+        truths = [v for v in self.variants[effect.key] if v.term is self.middle(effect).term]
+        others = [each[0].term.effect for each in self.variants.values()]
+        found = [
+            other.id
+            for other in others
+            if other.id != effect.id and any(self.apart(v, other, size)[0] <= ALTERNATIVE for v in truths)
+        ]
+        return tuple(dict.fromkeys(found))
 
     def middle(self, effect: Effect) -> Variant:
         """The variant at the middle one of its shapes."""
