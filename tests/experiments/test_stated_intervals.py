@@ -47,7 +47,7 @@ def recorded(folder, spec, rate, runs, seed):
             500,
             821,
             marks=pytest.mark.xfail(
-                strict=True, reason="the fit of the simulated log ends at a noise that is too large"
+                strict=True, reason="a stiff servo's simulated log tells less of the drive gain than a recorded one"
             ),
         ),
         ("current", 2000, 822),

@@ -1,8 +1,9 @@
-"""The log of an experiment before it is made: simulated with the sensors and the noise of the logs so far, and fitted.
+"""The log of an experiment before it is made: simulated with the sensors and the noise of the logs so far.
 
 The motion is sampled as the logs are. Each channel gets the noise that its sensor has there, and the effort what the
 most probable model of the logs leaves beyond the sensors' noise, as two Ornstein-Uhlenbeck processes. The
-result is filtered and fitted as a diagnosis does, so that intervals and log odds are those of its posterior.
+result is filtered as a diagnosis does. Intervals and log odds are those of its posterior at the joint's own parameters
+and with the noise of the logs: a fit of the simulated log would add an error of its own.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,8 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.diagnosis.problem.regression import noise_floor
+from drake_tc.diagnosis.search import as_fit
 from drake_tc.errors import IdentificationError
 from drake_tc.experiments.check.joint import joint_noise
 from drake_tc.experiments.design.joint import DesignJoint
@@ -48,7 +51,7 @@ class PlannedRun:
 
 
 def next_log(runs: Sequence[PlannedRun], seed: int = 0) -> FittedJoint | None:
-    """The declared model fitted to the simulated runs; None where they do not identify it.
+    """The posterior of the simulated runs; None where they do not identify the declared model.
 
     Args:
         runs: Of the experiment; all of one joint.
@@ -57,9 +60,33 @@ def next_log(runs: Sequence[PlannedRun], seed: int = 0) -> FittedJoint | None:
     rng, rig = np.random.default_rng(seed), rig_of(runs)
     made = [_simulated(run, rng) for run in runs]
     try:
-        return declared_fit(prepare_joint(made, [], rig, runs[0].joint.name))
+        return _at_truth(prepare_joint(made, [], rig, runs[0].joint.name), runs[0].joint)
     except IdentificationError:
         return None
+
+
+def _at_truth(prepared: Prepared, joint: DesignJoint) -> FittedJoint:
+    """The posterior of a simulated log at the joint's own parameters, with the noise that the logs so far have."""
+    numbers, model = joint.numbers, joint_model(prepared)
+    known = {"viscous": numbers.viscous, "coulomb": numbers.coulomb}
+    theta = np.concatenate(
+        [np.zeros(0), *(np.full(len(t.effect.coefficients), known.get(t.effect.key, 0.0)) for t in model.declared)]
+    )
+    evidence = Evidence(model.relinearised(model.declared, theta, numbers.gain, {}), joint.left)
+    scored = evidence.score(model.declared)
+    beta = scored.posterior.beta.copy()
+    beta[: scored.coefficients] = numbers.gain * np.concatenate([[1.0], theta])
+    scored = replace(scored, posterior=replace(scored.posterior, beta=beta))
+    floor = noise_floor(evidence.model.train.recorded, as_fit(scored))
+    white = joint.noise**2 / (1.0 + joint.left.ratio)
+    variance = (floor / numbers.gain) ** 2 + max(white - joint.floor**2, 0.0)
+    slow = replace(
+        joint.left, ratio=joint.left.ratio * white / variance
+    )  # as large as it is, beside more or less noise
+    evidence = Evidence(evidence.model, slow)
+    own = evidence.score(model.declared, numbers.gain**2 * variance)
+    scored = replace(own, posterior=replace(own.posterior, beta=beta))
+    return FittedJoint(prepared, evidence, scored, (evidence, scored), floor, (), {})
 
 
 def declared_fit(prepared: Prepared) -> FittedJoint:
