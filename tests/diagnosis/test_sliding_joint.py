@@ -68,7 +68,6 @@ def rippled(tmp_path_factory):
     return diagnosed(tmp_path_factory.mktemp("ripple"), MEASURED, ripple=RIPPLE)
 
 
-@pytest.mark.xfail(strict=True, reason="a payload is named beside the ripple")
 def test_the_ripple_of_the_screw_is_found_with_its_lead(rippled):
     joint = rippled.joints["z"]
     assert [e.id for e in joint.effects] == ["torque_ripple"]
