@@ -9,15 +9,11 @@ CASES: tuple[Case, ...] = tuple(
 WRONG: frozenset[str] = frozenset(
     {
         "drive: a constant torque beside a load 3 % too large",
-        "drive: a declared gain 12 % too small",
-        "drive: a fitted rotor, noise of 1.0 steps",
-        "drive: intervals of a noisy rotor",
         "gear: play of 1.2 mrad",
         "load: unknown without a scale, position servo",
         "load: unknown, position servo",
         "sensors: a bias of five tolerances",
         "sensors: the zero of a current of six tolerances",
-        "timing: a current three periods late",
         "timing: a torque logged 30 ms late",
         "timing: the same goal is late where the rig file states the hold",
     }
