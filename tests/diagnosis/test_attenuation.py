@@ -8,7 +8,10 @@ from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import CRITICAL
 from drake_tc.diagnosis.model import RunSpread
+from drake_tc.diagnosis.priors import NAMED
+from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.effects.payload import Payload
 from tests.diagnosis.rigs import Joint, record, rig_of
 
 NOISE = 1.5
@@ -68,3 +71,12 @@ def test_what_differs_from_run_to_run_takes_no_part_of_the_correction(noisy: tup
     runs = sum(b.values.shape[1] for b in beside_runs.model.of_runs(beside_runs.model.train, beside_runs.spread))
     np.testing.assert_array_equal(after.posterior.beta[-runs:], scored.posterior.beta[-runs:])
     assert after.b[0] > scored.b[0]
+
+
+def test_what_lets_less_noise_through_is_no_merit_of_a_set(noisy: tuple[Evidence, Scored]) -> None:
+    """Half the drive gain beside a payload in place of the measured load: its columns have no noise."""
+    evidence, scored = noisy
+    terms = [*scored.terms, Term(Payload())]
+    with_noise = evidence.score(terms)
+    assert with_noise.log_odds > scored.log_odds + NAMED
+    assert evidence.refined(with_noise).log_odds < scored.log_odds - NAMED
