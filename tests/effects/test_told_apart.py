@@ -51,9 +51,6 @@ GROUPS: dict[str, tuple[DriveKind, dict[str, dict[str, float]]]] = {
         },
     ),
 }
-WRONG: Mapping[tuple[str, str], str] = {
-    ("compliance and delay", "delay.command"): "a delay d of the loop is the same beside d/K more viscous friction",
-}
 
 
 def diagnosed(drive: DriveKind, values: Mapping[str, Mapping[str, float]], asked: list[str], **keys) -> JointResult:
@@ -75,15 +72,7 @@ def diagnosed(drive: DriveKind, values: Mapping[str, Mapping[str, float]], asked
 
 @pytest.mark.parametrize(
     ("group", "key"),
-    [
-        pytest.param(
-            group,
-            key,
-            marks=[pytest.mark.xfail(strict=True, reason=WRONG[group, key])] if (group, key) in WRONG else [],
-        )
-        for group, (_, members) in GROUPS.items()
-        for key in members
-    ],
+    [(group, key) for group, (_, members) in GROUPS.items() for key in members],
 )
 def test_the_simulated_one_is_named_and_no_other(group, key):
     drive, members = GROUPS[group]
