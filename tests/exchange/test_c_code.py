@@ -1,6 +1,7 @@
 """The C file of a torque control computes what the stages in Python compute, compiled without a warning."""
 
 import ctypes
+import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +35,8 @@ from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.robot import load_robot
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 
 LEG = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_leg.yaml"
 N, DT = 6, 1e-3

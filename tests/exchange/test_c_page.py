@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import drake_tc
 from drake_tc.cli.main import run
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
+
+pytestmark = pytest.mark.skipif(shutil.which("c++") is None, reason="no C compiler")
 
 ROOT = Path(drake_tc.__file__).parents[1]
 LEG = ROOT / "models" / "hrp2_like"
