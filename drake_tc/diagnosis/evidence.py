@@ -1,8 +1,8 @@
 """Log odds of a set of terms on the training rows, and its posterior."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -73,13 +73,18 @@ class Evidence:
     spread: RunSpread = field(default_factory=RunSpread)
     _whitened: dict[tuple[object, ...], FloatArray] = field(default_factory=dict)
 
-    def _white(self, split: Split, key: tuple[object, ...], values: FloatArray) -> FloatArray:
+    def _white(self, split: Split, key: tuple[object, ...], values: Callable[[], FloatArray]) -> FloatArray:
+        """(n, k) whitened rows of what `values` computes, (N, k), each key once."""
         place = (split is self.model.train, *key)
         if len(self._whitened) > 4000:
             self._whitened.clear()
         if place not in self._whitened:
-            self._whitened[place] = split.rows.whitened(values, self.noise)[0]
+            self._whitened[place] = split.rows.whitened(values(), self.noise)[0]
         return self._whitened[place]
+
+    def term_columns(self, split: Split, term: Term) -> FloatArray:
+        """Whitened columns (n, k) of a term."""
+        return self._white(split, ("term", *term.cache_key), lambda: self.model.block(split, term).values)
 
     @cached_property
     def _log_determinant(self) -> float:
@@ -92,11 +97,11 @@ class Evidence:
         parts, priors = [], []
         keys = [("gain",), *(("term", *t.cache_key) for t in terms if t.effect.coefficients)]
         for key, block in zip(keys, self.model.blocks(split, terms), strict=True):
-            parts.append(self._white(split, key, block.values))
+            parts.append(self._white(split, key, partial(np.asarray, block.values)))
             priors.append(block.prior)
         held = self.model.held_ages(terms)
         for number, block in enumerate(self._others(split, spread)):
-            parts.append(self._white(split, ("other", number, spread), block.values))
+            parts.append(self._white(split, ("other", number, spread), partial(np.asarray, block.values)))
             priors.append(block.prior.held_at_zero(HELD_GAIN) if number in held else block.prior)
         return np.concatenate(parts, axis=1), Prior.stacked(priors)
 
@@ -113,16 +118,14 @@ class Evidence:
     def target(self, split: Split, terms: Sequence[Term]) -> FloatArray:
         """Whitened target (n,) of a set of terms."""
         key = ("target", *(k for t in drives(terms) for k in t.cache_key))
-        return self._white(split, key, split.target(terms)[:, None])[:, 0]
+        return self._white(split, key, lambda: split.target(terms)[:, None])[:, 0]
 
     def drive_offset(self, split: Split, term: Term) -> FloatArray:
         """Whitened (n,) what one drive effect takes off the recorded effort."""
-        key = ("offset", *term.cache_key)
-        place = (split is self.model.train, *key)
-        if place not in self._whitened:
-            values = split.target([]) - split.target([term])
-            return self._white(split, key, values[:, None])[:, 0]
-        return self._whitened[place][:, 0]
+        values = self._white(
+            split, ("offset", *term.cache_key), lambda: (split.target([]) - split.target([term]))[:, None]
+        )
+        return values[:, 0]
 
     def products(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[Products, Prior]:
         """Products of the whitened rows of a set of terms."""
@@ -227,40 +230,33 @@ class Evidence:
 
     def noise_products(self, terms: Sequence[Term]) -> tuple[FloatArray, FloatArray]:
         """E[dX'dX] (m, m) and E[dX'du] (m,): dX is whitened noise of the columns of `design`, du that of the target."""
-        train = self.model.train
-        keys: list[Term | str] = ["gain", *(t for t in terms if t.effect.coefficients), "ages"]
+        train, acting = self.model.train, drives(terms)
+        parts: list[Term | str] = ["gain", *(t for t in terms if t.effect.coefficients), "ages"]
         size = self.design(train, terms)[0].shape[1]
         gram, moment = np.zeros((size, size)), np.zeros(size)
-        acting = drives(terms)
         for number, noisy in enumerate(train.noisy):
-            parts = [self._noise_of(number, key) for key in keys]
-            columns = np.concatenate(parts, axis=1)
+            columns = np.concatenate([self._noise_of(number, part) for part in parts], axis=1)
             key = ("noise", number, "target", *(k for t in acting for k in t.cache_key))
-            change = noisy.target(terms) - train.target(terms) if key not in self._whitened else None
-            own = self._kept_white(key, change)[:, 0]
+            change = self._white(train, key, partial(_change, noisy, train, terms))
             k = columns.shape[1]
             gram[:k, :k] += self.noise.share * columns.T @ columns
-            moment[:k] += self.noise.share * columns.T @ own
+            moment[:k] += self.noise.share * columns.T @ change[:, 0]
         return gram, moment
 
     def _noise_of(self, number: int, part: Term | str) -> FloatArray:
         """(n, k) whitened noise of a channel in the columns of a term, of the drive gain, or of the ages."""
-        model, train = self.model, self.model.train
-        key = ("noise", number, *(part.cache_key if isinstance(part, Term) else (part,)))
-        if key in self._whitened:
-            return self._whitened[key]
-        if isinstance(part, Term):
-            values = train.noisy[number].of(part) - train.of(part)
-        elif part == "gain":
-            values = (train.noisy[number].recorded.target - train.recorded.target)[:, None]
-        else:
-            values = model.noise_of_ages(number)
-        return self._kept_white(key, values)
+        train = self.model.train
+        noisy = train.noisy[number]
 
-    def _kept_white(self, key: tuple[object, ...], values: FloatArray | None) -> FloatArray:
-        if key not in self._whitened and values is not None:
-            self._whitened[key] = self.model.train.rows.whitened(values, self.noise)[0]
-        return self._whitened[key]
+        def values() -> FloatArray:
+            if isinstance(part, Term):
+                return noisy.of(part) - train.of(part)
+            if part == "gain":
+                return (noisy.recorded.target - train.recorded.target)[:, None]
+            return self.model.noise_of_ages(number)
+
+        key = part.cache_key if isinstance(part, Term) else (part,)
+        return self._white(train, ("noise", number, *key), values)
 
     def _bounded(
         self, terms: Sequence[Term], where: Sequence[tuple[int, str]], values: FloatArray, step: FloatArray
@@ -411,6 +407,11 @@ class Evidence:
     @property
     def _splits(self) -> tuple[Split, Split]:
         return self.model.train, self.model.held
+
+
+def _change(one: Split, other: Split, terms: Sequence[Term]) -> FloatArray:
+    """(N, 1) difference of the targets of two splits."""
+    return (one.target(terms) - other.target(terms))[:, None]
 
 
 def placed(products: Products, places: IntArray, size: int) -> Products:

@@ -19,7 +19,7 @@ from drake_tc.types import BoolArray, FloatArray, IntArray
 ROUNDS = 4
 """Of the fixed point for s^2, which contracts by the share of determined parameters, K/N."""
 JITTER = 1e-12
-NEGLIGIBLE = 1e-9
+ROUNDING = 1e-9
 """Information over that of a column below which noise in the columns is not told from rounding."""
 
 
@@ -82,7 +82,7 @@ class Products:
         """
         size = np.diag(self.gram)
         scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
-        lower = np.linalg.cholesky(self.gram * np.outer(scale, scale) + NEGLIGIBLE * np.eye(scale.size))
+        lower = np.linalg.cholesky(self.gram * np.outer(scale, scale) + ROUNDING * np.eye(scale.size))
         half = np.linalg.solve(lower, gram * np.outer(scale, scale))
         share, turn = np.linalg.eigh(np.linalg.solve(lower, half.T))
         left = np.clip(1.0 - share, 0.0, 1.0)

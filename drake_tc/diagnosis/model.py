@@ -392,7 +392,7 @@ class JointModel:
 
     def blocks(self, split: Split, terms: Sequence[Term]) -> list[Block]:
         """Columns of the drive gain and of the terms, in their order."""
-        return [self._gain(split, terms), *(self._term(split, t) for t in terms if t.effect.coefficients)]
+        return [self._gain(split, terms), *(self.block(split, t) for t in terms if t.effect.coefficients)]
 
     def _gain(self, split: Split, terms: Sequence[Term]) -> Block:
         values = split.recorded.target[:, None]
@@ -408,7 +408,8 @@ class JointModel:
     def _blocks(self) -> dict[tuple[object, ...], Block]:
         return {}
 
-    def _term(self, split: Split, term: Term) -> Block:
+    def block(self, split: Split, term: Term) -> Block:
+        """Columns of a term."""
         key = (split is self.train, *term.cache_key)
         if key not in self._blocks:
             self._blocks[key] = self._made(split, term)

@@ -109,14 +109,13 @@ class Sets:
             products = Products(products.gram, products.moment - share * (design.T @ offset), square, products.rows)
             target = target - offset
         if term.effect.coefficients:
-            block = evidence.model._term(split, term)
-            columns = evidence._white(split, ("term", *term.cache_key), block.values)
+            columns = evidence.term_columns(split, term)
             weighed = share * columns
             cross = design.T @ weighed
             gram = np.block([[products.gram, cross], [cross.T, columns.T @ weighed]])
             moment = np.concatenate([products.moment, weighed.T @ target])
             products = Products(gram, moment, products.square, products.rows)
-            prior = Prior.stacked([prior, block.prior])
+            prior = Prior.stacked([prior, evidence.model.block(split, term).prior])
         found = posterior(products, prior, start=parent.posterior.variance)
         own = found.beta[found.beta.size - len(term.effect.coefficients) :]
         jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)), own)
@@ -137,10 +136,10 @@ def possible(evidence: Evidence, scored: Scored) -> bool:
     The torques that limit it are those of the larger drive gain: without a drive, any load would be possible.
     """
     fit, model = as_fit(scored), evidence.model
-    if not np.isfinite(fit.beta).all() or scored.b[0] <= model.least_gain:
+    if not np.isfinite(fit.beta).all():
         return False
     named = physical_parameters(fit)
-    if named["drive"]["gain"] <= model.least_gain:
+    if min(scored.b[0], named["drive"]["gain"]) <= model.least_gain:
         return False
     known = {"gain": max(named["drive"]["gain"], model.gain)} | {
         name: named[name][name] for name in ("viscous", "coulomb") if name in named

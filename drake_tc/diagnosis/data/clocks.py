@@ -67,7 +67,7 @@ LEAST_GROUP = 15
 """Blocks of a group that is compared with another one, at least."""
 MOST_BLOCKS = 4000
 LEAST_NOISE = 1e-12
-"""Of a position at rest [rad]."""
+"""Of a position [rad], so that noise-free logs have a resolution too."""
 Part = tuple[FloatArray, FloatArray]
 """Values (T,) that the scatter multiplies, and the weights of an odd number of samples through which they pass."""
 OF_A_JUMP = 2.0 / 3.0

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels
+from drake_tc.diagnosis.data.clocks import LEAST_NOISE
 from drake_tc.diagnosis.data.resolution import WIDEST_FINAL, WIDEST_LIGHT, Resolution
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.channels import run_lengths
@@ -15,8 +16,6 @@ from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
-LEAST_NOISE = 1e-12
-"""Of a position [rad], so that noise-free logs have a resolution too."""
 SLOWEST_TOPIC: Mapping[bool, float] = {False: WIDEST_FINAL, True: WIDEST_LIGHT}
 """Time [s] for which a command may typically stay the same and still be a channel that a slower topic reports; of a
 position servo (true), whose goal is never measured, less than of another drive. Values that stay for longer are steps

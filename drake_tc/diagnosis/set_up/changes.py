@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 
 from drake_tc.diagnosis.result.rig_result import SET_UP_ERRORS, SetUpErrorKind
 from drake_tc.diagnosis.set_up.balance import ArmBalance, Balance, SetUp
+from drake_tc.diagnosis.shared.causes import FARTHEST
 from drake_tc.types import FloatArray, IntArray
 
 ZERO_STEP = np.pi / 4.0
@@ -29,8 +30,6 @@ NEIGHBOURS = 2
 """How many joints a gear that couples two of them may lie apart, counted along the arm."""
 TURNS = (-1.0, -0.3, 0.3, 1.0)
 """Of a motor for one turn of another joint, before the best one is refined: a bevel gear at a wrist gives 1."""
-FARTHEST = 1.0
-"""Centre of mass of what a link carries, from the link's own frame [m]."""
 LEAST_TURN = 0.1
 """Determinant of the motors' turns for those of the joints, at least: with 0, some motion turns no motor."""
 NO_GEAR = 1e3
