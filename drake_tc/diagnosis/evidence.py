@@ -160,19 +160,7 @@ class Evidence:
 
     def tangents(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
         """Whitened (n, s) change of the prediction less the target with each shape parameter."""
-        where, values = shape_places(terms)
-        out = np.zeros((split.samples.rows.size, len(where)))
-        sizes = np.cumsum([1, *(len(t.effect.coefficients) for t in terms)])
-        for j, ((i, name), value) in enumerate(zip(where, values, strict=True)):
-            term, step = terms[i], STEP * abs(value) + 1e-9
-            moved = Term(term.effect, {**term.shape, name: value + step})
-            own = b[sizes[i] : sizes[i + 1]]
-            change = (split.clean.of(moved) - split.clean.of(term)) @ own if own.size else out[:, j]
-            if drives([term]):
-                others = [moved if t is term else t for t in terms]
-                change = change - (split.target(others) - split.target(terms))
-            out[:, j] = change / step
-        return split.rows.whitened(out, self.noise)[0] if where else np.zeros((split.rows.index.size, 0))
+        return split.rows.whitened(shape_slopes(split, terms, b), self.noise)[0]
 
     def refined(self, scored: Scored, rounds: int = 6) -> Scored:
         """The set at its most probable shapes, by Gauss-Newton steps, with the evidence of the shapes.
@@ -278,18 +266,14 @@ class Evidence:
             return scored, np.zeros(0)
         design, prior = self.design(self.model.train, scored.terms)
         slopes = self.tangents(self.model.train, scored.terms, scored.b)
-        size, k = scored.coefficients, len(where)
-        ranges = np.array([self.model.shape_range(scored.terms[i].effect, name) for i, name in where])
-        deviation = ranges / np.sqrt(2.0 * np.pi)  # at the middle of a Gaussian, 1/range is the uniform's density
-        none = np.zeros(k, dtype=bool)
-        shaped = Prior(np.zeros(k), deviation, none)
+        size, k, shaped = scored.coefficients, len(where), self.model.shape_prior(scored.terms)
         parts = [prior.part(s) for s in (slice(None, size), slice(size, None))]
         joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
         products = Products.of(joined, self.target(self.model.train, scored.terms), self.noise.share)
         found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
         held = scored.posterior
         beta = np.concatenate([held.beta[:size], np.zeros(k), held.beta[size:]])
-        evidence = held.log_evidence - float(np.sum(np.log(deviation)))
+        evidence = held.log_evidence - float(np.sum(np.log(shaped.deviation)))
         evidence -= 0.5 * (log_determinant(found.hessian) - log_determinant(held.hessian))
         laplace = Posterior(beta, found.hessian, held.variance, evidence)
         return self._scored(scored.terms, laplace, size, k), found.beta[size : size + k]
@@ -407,6 +391,23 @@ class Evidence:
     @property
     def _splits(self) -> tuple[Split, Split]:
         return self.model.train, self.model.held
+
+
+def shape_slopes(split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
+    """(N, s) change of the prediction less the target with each shape parameter, at b (1 + k,) = [K, K theta ...]."""
+    where, values = shape_places(terms)
+    out = np.zeros((split.samples.rows.size, len(where)))
+    sizes = np.cumsum([1, *(len(t.effect.coefficients) for t in terms)])
+    for j, ((i, name), value) in enumerate(zip(where, values, strict=True)):
+        term, step = terms[i], STEP * abs(value) + 1e-9
+        moved = Term(term.effect, {**term.shape, name: value + step})
+        own = b[sizes[i] : sizes[i + 1]]
+        change = (split.clean.of(moved) - split.clean.of(term)) @ own if own.size else out[:, j]
+        if drives([term]):
+            others = [moved if t is term else t for t in terms]
+            change = change - (split.target(others) - split.target(terms))
+        out[:, j] = change / step
+    return out
 
 
 def _change(one: Split, other: Split, terms: Sequence[Term]) -> FloatArray:

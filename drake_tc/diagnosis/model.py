@@ -488,8 +488,14 @@ class JointModel:
                 out.append(Block(columns, Prior(np.zeros(size), np.full(size, deviation), np.zeros(size, dtype=bool))))
         return out
 
-    def shape_range(self, effect: Effect, name: str) -> float:
-        """Width of the prior of a shape parameter: its plausible range on this rig, or that of the starting points."""
+    def shape_prior(self, terms: Sequence[Term]) -> Prior:
+        """Of all shape parameters (s,), about where they are, as dense as a uniform prior over their range."""
+        ranges = [self._shape_range(t.effect, p.name) for t in terms for p in t.effect.shapes]
+        size = len(ranges)
+        return Prior(np.zeros(size), np.array(ranges) / np.sqrt(2.0 * np.pi), np.zeros(size, dtype=bool))
+
+    def _shape_range(self, effect: Effect, name: str) -> float:
+        """A shape parameter's plausible range on this rig, or that of the starting points."""
         parameter = next(p for p in effect.shapes if p.name == name)
         low, high = plausible_range(parameter, self.context)
         low, high = max(low, parameter.lower), min(high, parameter.upper)

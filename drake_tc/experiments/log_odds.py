@@ -24,9 +24,9 @@ import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.data.samples import rms
-from drake_tc.diagnosis.evidence import Evidence
+from drake_tc.diagnosis.evidence import Evidence, shape_slopes
 from drake_tc.diagnosis.linear import Posterior, Products, mode
-from drake_tc.diagnosis.model import Block, drives
+from drake_tc.diagnosis.model import Block
 from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.priors import ALTERNATIVE, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term
@@ -370,26 +370,17 @@ class _Columns:
         block = blocks[0] if isinstance(effect, ServoGain) else blocks[1]
         ways = [np.ones(1)] if isinstance(effect, ServoGain) else directions(effect, self._fitted.numbers)
         places = self._added(block.values)
-        widths = np.array([model.shape_range(effect, p.name) / math.sqrt(2.0 * math.pi) for p in effect.shapes])
+        widths = model.shape_prior([term]).deviation
         none: FloatArray = np.zeros(0)
         out = []
         for way in ways:
-            slopes = self._slopes(term, gain * way) if effect.shapes else np.zeros((len(block.values), 0))
-            own = self._added(slopes)
+            own = self._added(self._slopes(term, gain * way))
             out.append(Variant(term, block, places, gain * way, own, widths, none, np.zeros(0, dtype=np.int64)))
         return out
 
     def _slopes(self, term: Term, b: FloatArray) -> FloatArray:
         """(N, j) change of the effort with each shape, at coefficients b."""
-        split, out = self._model.train, []
-        for p in term.effect.shapes:
-            step = 1e-3 * abs(term.shape[p.name]) + 1e-9
-            moved = Term(term.effect, {**term.shape, p.name: term.shape[p.name] + step})
-            change = (split.clean.of(moved) - split.clean.of(term)) @ b if b.size else np.zeros(split.samples.rows.size)
-            if drives([term]):
-                change = change + split.target([term]) - split.target([moved])
-            out.append(change / step)
-        return np.stack(out, axis=1)
+        return shape_slopes(self._model.train, [term], np.concatenate([[self._fitted.gain], b]))
 
     def _by_shape(self, effect: Effect, size: Size) -> Variant:
         split, model = self._model.train, self._model
@@ -404,14 +395,13 @@ class _Columns:
             changes = changes + 0.5 * model.gain * self._fitted.numbers.viscous * block.values[:, :1]
         at = [p.name for p in effect.shapes].index(size.name)
         slopes = np.stack([self._slopes(term, np.zeros(0))[:, at] for term in terms], axis=1)
-        width = model.shape_range(effect, size.name) / math.sqrt(2.0 * math.pi)
         return Variant(
             terms[0],
             block,
             self._added(block.values),
             unit,
             self._added(slopes),
-            np.array([width]),
+            model.shape_prior(terms[:1]).deviation[[at]],
             values,
             self._added(changes),
         )

@@ -23,7 +23,6 @@ import numpy as np
 from drake_tc.diagnosis.evidence import Evidence, Scored, placed
 from drake_tc.diagnosis.linear import Prior, Products, log_determinant
 from drake_tc.diagnosis.model import Split
-from drake_tc.diagnosis.problem.parameters import shape_places
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 
@@ -140,13 +139,10 @@ def _products(alone: Evidence, split: Split, scored: Scored, columns: FloatArray
     """Products of [own, slopes of the shapes, shared] of a split, and the prior of the own ones."""
     design, prior = alone.design(split, scored.terms)
     slopes = alone.tangents(split, scored.terms, scored.b)
-    where = shape_places(scored.terms)[0]
-    ranges = [alone.model.shape_range(scored.terms[i].effect, name) for i, name in where]
-    shapes = Prior(np.zeros(len(ranges)), np.array(ranges) / np.sqrt(2.0 * np.pi), np.zeros(len(ranges), dtype=bool))
     shared = split.rows.whitened(-split.gain * columns, alone.noise)[0]
     joined = np.concatenate([design, slopes, shared], axis=1)
     target = alone.target(split, scored.terms)
-    return Products.of(joined, target, alone.noise.share), Prior.stacked([prior, shapes])
+    return Products.of(joined, target, alone.noise.share), Prior.stacked([prior, alone.model.shape_prior(scored.terms)])
 
 
 def residual_at(
