@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +39,7 @@ def export_c(request: CRequest, models: "Mapping[str, ActuatorModel]") -> None:
         ParamsError: no file to write, or what cannot be written in C.
     """
     from drake_tc.exchange.c_code.writer import CSpec, to_c
+    from drake_tc.robot.link_changes import link_changes
     from drake_tc.robot.robot import load_robot
 
     if request.out is None or request.out.suffix != ".c":
@@ -46,7 +47,9 @@ def export_c(request: CRequest, models: "Mapping[str, ActuatorModel]") -> None:
             f"export --to c: expected --out NAME.c, beside which NAME.h is written, got {request.out or 'none'}"
         )
     spec = CSpec(name=request.out.stem, dt=request.period, window=request.window, kp=request.kp, ki=request.ki)
-    robot = None if request.robot is None else load_robot(request.robot)
+    robot = None
+    if request.robot is not None:
+        robot = replace(load_robot(request.robot, found_links=False), changes=link_changes(request.model))
     files = to_c(models, robot, spec)
     paths = (request.out, request.out.with_suffix(".h"))
     for path, text in zip(paths, (files.source, files.header), strict=True):

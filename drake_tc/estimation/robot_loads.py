@@ -101,7 +101,7 @@ def robot_logs(rig: Rig, runs: Sequence[Run]) -> RobotLogs | None:
     load = next(iter(rig.load.values()))
     if not isinstance(load, RobotLoad) or rig.robot is None:
         return None
-    robot = load_robot(rig.robot)
+    robot = load_robot(rig.robot, found_links=False)
     turns = motor_turns(rig.coupled, robot.joints) if rig.coupled else None
     if load.method == "inverse_dynamics":
         robot = replace(robot, force_torque=())

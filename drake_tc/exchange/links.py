@@ -1,16 +1,6 @@
 """Masses and inertias of links that were found, in the user's file: physically consistent, or named as lost.
 
-A link's ten parameters are pi = [m, m c, I] about its origin in its own frame, I as it stands in the matrix. A model
-file has differences to the robot's model under `shared` and whole parameters under `links`:
-
-    link_mass   pi' = pi (1 + delta/m)                    the shape and the centre of mass stay
-    link_com    c' = c + delta                            mass and inertia about the centre of mass stay
-    payload     pi' = pi + delta
-    links       pi' of the link with all that is welded to it
-
-What is welded to a link in the file keeps its own inertia. A body exists with pi' if its pseudo-inertia
-[[tr(I)/2 1 - I, m c], [m c^T, m]] has no negative eigenvalue (Wensing, Kim and Slotine, 2018, eq. 14); negative ones
-are set to a small positive number, and how far that moves the parameters is told.
+`drake_tc.robot.link_changes` has the equations; how far a body that exists is from what was found is told.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,11 +19,9 @@ from drake_tc.exchange.drake_run import no_warning_of_friction, without_shapes
 from drake_tc.exchange.mjcf import put_includes
 from drake_tc.exchange.mujoco_run import require_mujoco
 from drake_tc.exchange.xml_text import append, child, element, number, parsed, put, text, to_text, top
+from drake_tc.robot.link_changes import NAMES, central, changed, consistent, parameters_of
 from drake_tc.types import FloatArray
 
-NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-SMALLEST = 1e-6
-"""Least eigenvalue of a pseudo-inertia over its largest one."""
 OF_SENSORS = ("ft_bias", "ft_gain", "ft_alignment", "imu_bias", "imu_gain", "imu_alignment", "encoder_offset")
 
 
@@ -97,11 +85,11 @@ def _put(name: str, body: Body, causes: Sequence[Mapping[str, Any]], fitted: Map
         whole = np.array([float(fitted.get(each, value)) for each, value in zip(NAMES, whole, strict=True)])
         told.append(f"{name}: its fitted inertial parameters were written")
     for cause in causes:
-        changed = _changed(whole, cause)
-        if changed is None:
+        found = changed(whole, cause)
+        if found is None:
             told.append(f"{_named(cause)} is not written: the target has no such error of a link")
             continue
-        whole = changed
+        whole = found
         told.append(f"{_named(cause)} was written")
     own = consistent(body.own + whole - body.whole)
     body.write(own)
@@ -111,62 +99,6 @@ def _put(name: str, body: Body, causes: Sequence[Mapping[str, Any]], fitted: Map
     )
     mass = f"; the link weighs {own[0]:.4g} kg, {body.own[0]:.4g} kg before"
     return [f"{line}{lost}{mass}." if line is told[-1] else f"{line}." for line in told]
-
-
-def _changed(whole: FloatArray, cause: Mapping[str, Any]) -> FloatArray | None:
-    """(10,) parameters with one cause; None for one that is no change of them."""
-    kind = cause.get("effect")
-    if kind == "link_mass" and whole[0] > 0.0:
-        return np.asarray(whole * (1.0 + float(cause["mass"]) / whole[0]))
-    if kind == "link_com":
-        moved = whole.copy()
-        centre = whole[1:4] / whole[0]
-        new = centre + np.array([float(cause[f"com_{axis}"]) for axis in "xyz"])
-        moved[1:4] = whole[0] * new
-        moved[4:] += whole[0] * (_points(new) - _points(centre))
-        return moved
-    if any(name in cause for name in NAMES):
-        return np.asarray(whole + [float(cause.get(name, 0.0)) for name in NAMES])
-    return None
-
-
-def _points(c: FloatArray) -> FloatArray:
-    """(6,) inertia of a unit mass at c."""
-    matrix = (c @ c) * np.eye(3) - np.outer(c, c)
-    return np.asarray(matrix[np.triu_indices(3)])
-
-
-def consistent(parameters: FloatArray) -> FloatArray:
-    """(10,) the nearest parameters that a body can have; the same where it can have them.
-
-    Args:
-        parameters: (10,).
-    """
-    inertia = _matrix(parameters)
-    pseudo = np.zeros((4, 4))
-    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    pseudo[:3, 3] = pseudo[3, :3] = parameters[1:4]
-    pseudo[3, 3] = parameters[0]
-    values, vectors = np.linalg.eigh(pseudo)
-    least = SMALLEST * max(float(values[-1]), 1e-9)
-    if values[0] >= 0.0:
-        return parameters
-    pseudo = vectors @ np.diag(np.maximum(values, least)) @ vectors.T
-    second = pseudo[:3, :3]
-    inertia = np.trace(second) * np.eye(3) - second
-    return np.array([pseudo[3, 3], *pseudo[:3, 3], *inertia[np.triu_indices(3)]])
-
-
-def _matrix(parameters: FloatArray) -> FloatArray:
-    xx, xy, xz, yy, yz, zz = parameters[4:]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _central(parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """Mass, centre of mass and inertia about it (3, 3)."""
-    centre = parameters[1:4] / parameters[0]
-    about = _matrix(parameters) - parameters[0] * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
-    return float(parameters[0]), centre, about
 
 
 def _of_sensor(cause: Mapping[str, Any]) -> bool:
@@ -212,26 +144,15 @@ def _of_drake(written: str, root: minidom.Element, names: Sequence[str]) -> dict
         plant.Finalize()
     except (RuntimeError, ValueError) as error:
         raise ParamsError(f"Drake refuses the file: {' '.join(str(error).split())}") from None
-    context = plant.CreateDefaultContext()
     elements = {each.getAttribute("name"): each for each in root.getElementsByTagName("link")}
     found = {}
     for name in names:
         if name not in elements or not plant.HasBodyNamed(name):
             continue
-        body = plant.GetBodyByName(name)
-        welded = [each.index() for each in plant.GetBodiesWeldedTo(body)]
-        own, whole = (
-            _parameters(plant.CalcSpatialInertia(context, body.body_frame(), each)) for each in ([body.index()], welded)
-        )
+        own, whole = parameters_of(plant, name)
         write = _write_urdf if kind == "urdf" else _write_sdf
         found[name] = Body(own, whole, partial(write, elements[name]))
     return found
-
-
-def _parameters(spatial: Any) -> FloatArray:
-    mass = spatial.get_mass()
-    inertia = np.asarray(spatial.CalcRotationalInertia().CopyToFullMatrix3())
-    return np.array([mass, *(mass * np.asarray(spatial.get_com())), *inertia[np.triu_indices(3)]])
 
 
 def _fresh(link: minidom.Element) -> minidom.Element:
@@ -246,7 +167,7 @@ def _fresh(link: minidom.Element) -> minidom.Element:
 
 
 def _write_urdf(link: minidom.Element, parameters: FloatArray) -> None:
-    mass, centre, about = _central(parameters)
+    mass, centre, about = central(parameters)
     made = _fresh(link)
     put(append(made, "origin"), xyz=" ".join(map(number, centre)), rpy="0 0 0")
     put(append(made, "mass"), value=mass)
@@ -255,7 +176,7 @@ def _write_urdf(link: minidom.Element, parameters: FloatArray) -> None:
 
 
 def _write_sdf(link: minidom.Element, parameters: FloatArray) -> None:
-    mass, centre, about = _central(parameters)
+    mass, centre, about = central(parameters)
     made = _fresh(link)
     parts = {"pose": " ".join(map(number, (*centre, 0.0, 0.0, 0.0))), "mass": number(mass)}
     for tag, content in parts.items():
@@ -325,7 +246,7 @@ def _moved(mujoco: Any, model: Any, body: int, to: int) -> FloatArray:
 
 
 def _write_mjcf(body: minidom.Element, parameters: FloatArray) -> None:
-    mass, centre, about = _central(parameters)
+    mass, centre, about = central(parameters)
     full = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
     put(
         _fresh(body),

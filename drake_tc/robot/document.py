@@ -145,7 +145,10 @@ class RobotDocument(Keys):
         "F/T sensors by name, in the order of their logs.", example={"ankle": {"joint": "ankle_ft"}}, absent="none"
     )
     actuators: FileName | None = key(
-        "Actuator model file, relative to this file.", example="leg_actuators.yaml", absent="no actuator models"
+        "Actuator model file, relative to this file, such as the `model_after.yaml` of `close-loop`: masses and payloads "
+        "of links that it found change the robot.",
+        example="leg_actuators.yaml",
+        absent="no actuator models",
     )
     rotor_inertia: dict[str, NumberFromZero] | None = key(
         "By joint, the rotor's inertia on the joint's side of the gear; only without `actuators`, whose file says it.",

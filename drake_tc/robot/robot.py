@@ -13,6 +13,7 @@ from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
 from drake_tc.robot.document import RobotDocument
 from drake_tc.robot.fields import ForceTorqueMount, Mount, Pose
+from drake_tc.robot.link_changes import LinkChanges, link_changes
 from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
 from drake_tc.robot.urdf_tree import LinkSplit, Mimic, UrdfTree, read_urdf
 from drake_tc.simulator_files.urdf import resolve
@@ -44,6 +45,7 @@ class Robot:
         posture: (n,) where the joints start [rad].
         source: The robot file.
         splits: Links that an F/T sensor inside them divides in two.
+        changes: What `close-loop` found of the links' inertias and payloads, as the actuator model file says.
 
     Example:
         >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
@@ -67,6 +69,7 @@ class Robot:
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     splits: tuple[LinkSplit, ...] = ()
     followers: Mapping[str, Mimic] = field(default_factory=dict)
+    changes: LinkChanges = field(default_factory=LinkChanges)
 
 
 def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
@@ -150,7 +153,7 @@ def _followers(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTr
     return found
 
 
-def _robot(source: Path, read: RobotDocument) -> Robot:
+def _robot(source: Path, read: RobotDocument, *, found_links: bool) -> Robot:
     urdf = resolve(read.urdf, source.parent)
     splits = link_splits(read.force_torque or {}, read_urdf(urdf))
     tree = read_urdf(urdf, splits)
@@ -159,6 +162,7 @@ def _robot(source: Path, read: RobotDocument) -> Robot:
     _check_joints("joints", joints, tree)
     if not read.fixed_base:
         _check_floating_base(base, joints, tree)
+    actuators = None if read.actuators is None else resolve(read.actuators, source.parent)
     limits = {joint: entry.given() for joint, entry in (read.limits or {}).items()}
     return Robot(
         name=read.name,
@@ -171,7 +175,8 @@ def _robot(source: Path, read: RobotDocument) -> Robot:
         followers=_followers(read.locked or {}, joints, tree),
         imu=imu_mounts(read.imu or {}, tree),
         force_torque=force_torque_mounts(read.force_torque or {}, joints, base, tree, splits),
-        actuators=None if read.actuators is None else resolve(read.actuators, source.parent),
+        actuators=actuators,
+        changes=LinkChanges() if actuators is None or not found_links else link_changes(actuators),
         rotor_inertia=read.rotor_inertia or {},
         limits=limits,
         posture=_posture(read.posture or {}, joints, tree, limits),
@@ -180,11 +185,13 @@ def _robot(source: Path, read: RobotDocument) -> Robot:
     )
 
 
-def load_robot(path: Path | str) -> Robot:
+def load_robot(path: Path | str, *, found_links: bool = True) -> Robot:
     """Read a robot file and check it against its URDF.
 
     Args:
         path: YAML; `drake-tc schema robot --page` has the keys.
+        found_links: Take masses, centres of mass and payloads that `close-loop` found from the actuator model file
+            that the robot file names; otherwise the links are those of the URDF.
 
     Raises:
         ParamsError: the file or its URDF cannot be read, a key is unknown, missing or given twice, a joint or link is
@@ -197,6 +204,6 @@ def load_robot(path: Path | str) -> Robot:
     source = Path(path)
     read = validated(RobotDocument, read_yaml(source, "robot file (YAML)"), str(source), hint=HINT)
     try:
-        return _robot(source, read)
+        return _robot(source, read, found_links=found_links)
     except ParamsError as error:
         raise ParamsError(f"{source}: {error}") from None

@@ -10,6 +10,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_tc.errors import ParamsError
+from drake_tc.robot.link_changes import change_urdf
 from drake_tc.robot.robot import Robot, position_range
 from drake_tc.robot.urdf_tree import JointTag, UrdfTree, read_urdf
 
@@ -118,7 +119,8 @@ def reduced_urdf(
 
     All other joints are fixed at their locked position, which keeps frames and masses exactly. Meshes, transmission,
     gazebo and dynamics tags go (friction and damping belong to the actuators), as does a link
-    `world`; a floating base is the root; limits are the robot file's where it has some.
+    `world`; a floating base is the root; limits are the robot file's where it has some. Inertias are those that
+    `robot.changes` makes of the URDF's.
 
     Args:
         robot: From `load_robot`.
@@ -147,5 +149,6 @@ def reduced_urdf(
         _joint_tag(joint, robot, tree, turned=joint.name in turned, mimic=followers == "mimic")
         for joint in tree.joints.values()
     )
+    change_urdf(root, robot.changes)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")

@@ -6,6 +6,7 @@ What a controller file may say. `drake_tc.tsid.configuration` builds the control
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -32,6 +33,7 @@ from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty
 from drake_tc.errors import ParamsError
 from drake_tc.robot.document import PoseKeys
 from drake_tc.robot.fields import Mount
+from drake_tc.robot.link_changes import link_changes
 from drake_tc.robot.plant import file_rotors, joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.simulator_files.urdf import resolve
@@ -244,12 +246,13 @@ _NUMBERS = ("contact_damping", "fallback_damping", "fade")
 HINT = "`drake-tc schema controller --page` explains every key"
 
 
-def load_law(path: Path | str, changes: Mapping[str, Any] | None = None) -> Law:
+def load_law(path: Path | str, changes: Mapping[str, Any] | None = None, actuators: Path | None = None) -> Law:
     """Read a controller file and build what it says.
 
     Args:
         path: YAML; `drake-tc schema controller --page` has the keys.
         changes: Laid over the file's mapping, field by field down into the maps.
+        actuators: Actuator model file in place of the robot file's: rotors and found links are those that it has.
 
     Raises:
         ParamsError: the file, its robot or its torque uncertainty cannot be read, a key is unknown, missing or given
@@ -266,13 +269,15 @@ def load_law(path: Path | str, changes: Mapping[str, Any] | None = None) -> Law:
         document = merged(document, changes)
     read = validated(ControllerDocument, document, str(source), hint=HINT)
     try:
-        return _law(source, read)
+        return _law(source, read, actuators)
     except ParamsError as error:
         raise ParamsError(f"{source}: {error}") from None
 
 
-def _law(source: Path, read: ControllerDocument) -> Law:
-    robot = load_robot(resolve(read.robot, source.parent))
+def _law(source: Path, read: ControllerDocument, actuators: Path | None) -> Law:
+    robot = load_robot(resolve(read.robot, source.parent), found_links=actuators is None)
+    if actuators is not None:
+        robot = replace(robot, actuators=actuators, changes=link_changes(actuators))
     contacts = tuple(entry.contact(name) for name, entry in (read.contacts or {}).items())
     frames = tuple(entry.mount(name) for name, entry in (read.frames or {}).items())
     model = TsidModel(robot, contacts, frames=frames, rotor_inertia=_rotors(read.rotor_inertia, robot))

@@ -90,6 +90,7 @@ class TsidModel:
         actuated: (n,) index in v of each joint.
         positions: (n,) index in q of each joint.
         force_size: K, of the forces of all contacts.
+        rotors: (n,) reflected rotor inertias that the mass matrix has [kg m^2].
         mass: [kg].
         start: (nq,) q in the robot's posture, its base where the robot file says.
         tree_arguments: The robot as compiled functions take it (`drake_tc.kernels.terms.terms`).
@@ -123,6 +124,8 @@ class TsidModel:
         base = plant.GetBodyByName(robot.base, model)
         plant.AddJoint(QuaternionFloatingJoint("base_of_tsid", plant.world_frame(), base.body_frame()))
         rotors = checked_rotors(robot, file_rotors(robot) if rotor_inertia is None else rotor_inertia)
+        self.rotors: FloatArray = np.array([rotors.get(name, 0.0) for name in robot.joints])
+        self.rotors.setflags(write=False)
         named = add_frames(plant, model, self.contacts, frames)
         plant.Finalize()
         self._set_order(plant.num_velocities())

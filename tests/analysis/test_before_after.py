@@ -15,9 +15,7 @@ from drake_tc.analysis.before_after.comparison import K7, SOUND, Trace, chosen_g
 from drake_tc.analysis.before_after.pendulum_robot import (
     Swing,
     fitted_swing,
-    mass_factors,
     write_pendulum_robot,
-    write_robot_of_masses,
     write_welded_robot,
 )
 from drake_tc.analysis.joint_loop import JointLoop
@@ -202,27 +200,9 @@ def test_a_welded_file_is_the_same_robot(changed_leg, tmp_path):
     assert_allclose(welded.posture, robot.posture)
 
 
-def test_a_robot_of_other_masses_weighs_that(leg, tmp_path):
-    robot = load_robot(leg)
-    factors = mass_factors(robot, {"r_thigh": 1.5, "r_shank": -0.4})
-    plain, changed = (make_plant(r, 0.0) for r in (robot, load_robot(write_robot_of_masses(robot, tmp_path, factors))))
-    one, other = plain.CreateDefaultContext(), changed.CreateDefaultContext()
-    for link, more in (("r_thigh", 1.5), ("r_shank", -0.4), ("r_foot", 0.0)):
-        was, now = (p.GetBodyByName(link).CalcSpatialInertiaInBodyFrame(c) for p, c in ((plain, one), (changed, other)))
-        assert_allclose(now.get_mass() - was.get_mass(), more, atol=1e-9)
-        assert_allclose(now.get_com(), was.get_com(), atol=1e-12)
-    body = plain.GetBodyByName("r_thigh")
-    body.SetMass(one, body.get_mass(one) + 1.5)  # Drake scales the inertia along
-    body = plain.GetBodyByName("r_shank")
-    body.SetMass(one, body.get_mass(one) - 0.4)
-    assert_allclose(changed.CalcMassMatrix(other), plain.CalcMassMatrix(one), rtol=1e-9, atol=1e-12)
-    with pytest.raises(ParamsError, match=r"'r_thigh' of .* kg cannot weigh -50 kg more"):
-        mass_factors(robot, {"r_thigh": -50.0})
-
-
 def test_a_controller_that_does_not_know_a_mass_has_another_plant_than_it_thinks(leg, tmp_path, no_simulation):
     case = leg_case(leg, LEG)
-    same = replace(case, before=case.after, masses={"r_thigh": 3.0})
+    same = replace(case, before=case.after, shared=({"effect": "link_mass", "where": "r_thigh", "mass": 3.0},))
     found = run_case(same, tmp_path)
     pitch = found.joints["r_hip_pitch"]
     assert found.changed and no_simulation == ["before", "after"]
@@ -249,17 +229,20 @@ def test_what_cannot_be_made_is_one_note(monkeypatch):
 
 def test_causes_that_no_joint_owns_are_in_the_plant_or_named():
     def cause(key, title, where, value):
-        return SimpleNamespace(id=key, title=title, where=where, parameters={"p": SimpleNamespace(value=value)})
+        return SimpleNamespace(id=key, title=title, where=where, parameters={"mass": estimate(value)})
+
+    def estimate(value):
+        return SimpleNamespace(value=value, ci95=(0.0, 1.0))
 
     causes = [
         cause("link_mass", "mass of a link", "thigh", 0.8),
         cause("ft_bias", "bias of an F/T sensor", "ankle", 3.0),
     ]
-    masses, notes = case._shared(causes)
-    assert masses == {"thigh": 0.8}
-    assert "thigh +0.8 kg" in notes[0]
+    (entry,), notes = case._shared(causes)
+    assert (entry["effect"], entry["where"], entry["mass"]) == ("link_mass", "thigh", 0.8)
+    assert "mass of a link (thigh)" in notes[0]
     assert notes[1].endswith("neither before nor after: bias of an F/T sensor (ankle).")
-    assert case._shared([]) == ({}, ())
+    assert case._shared([]) == ((), ())
 
 
 def test_a_pendulum_robot_weighs_what_it_should(tmp_path):

@@ -1,5 +1,6 @@
 """The standard loops in one call: what they connect, how a stage is replaced, and what is put between two."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
 from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
+from drake_tc.loops.whole_body.controller import whole_body_controller
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop
 from drake_tc.robot.plant import add_robot
@@ -190,3 +192,21 @@ def test_ports_have_methods_by_their_names():
         guard.get_comand_output_port()
     with pytest.raises(AttributeError, match="has no attribute 'comand'"):
         _ = guard.comand
+
+
+def test_drives_whose_rotors_are_not_those_of_the_law_are_refused():
+    """The law computes its torques with the rotors: with others it accelerates another robot."""
+    law = load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml")
+    models = load_models(law.model.robot.actuators)
+    joint = law.model.robot.joints[3]
+    kept = tuple(value for value in models[joint].effects if value.key != "rotor_inertia")
+    other = models | {joint: replace(models[joint], effects=kept)}
+    spec = WholeBodySpec(torque="drives", state="plant")
+    says = rf"the drive of '{joint}' has a reflected rotor inertia of 0 kg m\^2, the law 0\.\d+; name"
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, law.model.robot)
+    with pytest.raises(ParamsError, match=says):
+        add_whole_body_loop(builder, plant, law, spec, models=other)
+    with pytest.raises(ParamsError, match=says):
+        whole_body_controller(law, other, spec=spec)
+    assert whole_body_controller(law, models, spec=spec).GetOutputPort("command").size() == law.model.n

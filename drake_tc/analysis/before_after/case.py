@@ -6,6 +6,7 @@ The motion of a held-out run as a reference: its liveliest stretch, begun and en
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +21,13 @@ from drake_tc.analysis.before_after.pendulum_robot import (
 )
 from drake_tc.diagnosis.data.samples import Samples, one_clock
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.models import model_of
+from drake_tc.diagnosis.result.models import links_entry, model_of, shared_entry
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.errors import ParamsError
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.loops.scenarios.parts import MotionSpec
+from drake_tc.robot.link_changes import OF_LINKS
 from drake_tc.types import FloatArray
 
 KNOT = 0.05
@@ -138,7 +140,8 @@ class LoopCase:
         motion: The reference.
         offset: Largest q_d - q that the guard lets pass [rad].
         seed: Of the sensors' noise.
-        masses: Link to what it weighs more than the robot file says [kg]; the controller before does not know it.
+        shared: Causes of links as a model file has them; the controller before does not know them.
+        links: Links' inertial parameters that were fitted, likewise; both controllers know them.
         notes: What the comparison leaves out.
     """
 
@@ -149,7 +152,8 @@ class LoopCase:
     motion: HeldOutMotion
     offset: float = 0.2
     seed: int = 0
-    masses: Mapping[str, float] = field(default_factory=dict)
+    shared: tuple[Mapping[str, Any], ...] = ()
+    links: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
@@ -184,8 +188,9 @@ def loop_case(result: CloseLoopResult, folder: Path, seed: int = 0) -> LoopCase:
             else "of the inertia and the weight that the logged load torque shows"
         )
     largest = max(float(np.abs(side.signals.effort).max()) for side in sides.values())
-    masses, notes = _shared(result.shared)
-    return LoopCase(path, plant, before, after, motion, max(0.2, 3.0 * largest), seed, masses, notes)
+    shared, notes = _shared(result.shared)
+    links = None if result.links is None else links_entry(result.links)
+    return LoopCase(path, plant, before, after, motion, max(0.2, 3.0 * largest), seed, shared, links or {}, notes)
 
 
 def _carried(result: CloseLoopResult) -> str:
@@ -193,17 +198,17 @@ def _carried(result: CloseLoopResult) -> str:
     return "a pendulum or a sliding mass" if len(sliding) > 1 else "a mass" if True in sliding else "a pendulum"
 
 
-def _shared(causes: Sequence[SharedEffect]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Masses that the links turned out to have, and what of the shared causes the loop does not show."""
-    masses = {c.where: next(iter(c.parameters.values())).value for c in causes if c.id == "link_mass"}
-    left = [f"{cause.title} ({cause.where})" for cause in causes if cause.id != "link_mass"]
+def _shared(causes: Sequence[SharedEffect]) -> tuple[tuple[Mapping[str, Any], ...], tuple[str, ...]]:
+    """What the links turned out to be, as a model file has it, and what of the shared causes the loop does not show."""
+    of_links = [cause for cause in causes if cause.id in OF_LINKS]
+    left = [f"{cause.title} ({cause.where})" for cause in causes if cause not in of_links]
     notes = []
-    if masses:
-        found = ", ".join(f"{link} {kilograms:+.3g} kg" for link, kilograms in masses.items())
-        notes.append(f"The simulated links weigh what was found ({found}); the controller before does not know it.")
+    if of_links:
+        found = ", ".join(f"{cause.title} ({cause.where})" for cause in of_links)
+        notes.append(f"The simulated links are as they were found: {found}; the controller before does not know it.")
     if left:
         notes.append(f"Not part of the simulated loop, neither before nor after: {', '.join(left)}.")
-    return masses, tuple(notes)
+    return tuple(shared_entry(cause) for cause in of_links), tuple(notes)
 
 
 def _swing(rig: Rig, joint: JointResult) -> Swing | Slide:

@@ -24,7 +24,7 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.before_after.case import LoopCase, loop_case
-from drake_tc.analysis.before_after.pendulum_robot import mass_factors, write_robot_of_masses, write_welded_robot
+from drake_tc.analysis.before_after.pendulum_robot import write_welded_robot
 from drake_tc.analysis.joint_loop import JointLoop, with_values
 from drake_tc.analysis.settings import quick_margins
 from drake_tc.analysis.stability_margins import Margins
@@ -177,16 +177,10 @@ def run_case(
         case = replace(case, robot=write_welded_robot(robot, folder))
         notes.append("The base floats, and nothing says what carries it: in the simulation it is held still.")
     scenarios = _scenarios(case, robot, folder)
-    if case.masses:
-        factors = mass_factors(robot, case.masses)
-        heavier = write_robot_of_masses(load_robot(case.robot), folder, factors)
-        scenarios["before"] = replace(scenarios["before"], masses=factors)
-        scenarios["after"] = replace(scenarios["after"], robot=str(heavier))
     gains = chosen_gains(joint_loops(scenarios["after"]))
     scenarios = {side: replace(scenario, gains=gains) for side, scenario in scenarios.items()}
     loops = {side: joint_loops(scenario) for side, scenario in scenarios.items()}
-    loops["before"] = {name: _of_true_links(loop, loops["after"][name]) for name, loop in loops["before"].items()}
-    changed = {name: bool(case.masses) or case.before[name] != model for name, model in case.after.items()}
+    changed = {name: bool(case.shared) or case.before[name] != model for name, model in case.after.items()}
     sides = SIDES if any(changed.values()) else SIDES[1:]
     drives = sorted({model.drive.kind for model in case.after.values()} - {"position_servo"})
     traces: dict[str, Trace] = {}
@@ -230,7 +224,8 @@ def _scenarios(case: LoopCase, robot: Robot, folder: Path) -> dict[str, Scenario
             )
     files = {side: folder / f"{side}.yaml" for side in SIDES}
     for side, models in zip(SIDES, (case.before, case.after), strict=True):
-        save_models({**others, **models}, files[side])
+        shared = case.shared if side == "after" else ()
+        save_models({**others, **models}, files[side], shared=shared, links=case.links)
     both = Scenario(
         robot=str(case.robot.resolve()),
         actuators=str(files["after"]),
@@ -265,11 +260,6 @@ def _substeps(loops: Mapping[str, JointLoop], dt: float) -> int:
     """Steps of the plant a tick, so that each servo's stiffness on its joint's inertia is resolved."""
     fastest = max(math.sqrt(1.0 / (loop.k_tau * loop.inertia)) for loop in loops.values())
     return min(MOST_SUBSTEPS, max(1, math.ceil(dt * fastest / RESOLUTION)))
-
-
-def _of_true_links(loop: JointLoop, truth: JointLoop) -> JointLoop:
-    """A loop whose controller knows its own links, on the plant of the other one."""
-    return replace(loop, inertia=truth.inertia, gravity_stiffness=truth.gravity_stiffness)
 
 
 def _joint(

@@ -49,11 +49,13 @@ def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str
     _check_loop(spec)
     filters = spec.filters
     loops = {}
-    for i, (joint, weights) in enumerate(_weights(design).items()):
+    true_weights = _weights(design.plant_robot, design.posture)
+    for i, (joint, weights) in enumerate(_weights(design.robot, design.posture).items()):
+        moved = true_weights[joint]
         true, model = design.actuators[i], design.models[i]
         (k_tau, k_v), (k_tau_model, k_v_model) = _drive(true, direction), _drive(model, direction)
         loops[joint] = JointLoop(
-            inertia=weights["link_inertia"] + true.inertia,
+            inertia=moved["link_inertia"] + true.inertia,
             k_tau=k_tau,
             k_v=k_v,
             k_tau_model=k_tau_model,
@@ -70,7 +72,7 @@ def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str
             gravity_at=spec.configuration,
             velocity_from=spec.compensation.velocity,
             rotor_model=0.0 if spec.compensation.acceleration == "none" else model.inertia,
-            **weights,
+            **weights | {"gravity_stiffness": moved["gravity_stiffness"]},
         )
     return loops
 
@@ -94,13 +96,12 @@ def _drive(model: ActuatorModel, direction: float) -> tuple[float, float]:
     return gain, gain * values.get("viscous", {}).get("viscous", 0.0)
 
 
-def _weights(design: LoopDesign) -> dict[str, dict[str, Any]]:
+def _weights(robot: Robot, at: FloatArray) -> dict[str, dict[str, Any]]:
     """Joint to inertia and gravity stiffness of what it moves, and of what lies beyond the F/T sensor."""
-    robot = design.robot
     plant: Any = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
     positions = np.array(plant.GetPositions(context))
-    for name, position in zip(robot.joints, design.posture, strict=True):
+    for name, position in zip(robot.joints, at, strict=True):
         positions[plant.GetJointByName(name).position_start()] = position
     plant.SetPositions(context, positions)
     sensed = [_beyond(plant, mount.joint) for mount in robot.force_torque]

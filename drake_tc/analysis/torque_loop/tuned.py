@@ -72,7 +72,7 @@ def compare_on_plant(point: Compared, seed: int) -> FloatArray:
     noise = int(generator.integers(2**31))
     with TemporaryDirectory() as folder:
         file = Path(folder) / "actuators.yaml"
-        save_models(models, file)
+        save_models(models, file, shared=robot.changes.causes, links=robot.changes.fitted)
         rows = []
         for scenario in point.scenarios:
             known = scenario.model or scenario.actuators or str(Path(str(robot.actuators)).resolve())

@@ -49,8 +49,8 @@ def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
         provenance = _provenance(result) | {
             "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()}
         }
-        shared = [_shared_entry(cause) for cause in result.shared] if final else []
-        links = None if result.links is None or not final else _links_entry(result.links)
+        shared = [shared_entry(cause) for cause in result.shared] if final else []
+        links = None if result.links is None or not final else links_entry(result.links)
         save_models(models, out / name, provenance=provenance, shared=shared, links=links)
         texts.append((out / name).read_text(encoding="utf-8"))
     _save_refined(result, out / MODEL_FILE)
@@ -84,8 +84,8 @@ def _save_refined(result: CloseLoopResult, path: Path) -> None:
         for name, pair in free.items()
     }
     provenance = _provenance(result) | {"refined": sorted(found), "mean_absolute_error_of_training_free_runs": errors}
-    shared = [_shared_entry(cause) for cause in result.shared]
-    links = None if result.links is None else _links_entry(result.links)
+    shared = [shared_entry(cause) for cause in result.shared]
+    links = None if result.links is None else links_entry(result.links)
     save_models(models, path, provenance=provenance, shared=shared, links=links)
 
 
@@ -100,7 +100,7 @@ def _provenance(result: CloseLoopResult) -> dict[str, object]:
     return provenance | {TORQUE_AS_EFFORT: unscaled} if unscaled else provenance
 
 
-def _shared_entry(cause: SharedEffect) -> dict[str, object]:
+def shared_entry(cause: SharedEffect) -> dict[str, object]:
     """A link's or a sensor's error, as the model file has it."""
     return {
         "effect": cause.id,
@@ -110,7 +110,7 @@ def _shared_entry(cause: SharedEffect) -> dict[str, object]:
     }
 
 
-def _links_entry(links: FittedLinks) -> dict[str, dict[str, float]]:
+def links_entry(links: FittedLinks) -> dict[str, dict[str, float]]:
     """By link, its inertial parameters about its origin."""
     out: dict[str, dict[str, float]] = {}
     for p in links.parameters:

@@ -136,7 +136,7 @@ def designed_robot(
         raise ParamsError(f"{request.rig}: no robot; a motion of all joints needs the key `robot: FILE`")
     if request.limits.get("position") is not None:
         raise ParamsError("--position: a robot's position limits are those of its robot file and URDF")
-    robot = load_robot(rig.robot)
+    robot = load_robot(rig.robot, found_links=False)
     names = ("velocity", "acceleration", "jerk", "torque", "bandwidth_hz")
     limits = robot_limits(robot, **{name: request.limits.get(name) for name in names})
     fitted = tuple(j for j in rig.joints if "rotor_inertia" in rig.declared[j] and not rig.declared[j]["rotor_inertia"])

@@ -127,7 +127,7 @@ def scenario_controller(scenario: Scenario) -> Controller:
     Raises:
         ParamsError: a file that cannot be read, or names that do not fit.
     """
-    robot = loop_robot(scenario)
+    robot = loop_robot(scenario, controller=True)
     path = references(scenario, robot)
     return torque_controller(
         robot,

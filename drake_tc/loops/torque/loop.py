@@ -81,7 +81,7 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     loop = add_torque_loop(
         builder,
         plant,
-        robot,
+        loop_robot(scenario, controller=True),
         models,
         source.get_output_port(),
         scenario,

@@ -18,17 +18,24 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
+from drake_tc.robot.link_changes import link_changes
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 
 
-def loop_robot(scenario: Scenario) -> Robot:
+def loop_robot(scenario: Scenario, *, controller: bool = False) -> Robot:
     """The scenario's robot, its base free where it hangs in springs, without joint stops where it says so.
+
+    Masses and payloads of links that `close-loop` found are those of the actuators' model file: the simulated one, or
+    the controller's.
 
     Raises:
         ParamsError: a file that cannot be read, or a base that floats and is taken to have no angular acceleration.
     """
     robot = load_robot(scenario.path(scenario.robot))
+    named = model_file(scenario, controller=controller)
+    if named is not None:
+        robot = replace(robot, changes=link_changes(named))
     if scenario.suspension is not None:
         robot = replace(robot, fixed_base=False)
     base_source(scenario, robot)
@@ -38,14 +45,19 @@ def loop_robot(scenario: Scenario) -> Robot:
     return robot
 
 
+def model_file(scenario: Scenario, *, controller: bool) -> Path | None:
+    """The model file that the scenario names for plant or controller; None: that of the robot file."""
+    named = scenario.actuators if not (controller and scenario.model) else scenario.model
+    return None if named is None else scenario.path(named)
+
+
 def actuator_models(scenario: Scenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
     """The simulated actuators, or those that the controller compensates, joint by joint.
 
     Raises:
         ParamsError: no model file at all, or one that lacks a joint.
     """
-    named = scenario.actuators if not (controller and scenario.model) else scenario.model
-    path = robot.actuators if named is None else scenario.path(named)
+    path = model_file(scenario, controller=controller) or robot.actuators
     if path is None:
         raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario, got neither")
     chosen = models_of_joints(path, robot.joints)
@@ -85,7 +97,8 @@ class LoopDesign:
     """What a torque loop is wired from.
 
     Attributes:
-        robot: Of the plant.
+        robot: What the controller takes the robot for.
+        plant_robot: The simulated one.
         spec: How the loop is controlled.
         actuators: (n) models of the simulated drives, in the order of the robot's joints.
         models: (n) what the controller takes the drives for.
@@ -99,6 +112,7 @@ class LoopDesign:
     """
 
     robot: Robot
+    plant_robot: Robot
     spec: TorqueLoopSpec
     actuators: tuple[ActuatorModel, ...]
     models: tuple[ActuatorModel, ...]
@@ -112,9 +126,10 @@ class LoopDesign:
         Raises:
             ParamsError: a file that cannot be read, or a joint or gain that is not possible.
         """
-        robot = loop_robot(scenario)
+        robot = loop_robot(scenario, controller=True)
         return cls(
             robot=robot,
+            plant_robot=loop_robot(scenario),
             spec=scenario,
             actuators=tuple(actuator_models(scenario, robot).values()),
             models=tuple(actuator_models(scenario, robot, controller=True).values()),
@@ -136,13 +151,13 @@ def sliding_scenario(scenario: Scenario, folder: Path, direction: float = 0.0) -
     Raises:
         ParamsError: drives that cannot be read.
     """
-    robot = loop_robot(scenario)
     plain = replace(scenario, model_factors=ModelFactors())
 
     def saved(name: str, *, controller: bool) -> str:
+        robot = loop_robot(scenario, controller=controller)
         models = actuator_models(plain, robot, controller=controller)
         path = str((folder / f"sliding_{name}.yaml").resolve())
-        save_models(sliding(models, direction), path)
+        save_models(sliding(models, direction), path, shared=robot.changes.causes, links=robot.changes.fitted)
         return path
 
     return replace(scenario, actuators=saved("actuators", controller=False), model=saved("model", controller=True))

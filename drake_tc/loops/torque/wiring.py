@@ -113,6 +113,7 @@ def add_torque_loop(
         force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
     design = LoopDesign(
         robot=robot,
+        plant_robot=robot,
         spec=spec,
         actuators=model_list(models, robot.joints),
         models=(assumed := model_list(models if controller_models is None else controller_models, robot.joints)),

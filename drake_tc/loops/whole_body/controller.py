@@ -16,10 +16,10 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.boundary import ControlledJoints, Controller, Start, add_input
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
-from drake_tc.loops.whole_body.drives import drive_models
+from drake_tc.loops.whole_body.drives import drive_models, known_drives
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario, WholeBodySpec
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, check_rotors, required_models
 from drake_tc.loops.whole_body.series_elastic_drives import SpringReadings, check_springs, spring_models
 from drake_tc.loops.whole_body.wiring import by_joint
 from drake_tc.robot.plant import joint_limits
@@ -68,7 +68,8 @@ def whole_body_controller(
         fused: Run the stages in one system, which gives the same numbers in less time.
 
     Raises:
-        ParamsError: models that are missing, or a stage or place that the controller does not have.
+        ParamsError: models that are missing or whose rotors are not those of the law, or a stage or place that the
+            controller does not have.
 
     Example:
         >>> law = load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml")
@@ -79,6 +80,7 @@ def whole_body_controller(
     spec = replace(WholeBodySpec() if spec is None else spec, faults={}, torque_error=None)
     builder, robot, n = DiagramBuilder(), law.model.robot, law.model.n
     given = None if models is None else by_joint(models, law)
+    check_rotors(law, given)
     wiring = WholeBodyBuilder(
         builder,
         spec,
@@ -174,7 +176,7 @@ def scenario_controller(scenario: TsidScenario) -> Controller:
     Raises:
         ParamsError: a file that cannot be read, or names or times that do not fit.
     """
-    law = load_law(scenario.path(scenario.controller), scenario.changes)
+    law = load_law(scenario.path(scenario.controller), scenario.changes, known_drives(scenario))
     robot = law.model.robot
     models: Models | None = None
     if scenario.torque == "series_elastic":

@@ -7,6 +7,7 @@ How the joints will move if the controller has its way: what the drives' frictio
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -79,15 +80,21 @@ class DesiredMotion(LeafSystem):
         vector.set_value(self._reference(self._state.Eval(context), self._acceleration.Eval(context)))
 
 
+def known_drives(scenario: TsidScenario) -> Path | None:
+    """The model file that the scenario names for the controller; None: that of the robot file."""
+    spec = scenario.drives
+    named = (spec.model or spec.actuators) if scenario.torque == "drives" else None
+    return None if named is None else scenario.path(named)
+
+
 def drive_models(scenario: TsidScenario, robot: Robot, *, controller: bool = False) -> dict[str, ActuatorModel]:
     """The simulated drives, or those that the torque control compensates, joint by joint.
 
     Raises:
         ParamsError: no model file at all, or one that lacks a joint.
     """
-    spec = scenario.drives
-    named = spec.model if controller and spec.model else spec.actuators
-    path = robot.actuators if named is None else scenario.path(named)
+    named = known_drives(scenario) if controller else scenario.drives.actuators
+    path = robot.actuators if named is None else scenario.path(str(named))
     if path is None:
         raise ParamsError(f"{robot.source}: expected `actuators`, here or in the scenario's drives, got neither")
     return models_of_joints(path, robot.joints)

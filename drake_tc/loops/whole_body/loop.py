@@ -4,7 +4,7 @@ The wiring is that of `add_whole_body_loop` (`drake_tc.loops.whole_body.wiring`)
 what the tasks follow.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
@@ -16,12 +16,13 @@ from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.fused import StageValues, fused_stages
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.surroundings import add_pushes, check_masses, set_masses
-from drake_tc.loops.whole_body.drives import drive_models
+from drake_tc.loops.whole_body.drives import drive_models, known_drives
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop
+from drake_tc.robot.link_changes import link_changes
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
@@ -116,7 +117,9 @@ def add_grounded_plant(
     def surround(plant: MultibodyPlant) -> None:
         add_ground(plant, law.model.contacts, scenario.ground)
 
-    robot = law.model.robot
+    robot, drives = law.model.robot, scenario.drives.actuators
+    if scenario.torque == "drives" and drives is not None:
+        robot = replace(robot, changes=link_changes(scenario.path(drives)))
     plant = add_robot_plant(builder, robot, scenario.plant_step, scene=True, meshcat=meshcat, prepare=surround)
     check_masses(plant, robot, scenario.masses)
     add_pushes(builder, plant, scenario.pushes)
@@ -151,7 +154,7 @@ def _law(scenario: TsidScenario) -> Law:
     Raises:
         ParamsError: a file that cannot be read, a step that does not divide the period, or no contacts.
     """
-    law = load_law(scenario.path(scenario.controller), scenario.changes)
+    law = load_law(scenario.path(scenario.controller), scenario.changes, known_drives(scenario))
     steps = law.period / scenario.plant_step
     if not (steps > 0.5 and abs(steps - round(steps)) < 1e-6):
         raise ParamsError(

@@ -26,6 +26,9 @@ _IMU = ("gyro", "accel")
 SLOW, ORDERS = 80, (2, 1)
 """Samples of the filters behind the torque estimate, in whose middle they are read: of the encoders, of the others."""
 
+SAME_ROTOR = 1e-3
+"""Relative difference of two rotor inertias that count as the same."""
+
 
 @dataclass
 class WholeBodyBuilder(LoopBuilder[WholeBodySpec]):
@@ -68,6 +71,25 @@ def required_models(
     if models is None:
         raise ParamsError(f"models: expected actuator models, as torque: {wiring.scenario.torque} needs them, got none")
     return models
+
+
+def check_rotors(law: Law, models: Mapping[str, ActuatorModel] | None) -> None:
+    """The law's mass matrix has the rotors of the drives that the controller knows.
+
+    Raises:
+        ParamsError: a joint whose rotor differs by more than `SAME_ROTOR`.
+    """
+    for joint, known in zip(law.model.robot.joints, law.model.rotors.tolist(), strict=True):
+        model = None if models is None else models[joint]
+        if model is None:
+            continue
+        driven = 0.0 if model.transmission_effects else model.inertia
+        if abs(driven - known) > SAME_ROTOR * max(driven, known):
+            raise ParamsError(
+                f"models: the drive of {joint!r} has a reflected rotor inertia of {driven:.4g} kg m^2, the law"
+                f" {known:.4g}; name these models' file under `actuators` in the robot file, or state the values under"
+                " `rotor_inertia` in the controller file"
+            )
 
 
 def add_whole_body_sensors(wiring: WholeBodyBuilder, plant: MultibodyPlant) -> SensorSuite:

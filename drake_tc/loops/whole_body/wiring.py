@@ -26,7 +26,7 @@ from drake_tc.loops.fused import FusedStages, StageValues
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, add_whole_body_sensors, required_models
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, add_whole_body_sensors, check_rotors, required_models
 from drake_tc.loops.whole_body.series_elastic_drives import add_spring_drives, drive_springs
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.law import Law
@@ -89,8 +89,8 @@ def add_whole_body_loop(
         between: "stage.port" to a system of your own behind that output port.
 
     Raises:
-        ParamsError: a plant that is not finalized or whose ports are sampled, models that are missing, or a stage or
-            place that the loop does not have.
+        ParamsError: a plant that is not finalized or whose ports are sampled, models that are missing or whose rotors
+            are not those of the law, or a stage or place that the loop does not have.
 
     Example:
         >>> law = load_law(MODELS / "hrp2_like" / "hrp2_like_tsid.yaml")
@@ -105,6 +105,7 @@ def add_whole_body_loop(
     robot = law.model.robot
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(robot.name))
     named = [None if m is None else by_joint(m, law) for m in (models, controller_models or models)]
+    check_rotors(law, named[1])
     wiring = WholeBodyBuilder(
         builder,
         spec,

@@ -1,14 +1,17 @@
 """Scenario files: what is committed runs; what is misspelt is refused in one line that names file and field."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.base import read_mapping, scenario_names
 from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry, diagrams
@@ -215,3 +218,24 @@ def test_files_that_cannot_be_read(tmp_path):
         path.write_text(text)
         with pytest.raises(ParamsError, match=message):
             read_mapping(path)
+
+
+def test_a_payload_in_a_model_file_reaches_plant_and_controller(
+    tmp_path,
+):
+    """The leg carries 6 kg more at its shank: a controller that knows it holds, one that does not sags."""
+    entry = diagram_entry("hrp2_leg")
+    scenario = entry.scenario("hanging", text="{duration: 1.2, sensors: perfect, tare: 0.0, base_from: fixed}")
+    robot = loop_robot(scenario)
+    models = actuator_models(scenario, robot)
+    payload = {"effect": "payload", "where": "r_shank", "mass": 6.0, "com_x": 0.1, "com_y": 0.0, "com_z": -0.1}
+    for name, shared in (("after", [payload]), ("before", [])):
+        save_models(models, tmp_path / f"{name}.yaml", shared=shared)
+    known = replace(scenario, actuators=str(tmp_path / "after.yaml"))
+    unknown = replace(known, model=str(tmp_path / "before.yaml"))
+    errors = {}
+    for name, each in (("plain", scenario), ("known", known), ("unknown", unknown)):
+        recording = simulate_scenario(each)
+        errors[name] = np.abs(recording.tracking_error[-1]).max()
+    assert errors["known"] < 1.5 * errors["plain"]
+    assert errors["unknown"] > 3.0 * errors["known"]
