@@ -359,7 +359,7 @@ def _prepare(log: Path | LogTable, rig: Rig) -> Run:
     columns, excluded, more, slower = _repair_channels(raw, rig)
     excluded |= beside_jumps
     clock = uniform_clock(raw.time, raw.enabled, path, _stepped(raw, rig), scale_of("time", rig.units).factor)
-    resampled = {name: clock.resample(values) for name, values in columns.items()}
+    resampled = {name: clock.resample(values, held=name.rpartition("/")[2] in HELD) for name, values in columns.items()}
     segment = _segments(clock.block, clock.resample_mask(excluded))
     usable = segment >= 0
     if int(usable.sum()) < MIN_ROWS:

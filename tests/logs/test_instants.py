@@ -1,6 +1,7 @@
 """Stamps that scatter about a steady clock are noise, those of an unsteady clock are true; the positions tell which."""
 
 import time as clock
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drake_tc.logs.checks.clock import uniform_clock
 from drake_tc.logs.checks.instants import sampling_instants
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
@@ -95,3 +97,34 @@ def test_ten_minutes_at_a_kilohertz_take_seconds(tmp_path):
     begin = clock.process_time()
     run = load_run(tmp_path / "run.parquet", parse_rig({"joint": "knee", "drive": "current", "load": "unknown"}))
     assert clock.process_time() - begin < 20.0 and len(run) == pytest.approx(600_000, abs=10)
+
+
+def test_noise_of_rows_at_true_scattered_instants_stays_as_it_is(tmp_path):
+    """Interpolated noise would be a fifth smaller, and alike in neighbouring samples by 0.2."""
+    rng = np.random.default_rng(3)
+    steady = 1e-3 * np.arange(40_000)
+    stamps = steady + rng.uniform(-3e-4, 3e-4, steady.size)
+    noise = 0.01 * rng.normal(size=steady.size)
+    table = pd.DataFrame(
+        {"time": stamps, "knee/position": motion(stamps), "knee/current": np.cos(5.0 * stamps) + noise}
+    )
+    table.to_csv(tmp_path / "run.csv", index=False)
+    run = load_run(tmp_path / "run.csv", parse_rig({"joint": "knee", "drive": "current", "load": "unknown"}))
+    assert run.period == pytest.approx(1e-3, rel=1e-5)
+    assert not any("lost rows" in note for note in run.notes)
+    left = run.columns["knee/current"] - np.cos(5.0 * (run.time + stamps[0] - run.time[0]))
+    assert left.std() == pytest.approx(0.01, rel=0.03)
+    assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.06
+
+
+def test_a_step_is_not_carried_over():
+    """Beside a jump of a measured column, samples stay between the two levels."""
+    rng = np.random.default_rng(6)
+    time = 1e-3 * np.arange(4000) + rng.uniform(-3e-4, 3e-4, 4000)
+    enabled = np.ones(4000, dtype=bool)
+    grid = uniform_clock(time, enabled, Path("run.csv"))
+    level = np.where(time < 2.0, -1.0, 1.0)
+    for values in (level, level + 1e-4 * rng.normal(size=4000)):
+        found = grid.resample(values)
+        assert np.abs(found).max() < 1.001
+    assert np.array_equal(grid.resample(level, held=True), np.interp(grid.time, grid.raw_time, level))

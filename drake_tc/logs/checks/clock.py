@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.signal import savgol_filter
 
 from drake_tc.errors import LogError
+from drake_tc.logs.checks.instants import SMOOTH_ROWS, row_numbers
 from drake_tc.logs.columns import RawLog, file_row
 from drake_tc.logs.inspection.names import meaning, words
 from drake_tc.logs.rig import Rig
@@ -23,6 +25,14 @@ GAP_PERIODS = 5.0
 LONGEST_PERIOD = 0.15
 SHORTEST_PERIOD = 5e-5
 MIN_ROWS = 20
+UNSTEADY = 0.05
+"""Scatter of the steps in periods from which rounding a step does not tell how many rows were lost."""
+SLOPE_ROWS, SLOPE_ORDER = 11, 3
+"""Grid samples and order of the polynomial by which a row is carried to a grid sample near it."""
+NEAR = 0.75
+"""Distance in periods up to which a row stands for a grid sample."""
+JUMP = 6.0
+"""Distance from the linear interpolation, over its median, above which a row is beside a jump and not carried."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +45,7 @@ class Clock:
         time: (N,) the grid [s], strictly increasing.
         block: (N,) number of the block of each grid sample.
         notes: One sentence for each thing found.
+        row: (N,) the row nearest to each grid sample.
     """
 
     period: float
@@ -42,18 +53,47 @@ class Clock:
     time: FloatArray
     block: IntArray
     notes: tuple[str, ...]
+    row: IntArray
 
-    def resample(self, values: FloatArray) -> FloatArray:
-        """Values (T,) of the rows, on the grid (N,), by linear interpolation."""
+    def resample(self, values: FloatArray, *, held: bool = False) -> FloatArray:
+        """Values (T,) of the rows, on the grid (N,), interpolated linearly.
+
+        A measurement is that of the nearest row, carried on by the slope and the curvature there: its noise stays as
+        large and as white as it is, where an interpolation smooths it. Between rows that are far apart, and beside
+        jumps, it is interpolated linearly too.
+
+        Args:
+            values: (T,).
+            held: Whether they are a command, which has no noise and may have steps.
+        """
         if self.time.size == self.raw_time.size and np.array_equal(self.time, self.raw_time):
             return values
-        return np.interp(self.time, self.raw_time, values)
+        between = np.interp(self.time, self.raw_time, values)
+        away = self.time - self.raw_time[self.row]
+        if held or not np.any(away):
+            return between
+        slope, curvature = (self._derivative(between, order) for order in (1, 2))
+        change = values[self.row] + (slope - 0.5 * curvature * away) * away - between
+        size = np.abs(change)
+        carried = (np.abs(away) < NEAR * self.period) & (size <= JUMP * float(np.median(size)))
+        return np.where(carried, between + change, between)
+
+    def _derivative(self, values: FloatArray, order: int) -> FloatArray:
+        """Of values on the grid (N,); 0 in blocks that are too short for it."""
+        out = np.zeros(values.size)
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(self.block)) + 1, [values.size]])
+        for first, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            if last - first >= SLOPE_ROWS:
+                out[first:last] = savgol_filter(
+                    values[first:last], SLOPE_ROWS, SLOPE_ORDER, deriv=order, delta=self.period
+                )
+        return out
 
     def resample_mask(self, mask: BoolArray) -> BoolArray:
         """A grid sample is masked when a row that it is made from is."""
         if not mask.any():
             return np.zeros(self.time.size, dtype=bool)
-        return np.asarray(self.resample(mask.astype(np.float64)) > 1e-9)
+        return np.asarray(np.interp(self.time, self.raw_time, mask.astype(np.float64)) > 1e-9)
 
 
 def rows_in_order(time: FloatArray, path: Path) -> tuple[BoolArray, tuple[str, ...]]:
@@ -130,11 +170,21 @@ def _period(steps: FloatArray, path: Path, unit: float) -> float:
             f"{LONGEST_PERIOD:g} s; {hint}"
         )
     near = steps[steps < GAP_PERIODS * median]
-    place, at = np.cumsum(np.maximum(np.rint(near / median), 1.0)), np.cumsum(near)
+    at = np.cumsum(near)
+    place = _places(at, median)
     place, at = place - place.mean(), at - at.mean()
     refined = float(place @ at / (place @ place))  # slope of time over the place in the sequence
     best = refined if 1e-6 * median < abs(refined - median) < 0.2 * median else median
     return float(f"{best:.9g}")
+
+
+def _places(at: FloatArray, period: float) -> FloatArray:
+    """Places (N,) in the sequence of rows at times (N,) without gaps, counting those that were lost."""
+    steps = np.diff(at)
+    whole = np.maximum(np.rint(steps / period), 1.0)
+    if at.size < SMOOTH_ROWS or float(np.std(steps - whole * period)) < UNSTEADY * period:
+        return np.concatenate([[0.0], np.cumsum(whole)])
+    return row_numbers(at, period)[0]
 
 
 def _resolution(time: FloatArray) -> float:
@@ -183,7 +233,7 @@ def uniform_clock(
             grid = own[0] + shift + np.arange(int(index[-1]) + 1) * period
         else:
             worst = max(worst, float(np.abs(np.diff(own) - period).max(initial=0.0)))
-            lost += int(np.maximum(np.rint(np.diff(own) / period) - 1, 0).sum())
+            lost += max(0, int(_places(own, period)[-1]) + 1 - own.size)
             grid = own[0] + np.arange(int((own[-1] - own[0]) / period + 1e-6) + 1) * period
         grids.append(grid)
         blocks.append(np.full(grid.size, number, dtype=np.int64))
@@ -201,7 +251,10 @@ def uniform_clock(
             f"{gaps.size} gap{'s' if gaps.size > 1 else ''} of more than {GAP_PERIODS:g} periods split the run "
             f"(the longest {gaps.max():.4g} s, the first at {at:.6g} s).",
         )
-    return Clock(period, snapped, np.concatenate(grids), np.concatenate(blocks), notes)
+    grid = np.concatenate(grids)
+    after = np.clip(np.searchsorted(snapped, grid), 1, snapped.size - 1)
+    row = after - (grid - snapped[after - 1] < snapped[after] - grid)
+    return Clock(period, snapped, grid, np.concatenate(blocks), notes, row)
 
 
 def _notes(steps: FloatArray, period: float, *, lost: int, worst: float) -> tuple[str, ...]:
@@ -209,8 +262,8 @@ def _notes(steps: FloatArray, period: float, *, lost: int, worst: float) -> tupl
     if worst > 0.0:
         notes += (
             f"The clock jitters: steps differ from the period of {1e3 * period:.4g} ms by "
-            f"{1e3 * steps.std():.3g} ms RMS, {1e3 * worst:.3g} ms at most; all channels were interpolated "
-            "onto a uniform clock.",
+            f"{1e3 * steps.std():.3g} ms RMS, {1e3 * worst:.3g} ms at most; all channels were brought "
+            "to a uniform clock.",
         )
     if lost > 0:
         notes += (f"{lost} lost rows in short holes of the clock were filled by linear interpolation.",)

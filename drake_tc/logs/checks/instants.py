@@ -121,14 +121,18 @@ def _stretches(stamps: FloatArray, period: float) -> Iterator[_Stretch]:
         if last - first < SMOOTH_ROWS:
             continue
         own = stamps[first:last]
-        number, steady = _numbers(own, period)
+        number, steady = row_numbers(own, period)
         slope, start = np.polyfit(number, own, 1)
         line = start + slope * number
         yield _Stretch(np.arange(first, last), line + savgol_filter(own - line, SMOOTH_ROWS, 1), steady)
 
 
-def _numbers(stamps: FloatArray, period: float) -> tuple[FloatArray, BoolArray]:
+def row_numbers(stamps: FloatArray, period: float) -> tuple[FloatArray, BoolArray]:
     """Numbers (N,) of the rows, counting those that were lost, and where none was lost nearby (N,).
+
+    Args:
+        stamps: (N,) without gaps, N >= `SMOOTH_ROWS` [s].
+        period: [s].
 
     A lost row raises the level of all later stamps by a period. Means over `LEVEL_ROWS`, without single stamps that are
     far off, see the step through the scatter, and least squares find its row.
