@@ -398,6 +398,17 @@ def _close_loop(progress: Report) -> list[FigureRow]:
     return rows
 
 
+def _long_bag(progress: Report) -> list[FigureRow]:
+    from tests.benchmarks.close_loop_speed import cost_rows
+    from tests.benchmarks.long_bag import write_bag
+
+    with tempfile.TemporaryDirectory() as scratch:
+        progress("recording", 0.0)
+        case = write_bag(Path(scratch), 600.0, 60.0)
+        progress(case.name, 0.2)
+        return cost_rows([case])
+
+
 def _leg(progress: Report) -> list[FigureRow]:
     from tests.benchmarks.leg_timing import leg_timings
 
@@ -415,6 +426,12 @@ _simple(
     "Time and memory of close-loop.",
     "Measure time and memory of `drake-tc close-loop` for one joint with 90 000 and with 10^6 samples.",
     _close_loop,
+)
+_simple(
+    "long-bag",
+    "Time and memory of close-loop on a bag of ten minutes.",
+    "Measure time and memory of `drake-tc close-loop` on a bag of ten minutes at 1 kHz with stamps that scatter.",
+    _long_bag,
 )
 _simple(
     "leg",
