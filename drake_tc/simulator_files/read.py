@@ -70,7 +70,7 @@ def joints_of_text(text: str, path: Path, error: type[DrakeTcError]) -> dict[str
 def _of_xml(root: ET.Element, path: Path) -> dict[str, ReadJoint]:
     readers: dict[str, Callable[[ET.Element], dict[str, ReadJoint]]] = {
         "robot": urdf_joints,
-        "sdf": sdf_joints,
+        "sdf": lambda tree: sdf_joints(tree, path),
         "mujoco": lambda tree: mjcf_joints(tree, path),
     }
     if _has_xacro(root):

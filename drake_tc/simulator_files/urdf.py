@@ -10,7 +10,8 @@ Joints of an SDFormat file: `<axis>` with `<dynamics>` and `<limit><effort>`, an
 
 The reflected inertia is drake:rotor_inertia drake:gear_ratio^2, both contents of their tags. `drake:controller_gains`
 has its gains as attributes. The spring's torque is -spring_stiffness (q - spring_reference), as Drake applies it. All
-joints of the file are read, those of nested models too; what else is physics is listed as not used.
+joints of the file are read, those of nested models and of included files too; what else is physics is listed as not
+used.
 
 Find a URDF: beside its YAML, or in an installed package.
 """
@@ -22,12 +23,13 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 
 from drake_tc.config.files import is_file
 from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 from drake_tc.simulator_files.terms import ReadJoint, Terms
-from drake_tc.simulator_files.xml_tree import DRAKE, PREFIX, finite, place
+from drake_tc.simulator_files.xml_tree import DRAKE, PREFIX, finite, place, xml_tree
 
 MOVING = ("revolute", "continuous", "prismatic")
 SIMPLE = "SimpleTransmission"
@@ -35,20 +37,32 @@ JOINT_USED = {"parent", "child", "origin", "axis", "dynamics", "limit", "mimic",
 ACTUATOR_USED = {"hardwareInterface", "mechanicalReduction", "motorInertia"}
 DRAKE_USED = {f"{DRAKE}{name}" for name in ("rotor_inertia", "gear_ratio", "controller_gains")}
 """Of an actuator's tags."""
+TOP_USED = {"link", "joint", "transmission", "gazebo", "ros2_control", "material", "sensor"} | {
+    f"{DRAKE}{name}" for name in ("collision_filter_group", "joint")
+}
+"""Tags of a URDF's root that are used, are no physics, or are listed at their joints."""
 NO_PHYSICS = {"material", "selfCollide", "visual", "turnGravityOff"}
 """Of Gazebo's tags of a joint or link."""
 
 
-def urdf_joints(root: ET.Element) -> dict[str, ReadJoint]:
+def urdf_joints(root: ET.Element, *, robot: bool = False) -> dict[str, ReadJoint]:
     """What the file says of each moving joint, by name.
 
     Args:
         root: `<robot>`.
+        robot: Whether limits of the motion and `<mimic>` are used, as in a robot; otherwise they are listed.
 
     Raises:
         ValueError: an attribute that is no number; names element and line.
     """
-    found = {joint.get("name", ""): _joint(joint) for joint in root.findall("joint") if joint.get("type") in MOVING}
+    moving = [joint for joint in root.findall("joint") if joint.get("type") in MOVING]
+    found = {joint.get("name", ""): _joint(joint) for joint in moving}
+    for joint in () if robot else moving:
+        name = joint.get("name", "")
+        found[name] = found[name].also_unused(*_motion(joint))
+    others = (each for each in root if each.tag not in TOP_USED and (each.tag.startswith(DRAKE) or ":" not in each.tag))
+    coupling = [f"{place(each)} beside its joints" for each in others]
+    found = {name: joint.also_unused(*coupling) for name, joint in found.items()}
     for transmission in root.findall("transmission"):
         for joint in transmission.findall("joint"):
             name = joint.get("name", "")
@@ -105,14 +119,20 @@ def _joint(joint: ET.Element) -> ReadJoint:
     for tag, used in (("dynamics", ("damping", "friction")), ("limit", ("effort", "lower", "upper", "velocity"))):
         for child in joint.findall(tag):
             unused += [f"{_word(name)} of its {tag}" for name in child.attrib if name not in used]
+    return ReadJoint(terms, unused=tuple(unused))
+
+
+def _motion(joint: ET.Element) -> list[str]:
+    """Limits of the motion, and the joint that it follows."""
+    found = []
     if attribute(joint, "limit", "velocity"):
-        unused.append("its limit of the velocity")
+        found.append("its limit of the velocity")
     if joint.get("type") != "continuous" and attribute(joint, "limit", "lower") != attribute(joint, "limit", "upper"):
-        unused.append("its limits of the position (lower, upper)")
+        found.append("its limits of the position (lower, upper)")
     mimic = joint.find("mimic")
     if mimic is not None:
-        unused.append(f"that it follows {mimic.get('joint')!r} (mimic)")
-    return ReadJoint(terms, unused=tuple(unused))
+        found.append(f"that it follows {mimic.get('joint')!r} (mimic)")
+    return found
 
 
 def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.Element) -> ReadJoint:
@@ -140,7 +160,7 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
 
 
 def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
-    """(joint, what is not used) of Gazebo's and ros2_control's tags, and of Drake's elements between joints."""
+    """(joint, what is not used) of Gazebo's and ros2_control's tags."""
     for gazebo in root.findall("gazebo"):
         for each in gazebo:
             if each.tag not in NO_PHYSICS:
@@ -172,20 +192,85 @@ AXIS_USED = {"xyz", "dynamics", "limit", "mimic"}
 DYNAMICS_USED = {"damping", "friction", "spring_stiffness", "spring_reference"}
 
 
-def sdf_joints(root: ET.Element) -> dict[str, ReadJoint]:
+def sdf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoint]:
     """What the file says of each moving joint, by name.
 
     Args:
         root: `<sdf>`.
+        path: Of the file, from which its includes are found; None: it has none.
 
     Raises:
-        ValueError: a content or an attribute that is no number; names element and line.
+        ValueError: a content or an attribute that is no number, a joint that is there twice, or an include that cannot
+            be followed where there are no other joints; names element and line.
     """
-    found = {joint.get("name", ""): _read(joint) for joint in root.iter("joint") if joint.get("type") in MOVING}
-    if not found and (included := next(root.iter("include"), None)) is not None:
-        uri = (included.findtext("uri") or "").strip()
-        raise ValueError(f"{place(included)}: {uri}: included models are not read; name the file of the model itself")
-    return found
+    return _sdf_joints(root, path, (path.resolve(),) if path else ())
+
+
+def _sdf_joints(root: ET.Element, path: Path | None, inside: tuple[Path, ...]) -> dict[str, ReadJoint]:
+    found: dict[str, ReadJoint] = {}
+
+    def add(name: str, joint: ReadJoint, where: ET.Element) -> None:
+        if name in found:
+            raise ValueError(f"{place(where)}: joint {name!r} is there twice; name the file of one model")
+        found[name] = joint
+
+    for joint in root.iter("joint"):
+        if joint.get("type") in MOVING:
+            add(joint.get("name", ""), _read(joint), joint)
+    unknown = []
+    for include in root.iter("include"):
+        uri = (include.findtext("uri") or "").strip()
+        file = None if path is None else _model_file(uri, path.parent)
+        if file is None:
+            unknown.append(f"{place(include)}: {uri!r}: no such file or model")
+        for name, read in {} if file is None else _included(include, file, inside).items():
+            add(name, read, include)
+    if unknown and not found:
+        raise ValueError(f"{unknown[0]}; name the file of the model itself")
+    return {name: joint.also_unused(*unknown) for name, joint in found.items()}
+
+
+def _included(include: ET.Element, found: Path, inside: tuple[Path, ...]) -> dict[str, ReadJoint]:
+    """Joints of an included SDFormat file or URDF.
+
+    Raises:
+        ValueError: it is none of these, includes itself, or is changed where it is included.
+    """
+    changed = next((each for each in include if each.tag.partition(":")[2] == "params"), None)
+    if changed is not None:
+        raise ValueError(f"{place(changed)}: an include whose model is changed is not read; write out the whole model")
+    if found.resolve() in inside:
+        raise ValueError(f"{place(include)}: {found} includes itself")
+    try:
+        root = xml_tree(found.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ExpatError) as problem:
+        raise ValueError(f"{place(include)}: {found}: not XML: {problem}") from None
+    if root.tag not in ("sdf", "robot"):
+        raise ValueError(f"{place(include)}: {found}: expected <sdf> or <robot>, got <{root.tag}>")
+    try:
+        return urdf_joints(root) if root.tag == "robot" else _sdf_joints(root, found, (*inside, found.resolve()))
+    except ValueError as problem:
+        raise ValueError(f"{found.name}: {problem}") from None
+
+
+def _model_file(uri: str, folder: Path) -> Path | None:
+    """The file that the URI of an include means: beside the file that includes it, or in a folder of models."""
+    scheme, _, rest = uri.rpartition("://")
+    if scheme in ("http", "https", "fuel") or not rest:
+        return None
+    if scheme in ("model", "package"):
+        models = [os.environ.get(name, "") for name in ("GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "SDF_PATH")]
+        folders = [folder, *folder.parents, *(Path(each) for each in os.pathsep.join(models).split(os.pathsep) if each)]
+        name, _, inner = rest.partition("/")
+        places = [each / rest for each in folders] + [each / inner for each in _package_folders(name)]
+    else:
+        places = [folder / rest]
+    for place_of in places:
+        candidates = [place_of, place_of / "model.sdf", *sorted(place_of.glob("*.sdf"))]
+        for each in candidates:
+            if each.is_file():
+                return each
+    return None
 
 
 def _read(joint: ET.Element) -> ReadJoint:

@@ -315,3 +315,48 @@ def test_a_file_that_cannot_be_used_is_refused(tmp_path, name, text, message):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(RigError, match=r"none\.xml: no such file; expected a URDF"):
         read_joints(tmp_path / "none.xml", RigError)
+
+
+INCLUDED = """<sdf version="1.9"><world name="w">
+  <include><uri>model://sun</uri></include>
+  <include><uri>{uri}</uri></include>
+</world></sdf>"""
+ARM = """<sdf version="1.9"><model name="arm"><link name="l"/><joint name="elbow" type="revolute"><parent>world</parent>
+<child>l</child><axis><xyz>0 0 1</xyz><dynamics><damping>0.3</damping><friction>0.2</friction></dynamics></axis></joint>
+</model></sdf>"""
+
+
+@pytest.mark.parametrize(
+    ("uri", "file"), [("arm.sdf", "arm.sdf"), ("model://arm", "arm/model.sdf"), ("arm", "arm/arm.sdf")]
+)
+def test_joints_of_included_models_are_read(tmp_path, uri, file):
+    world, model = tmp_path / "world.sdf", tmp_path / file
+    model.parent.mkdir(exist_ok=True)
+    model.write_text(ARM, encoding="utf-8")
+    world.write_text(INCLUDED.format(uri=uri), encoding="utf-8")
+    joint = read_joints(world, RigError)["elbow"]
+    assert (joint.terms.damping, joint.terms.frictionloss) == (0.3, 0.2)
+    assert joint.unused == ("<include> in line 2: 'model://sun': no such file or model",)
+
+
+def test_an_include_that_cannot_be_followed_is_refused_with_its_line(tmp_path):
+    world = tmp_path / "world.sdf"
+    for uri, text, message in (
+        ("gone.sdf", "", r"<include> in line 2: 'model://sun': no such file or model"),
+        ("world.sdf", "", r"<include> in line 3: .*world.sdf includes itself"),
+        ("arm.sdf", ARM.replace("0.3<", "soft<"), r"arm.sdf: <damping> in line 2: damping: expected finite numbers"),
+        ("arm.sdf", "<sdf", "<include> in line 3: .*arm.sdf: not XML"),
+        ("arm.sdf", "<mujoco/>", "<include> in line 3: .*arm.sdf: expected <sdf> or <robot>, got <mujoco>"),
+        ("arm.sdf</uri></include><include><uri>arm.sdf", ARM, "<include> in line 3: joint 'elbow' is there twice"),
+    ):
+        (tmp_path / "arm.sdf").write_text(text or ARM, encoding="utf-8")
+        world.write_text(INCLUDED.format(uri=uri), encoding="utf-8")
+        with pytest.raises(RigError, match=message):
+            read_joints(world, RigError)
+
+
+def test_what_couples_joints_of_a_urdf_is_listed(tmp_path):
+    path = tmp_path / "robot.urdf"
+    bushing = '<drake:linear_bushing_rpy xmlns:drake="http://drake.mit.edu"/>'
+    path.write_text(URDF.replace("</robot>", f"\n{bushing}</robot>"), encoding="utf-8")
+    assert any("<drake:linear_bushing_rpy> in line" in each for each in read_joints(path, RigError)["knee"].unused)
