@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from drake_tc.actuation.plant import ActuatorPlant
     from drake_tc.actuation.wiring import add_actuators, add_joint_actuators, sliding
     from drake_tc.analysis.frequency_response import channel, swept_sine
-    from drake_tc.analysis.sampled import linearise, open_loop
-    from drake_tc.analysis.stability_margins import loop_margins
+    from drake_tc.analysis.sampled import linearise, loop_margins, open_loop
     from drake_tc.control.gains import TorqueGains
     from drake_tc.control.guard import CommandGuard, GuardSpec
     from drake_tc.control.inverse_dynamics import InverseDynamics
@@ -219,7 +218,7 @@ _HOMES = {
     "load_robot": "robot.robot",
     "load_run": "logs.prepare",
     "load_runs": "logs.prepare",
-    "loop_margins": "analysis.stability_margins",
+    "loop_margins": "analysis.sampled",
     "open_loop": "analysis.sampled",
     "register_effect": "effects.library",
     "register_limit": "tsid.kinds",

@@ -232,6 +232,22 @@ def _signals(tau_d: FloatArray, motion: Motion) -> Signals:
     return plain_signals(tau_d.size, known)
 
 
+def rated_effort(model: ActuatorModel, torque: float, speed: float) -> float:
+    """The largest |y| at which a drive delivers `torque` at `speed` against its friction.
+
+    Args:
+        model: The joint's actuator.
+        torque: Largest torque on the link side [N m]; infinite: no bound.
+        speed: Largest speed [rad/s]; infinite counts as rest.
+    """
+    if not np.isfinite(torque):
+        return np.inf
+    speed = speed if np.isfinite(speed) else 0.0
+    nothing = np.zeros(2)
+    motion = Motion(position=nothing, velocity=np.array([speed, -speed]), acceleration=nothing)
+    return float(np.abs(feedforward_effort(model, np.array([torque, -torque]), motion)).max())
+
+
 def feedforward_effort(model: ActuatorModel, tau_d: FloatArray, motion: Motion) -> FloatArray:
     """Effort (T,) [rad | A | V | N m] for the link torque `tau_d` (T,) [N m]; a servo's command is q plus this.
 

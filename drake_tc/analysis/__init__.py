@@ -13,8 +13,7 @@ if TYPE_CHECKING:
         predicted_limit_cycles,
         saturation_gain,
     )
-    from drake_tc.analysis.sampled import linearise, open_loop
-    from drake_tc.analysis.stability_margins import loop_margins, margins
+    from drake_tc.analysis.sampled import linearise, loop_margins, open_loop
 
 __all__ = [
     "channel",
@@ -23,7 +22,6 @@ __all__ = [
     "find_limit_cycle",
     "linearise",
     "loop_margins",
-    "margins",
     "open_loop",
     "predicted_limit_cycles",
     "saturation_gain",
@@ -38,8 +36,7 @@ _HOMES = {
     "predicted_limit_cycles": "limit_cycle",
     "saturation_gain": "limit_cycle",
     "linearise": "sampled",
-    "loop_margins": "stability_margins",
-    "margins": "stability_margins",
+    "loop_margins": "sampled",
     "open_loop": "sampled",
     "swept_sine": "frequency_response",
 }

@@ -24,8 +24,8 @@ import numpy as np
 from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from drake_tc.analysis.stability_margins import ComplexArray
 from drake_tc.analysis.state_coordinates import cut_at, output_named
+from drake_tc.control.stability_margins import ComplexArray
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.types import BoolArray, FloatArray
 

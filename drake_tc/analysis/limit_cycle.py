@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from drake_tc.analysis.stability_margins import Response, frequency_grid, sign_changes
+from drake_tc.control.stability_margins import Response, frequency_grid, sign_changes
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 

@@ -8,9 +8,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from drake_tc.analysis.joint_loop import JointLoop, parameters, value_of, with_values
 from drake_tc.analysis.sweep import Progress, SweepError, sweep
 from drake_tc.config.quoted import json_value
+from drake_tc.control.joint_loop import JointLoop, parameters, value_of, with_values
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from drake_tc.analysis.joint_loop import JointLoop
+from drake_tc.control.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 

@@ -29,7 +29,7 @@ from drake_tc.errors import ParamsError
 if TYPE_CHECKING:
     from drake_tc.analysis.release import Release
     from drake_tc.analysis.sampled import SampledSystem
-    from drake_tc.analysis.stability_margins import Margins
+    from drake_tc.control.stability_margins import Margins
     from drake_tc.loops.entries import DiagramEntry
 
 SHOWN = 8
@@ -141,9 +141,9 @@ def _analyse(
 ) -> tuple[str, _Found]:
     from drake_tc.analysis.frequency_response import channel
     from drake_tc.analysis.release import release
-    from drake_tc.analysis.sampled import open_loop
+    from drake_tc.analysis.sampled import loop_margins, open_loop
     from drake_tc.analysis.settled import settled_at, speed_states
-    from drake_tc.analysis.stability_margins import frequency_grid, loop_margins
+    from drake_tc.control.stability_margins import frequency_grid
 
     progress("to the operating point", 0.0)
     loop, context = settled_at(entry, scenario, at)
@@ -285,7 +285,7 @@ def stability_map_command(
     All other parameters are those of the scenario. K6 and K7 stay when Kp changes.
     """
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
-    from drake_tc.analysis.torque_loop.joint_loops import joint_loops
+    from drake_tc.loops.torque.joint_loops import joint_loops
     from drake_tc.registry import diagram_entry
 
     across, up = Axis.parse(x), Axis.parse(y)

@@ -17,6 +17,8 @@ from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import Call, FloatArray
 
 _STEP = Kernel("guard", "step")
+OFFSET = 0.2
+"""Of a servo's command from its joint where nothing is known of the drives [rad]."""
 
 
 class GuardMode(IntEnum):
@@ -34,7 +36,8 @@ class GuardSpec:
 
     Attributes:
         offset_limit: |q_d - q| of a position servo, |y| of other drives; one number or one a joint, > 0
-            [rad | A | V | N m].
+            [rad | A | V | N m]. None: in a torque loop what each drive needs for its joint's rated torque at full
+            speed, elsewhere `OFFSET`.
         rate_limit: Of the command, likewise, > 0 [1/s]. At least what the joint itself can do, or the command cannot
             follow a joint that is pushed.
         start_time: From the position at the first tick to the incoming command [s].
@@ -55,7 +58,7 @@ class GuardSpec:
         0.1
     """
 
-    offset_limit: float | tuple[float, ...] = 0.2
+    offset_limit: float | tuple[float, ...] | None = None
     rate_limit: float | tuple[float, ...] = 20.0
     start_time: float = 0.5
     start_rate: float = 1.0
@@ -67,6 +70,8 @@ class GuardSpec:
 
     def __post_init__(self) -> None:
         for part in fields(self):
+            if getattr(self, part.name) is None:
+                continue
             value = np.asarray(getattr(self, part.name), dtype=np.float64)
             strict = not part.name.endswith("_time") or part.name == "damp_time"
             if not np.all(np.isfinite(value) & ((value > 0.0) if strict else (value >= 0.0))):
@@ -95,7 +100,8 @@ class GuardLaw:
         self._size = size
         step = dt * self._spread("rate_limit", spec.rate_limit)
         start_step = np.where(flags, np.minimum(step, dt * spec.start_rate), step)
-        offset, servos = self._spread("offset_limit", spec.offset_limit), np.array(flags, dtype=np.float64)
+        widest = OFFSET if spec.offset_limit is None else spec.offset_limit
+        offset, servos = self._spread("offset_limit", widest), np.array(flags, dtype=np.float64)
         self._limits: FloatArray = np.stack([offset, step, start_step, servos])
         times = (spec.start_time, spec.hold_time, spec.damp_time, spec.damp_rate, spec.recover_time, spec.blend_time)
         self._options = np.array([dt, *times])

@@ -11,6 +11,8 @@ from drake_tc.loops.recording import Progress
 from drake_tc.loops.run_panels import RunPlot, sea_plot, torque_plot, tsid_plot
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
+from drake_tc.loops.torque.default_gains import weak_joints
+from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.running import simulate_scenario, summarise, write_results
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.whole_body.running import simulate_tsid, summarise_tsid, write_tsid
@@ -58,7 +60,12 @@ def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, m
     return Simulated(
         summary,
         table,
-        (_speed(summary), *_raised("fault", summary["faults"])),
+        (
+            f"Errors are those from {summary['errors_from']:g} s on; torques are those of the whole run.",
+            _speed(summary),
+            *_raised("fault", summary["faults"]),
+            *weak_joints(LoopDesign.of_scenario(scenario)),
+        ),
         partial(write_results, recording),
         partial(torque_plot, recording),
         partial(torque_motion, recording, scenario),
@@ -114,7 +121,8 @@ def simulate_sea_loop(scenario: SeaScenario, progress: Progress | None = None, m
     names = ("rms_error", "rms_error_but_for_delay", "max_error", "max_torque", "max_voltage")
     headings = ("joint", "rms error [N m]", "but for the delay", "max error", "max torque", "max voltage [V]")
     table = TextTable("", headings, ((row["joint"], *(f"{row[name]:.3f}" for name in names)),))
-    lines = (_speed(summary), *_raised("fault", summary["faults"]))
+    left_out = f"Errors are those from {summary['errors_from']:g} s on; torque and voltage are those of the whole run."
+    lines = (left_out, _speed(summary), *_raised("fault", summary["faults"]))
     return Simulated(summary, table, lines, partial(write_sea, recording), partial(sea_plot, recording))
 
 

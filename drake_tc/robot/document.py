@@ -145,8 +145,8 @@ class RobotDocument(Keys):
         "F/T sensors by name, in the order of their logs.", example={"ankle": {"joint": "ankle_ft"}}, absent="none"
     )
     actuators: FileName | None = key(
-        "Actuator model file, relative to this file, such as the `model_after.yaml` of `close-loop`: masses and payloads "
-        "of links that it found change the robot.",
+        "Actuator model file, relative to this file, such as the `model_after.yaml` of `close-loop`: masses and "
+        "payloads of links that it found change the robot.",
         example="leg_actuators.yaml",
         absent="no actuator models",
     )

@@ -12,7 +12,7 @@ from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.estimation.plant import IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import RAISE_FLAGS, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.plant import Limits, joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
 from drake_tc.types import GRAVITY, Call, FloatArray
@@ -25,6 +25,8 @@ ENCODER_REPEATS = 20
 """No fewer identical readings of an encoder count as frozen, however long the tick."""
 REPEATS = 6
 """The same of an IMU or F/T channel, whose noise is ten times its resolution."""
+RANGE_SLACK = 1e-6
+"""A reference this far beyond the end of a joint's range is at the end [rad]."""
 _NEVER = 1e12
 _RAISE_FLAGS = Kernel("fault_monitor", "raise_flags")
 
@@ -41,10 +43,12 @@ class FaultMonitor(PortMethods, LeafSystem):
             the unknown wrench is the reaction of a welded base.
         contact_wrench (6k): of a `JointTorqueEstimator`; looked at for the `free` sensors; optional.
         torque_residual (n): estimated torque - torque of the actuator model [N m]; optional.
+        reference (n): desired positions [rad]; optional.
     Outputs, from the state only:
         flags (F): 1 up, 0 down, never NaN, in the order of `flag_names`:
             encoder/missing, /frozen, /jump; imu/missing, /frozen, /jump, /inconsistent; for each F/T sensor
-            NAME/missing, /frozen, /jump, /unexpected; unknown_wrench/unexpected; torque/inconsistent.
+            NAME/missing, /frozen, /jump, /unexpected; unknown_wrench/unexpected; torque/inconsistent;
+            reference/out_of_range.
         any_fault (1): 0 while no flag is up, 1 where one is, 2 where one of the encoders is: as CommandGuard takes it.
 
     Every dt, per channel (s last finite reading, c ticks for which it has not changed, m ticks without one), with the
@@ -58,8 +62,9 @@ class FaultMonitor(PortMethods, LeafSystem):
         h[n+1]    = hold/dt where a cause is there, else max(h[n] - 1, 0);   flag y[n] = h[n] > 0
 
     x are the IMU of a welded base against gravity and zero rate (where no joint lies between them), the unknown
-    wrench, the contact wrench of the free sensors, and the torque residual; what is not finite is left out. A flag is
-    up from the tick after its cause. Before the first finite reading the sensor is missing.
+    wrench, the contact wrench of the free sensors, the torque residual, and the reference against the middle of the
+    joints' ranges, half of which is the threshold; what is not finite is left out. A flag is up from the tick after its
+    cause. Before the first finite reading the sensor is missing.
 
     Example:
         >>> monitor = FaultMonitor(load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml"))
@@ -109,11 +114,13 @@ class FaultMonitor(PortMethods, LeafSystem):
         effort = np.where(np.isfinite(limits.effort), limits.effort, STRONGEST)
         imu_limit = [spec.still_gyro] * 3 + [spec.still_accel] * 3 if watched else [np.inf] * 6
         contact_limit = [unexpected if name in free else np.full(6, np.inf) for name in sensors]
-        limit = np.concatenate([imu_limit, unexpected, *contact_limit, spec.torque * effort])
-        expected = np.concatenate([still, np.zeros(limit.size - 6)])
+        self._middle, half = _middles(limits)
+        limit = np.concatenate([imu_limit, unexpected, *contact_limit, spec.torque * effort, half])
+        expected = np.concatenate([still, np.zeros(limit.size - 6 - n), self._middle])
         odd = [self._flag("inconsistent", "imu")] if has_imu else [0]
         odd += [self._flag("unexpected", name) for name in ("unknown_wrench", *sensors)]
-        odd_flags = np.repeat([*odd, self._flag("inconsistent", "torque")], [*[6] * (2 + k), n])
+        odd += [self._flag("inconsistent", "torque"), self._flag("out_of_range", "reference")]
+        odd_flags = np.repeat(odd, [*[6] * (2 + k), n, n])
         filtered = slice(0 if has_imu else 6, None)
 
         largest_change, stuck = spec.encoder_acceleration * dt**2, min(spec.encoder_stuck / dt, _NEVER) - 0.5
@@ -136,12 +143,15 @@ class FaultMonitor(PortMethods, LeafSystem):
         """Ports, state and event."""
         raw = [("position", n), *([("wrench", 6 * k)] if k else []), *([("imu", 6)] if self._has_imu else [])]
         derived = [("unknown_wrench", 6), *([("contact_wrench", 6 * k)] if k else []), ("torque_residual", n)]
+        derived += [("reference", n)]
         ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, size) for name, size in raw}
         self._reference: Any = self.DeclareVectorInputPort("reference_velocity", n)
         ports |= {name: self.DeclareVectorInputPort(name, size) for name, size in derived}
         self._raw_ports = tuple(ports[name] for name, _ in raw)
-        # absent optional inputs read as zero: nothing is at odds with them
-        self._derived, self._still = tuple((ports[name], np.zeros(size)) for name, size in derived), np.zeros(n)
+        # absent optional inputs read as what is expected of them
+        absent = {"reference": self._middle}
+        self._derived = tuple((ports[name], absent.get(name, np.zeros(size))) for name, size in derived)
+        self._still = np.zeros(n)
 
         count = len(self._flag_names)
         size = sum(size for _, size in raw)
@@ -212,7 +222,14 @@ def _flag_names(sensors: tuple[str, ...], *, has_imu: bool) -> tuple[str, ...]:
         names += [f"imu/{kind}" for kind in (*kinds, "inconsistent")]
     for sensor in sensors:
         names += [f"{sensor}/{kind}" for kind in (*kinds, "unexpected")]
-    return (*names, "unknown_wrench/unexpected", "torque/inconsistent")
+    return (*names, "unknown_wrench/unexpected", "torque/inconsistent", "reference/out_of_range")
+
+
+def _middles(limits: Limits) -> tuple[FloatArray, FloatArray]:
+    """(middle, half) of the joints' ranges (n,) [rad], a little wider than they are; infinite halves without one."""
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    lower, upper = (np.where(bounded, ends, 0.0) for ends in (limits.lower, limits.upper))
+    return 0.5 * (lower + upper), np.where(bounded, 0.5 * (upper - lower) + RANGE_SLACK, np.inf)
 
 
 def _still_imu(robot: Robot) -> tuple[FloatArray, bool]:

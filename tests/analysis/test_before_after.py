@@ -18,8 +18,8 @@ from drake_tc.analysis.before_after.pendulum_robot import (
     write_pendulum_robot,
     write_welded_robot,
 )
-from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.stability_margins import margins
+from drake_tc.control.joint_loop import JointLoop
+from drake_tc.control.stability_margins import margins
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios.parts import MotionSpec

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.analysis.sampled import SampledSystem
-from drake_tc.analysis.stability_margins import frequency_grid, loop_margins, margins
+from drake_tc.analysis.sampled import SampledSystem, loop_margins
+from drake_tc.control.stability_margins import frequency_grid, margins
 from drake_tc.errors import ParamsError
 
 DT = 0.01

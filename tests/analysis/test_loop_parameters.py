@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.analysis.joint_loop import JointLoop, parameters, value_of, with_values
+from drake_tc.control.joint_loop import JointLoop, parameters, value_of, with_values
 from drake_tc.errors import ParamsError
 
 LOOP = JointLoop.with_equivalent_gains(

@@ -17,8 +17,8 @@ from scipy.linalg import expm
 
 from drake_tc.analysis.release import release
 from drake_tc.analysis.sampled import SampledSystem, linearise, open_loop
-from drake_tc.analysis.stability_margins import margins
 from drake_tc.analysis.state_coordinates import StateCoordinates
+from drake_tc.control.stability_margins import margins
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter, savgol_weights
 from drake_tc.sensing.sensor import Sensor

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
 from drake_tc.analysis.sweep import processes
+from drake_tc.control.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
 
 LOOP = JointLoop.with_equivalent_gains(

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.settings import (
     Goal,
     Setting,
@@ -19,6 +18,7 @@ from drake_tc.analysis.sweep import processes
 from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
 from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted_error, predicted_noise
 from drake_tc.analysis.tuning import SearchSpace, draw_fronts, pareto_front, tune
+from drake_tc.control.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry

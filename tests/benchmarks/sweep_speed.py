@@ -3,9 +3,9 @@
 import time
 from collections.abc import Callable
 
-from drake_tc.analysis.joint_loop import JointLoop
 from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.sweep import processes, sweep
+from drake_tc.control.joint_loop import JointLoop
 from drake_tc.report.figure_row import FigureRow
 
 Progress = Callable[[str, float], None]

@@ -18,7 +18,7 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 from pydrake.systems.primitives import LogVectorOutput
 
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.analysis.torque_loop.joint_loops import alone, joint_loops
+from drake_tc.analysis.torque_loop.one_joint import alone
 from drake_tc.control.dynamics_terms import DynamicsTerms
 from drake_tc.diagrams.papers.delprete2016.identification import experiment_scenarios, off_line_torque
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
@@ -27,6 +27,7 @@ from drake_tc.identification.identify import prepare
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.recording import write_log
+from drake_tc.loops.torque.joint_loops import joint_loops
 from drake_tc.loops.torque.parts import actuator_models, loop_robot
 from drake_tc.loops.torque.running import log_columns, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario, sensor_suite

@@ -12,11 +12,11 @@ import numpy as np
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.torque_loop.joint_loops import joint_loops
 from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.control.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
+from drake_tc.loops.torque.joint_loops import joint_loops
 from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.references import references
 from drake_tc.loops.torque.running import SETTLED

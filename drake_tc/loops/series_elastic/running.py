@@ -114,6 +114,7 @@ def summarise_sea(recording: SeaRecording) -> dict[str, Any]:
         row["hand_rms_torque"] = recording.rms(recording["hand_torque"])
     return {
         "robot": "sea_joint",
+        "errors_from": float(recording.time[recording.evaluated.start]),
         "mode": recording.scenario.control.mode,
         "duration": float(recording.time[-1]),
         "real_time_factor": recording.real_time_factor,

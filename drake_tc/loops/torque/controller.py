@@ -15,9 +15,10 @@ from pydrake.trajectories import Trajectory
 from drake_tc.actuation.joint_values import Models, model_list
 from drake_tc.control.gains import TorqueGains
 from drake_tc.loops.boundary import ControlledJoints, Controller, add_input
+from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.references import references, table_source
-from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec
 from drake_tc.loops.torque.stages import TorqueLoopBuilder
 from drake_tc.loops.torque.wiring import Reference, add_torque_controller
 from drake_tc.robot.plant import joint_limits
@@ -59,9 +60,9 @@ def torque_controller(
         models: What the controller takes the drives for, by joint or in the order of the robot's joints.
         motion: What the joints shall do: positions (n) over time, or a system with one output [q_d; qdot_d; qddot_d]
             (3n); None: the robot's posture; "input": what the input port `reference` says.
-        spec: How the joints are controlled; None: the defaults. Its `sensors` say what noise the fault monitor expects,
-            its `faults` are those of simulated sensors and are not used.
-        gains: Feedback gains; None: `TorqueGains.from_servo` of the models.
+        spec: How the joints are controlled; None: the defaults, as in `add_torque_loop`. Its `sensors` say what noise
+            the fault monitor expects, its `faults` are those of simulated sensors and are not used.
+        gains: Feedback gains; None: those that leave each joint its margins, as in `add_torque_loop`.
         free: Whether nothing may touch the robot; a contact wrench then counts as a fault.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
         between: "stage.port" to a system of your own behind that output port.
@@ -77,10 +78,10 @@ def torque_controller(
         >>> controller.GetInputPort("position").size(), controller.GetOutputPort("command").size()
         (6, 6)
     """
-    spec = TorqueLoopSpec() if spec is None else spec
-    base_source(spec, robot)
     assumed = model_list(models, robot.joints)
-    gains = TorqueGains.from_servo(assumed) if gains is None else gains
+    design = torque_design(robot, spec, assumed, assumed, gains)
+    warn_of_weak_joints(design, (*(stages or {}), *(between or {})))
+    spec, gains = design.spec, design.gains
     builder, n = DiagramBuilder(), len(robot.joints)
     sizes = {"encoder": n, "imu": 6 * len(robot.imu), "force_torque": 6 * len(robot.force_torque)}
     sizes["joint_torque"] = n if spec.torque_from == "sensor" else 0

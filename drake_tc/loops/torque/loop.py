@@ -15,10 +15,10 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
-from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.parts import LoopDesign, actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.references import References, posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
-from drake_tc.loops.torque.wiring import add_torque_loop
+from drake_tc.loops.torque.wiring import wire_torque_loop
 from drake_tc.robot.robot import Robot
 
 
@@ -78,16 +78,12 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
     forces = _force_reference(builder, scenario, robot, path)
     gains = torque_gains(scenario, robot)
     asked = bool(scenario.force) or bool(gains.kf.any()) or scenario.log_components
-    loop = add_torque_loop(
+    loop = wire_torque_loop(
         builder,
         plant,
-        loop_robot(scenario, controller=True),
-        models,
+        LoopDesign.of_scenario(scenario),
         source.get_output_port(),
-        scenario,
-        gains=gains,
-        controller_models=actuator_models(scenario, robot, controller=True),
-        force_reference=forces if asked else None,
+        forces if asked else None,
         free=not (scenario.objects or scenario.pushes),
     )
     left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}

@@ -35,10 +35,39 @@ def references(scenario: Scenario, robot: Robot) -> References:
     """The scenario's references for a robot.
 
     Raises:
-        ParamsError: a joint or a sensor that the robot does not have, or knots that do not fit their times.
+        ParamsError: a joint or a sensor that the robot does not have, knots that do not fit their times, or positions
+            beyond a joint's range.
     """
     time = np.arange(round(scenario.duration / scenario.dt) + 2, dtype=np.float64) * scenario.dt
-    return References(time, _motion(scenario.motion, robot, time), _force(scenario, robot, time))
+    motion = _motion(scenario.motion, robot, time)
+    check_range(robot, time, motion[:, : len(robot.joints)], "motion")
+    return References(time, motion, _force(scenario, robot, time))
+
+
+BEYOND = 1e-6
+"""A position this far beyond the end of a joint's range is at the end [rad]."""
+
+
+def check_range(robot: Robot, time: FloatArray, position: FloatArray, what: str) -> None:
+    """References are within the joints' ranges.
+
+    Args:
+        robot: Whose.
+        time: (T,) [s].
+        position: (T, n) [rad].
+        what: Where they come from, for the message.
+
+    Raises:
+        ParamsError: one is not; names the joint that is farthest beyond its range, and when.
+    """
+    limits = joint_limits(robot)
+    beyond = np.maximum(position - limits.upper, limits.lower - position)
+    row, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    if beyond[row, joint] > BEYOND:
+        raise ParamsError(
+            f"{what}: {robot.joints[joint]}: expected {limits.lower[joint]:g} to {limits.upper[joint]:g} rad, got"
+            f" {position[row, joint]:.4g} at {time[row]:.4g} s"
+        )
 
 
 def table_source(time: FloatArray, values: FloatArray) -> TrajectorySource:

@@ -197,7 +197,8 @@ def summarise(recording: TorqueRecording) -> dict[str, Any]:
 
     Errors are evaluated from `SETTLED` on, or over the second half of a run that is shorter than twice that.
     """
-    late = recording.time >= min(SETTLED, 0.5 * recording.time[-1])
+    begin = min(SETTLED, 0.5 * recording.time[-1])
+    late = recording.time >= begin
     error, torque = recording.tracking_error[late], np.abs(recording["actuation"])
     joints = [
         {
@@ -211,6 +212,7 @@ def summarise(recording: TorqueRecording) -> dict[str, Any]:
     return {
         "robot": recording.robot.name,
         "duration": float(recording.time[-1]),
+        "errors_from": float(begin),
         "real_time_factor": recording.real_time_factor,
         "joints": joints,
         "faults": recording.raised_flags(),

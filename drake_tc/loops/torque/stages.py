@@ -15,9 +15,10 @@ import numpy as np
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, Demultiplexer, MatrixGain
 
+from drake_tc.actuation.compensator import rated_effort
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.guard import CommandGuard
+from drake_tc.control.guard import OFFSET, CommandGuard
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.estimation.delay_predictor import DelayPredictor
@@ -32,6 +33,9 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
+
+UNBOUNDED = 1e9
+"""Of the effort of a drive that is no position servo and whose joint has no rated torque [A | V | N m]."""
 
 
 @dataclass
@@ -306,6 +310,7 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
     rate = parts.builder.AddNamedSystem("reference_velocity", Demultiplexer([n, n, n]))
     parts.builder.Connect(reference, rate.get_input_port())
     wires = {"position": readings.encoder, "reference_velocity": rate.get_output_port(1)}
+    wires["reference"] = rate.get_output_port(0)
     if readings.imu is not None:
         wires["imu"] = first_imu(parts.builder, readings.imu)
     if readings.force_torque is not None:
@@ -322,10 +327,16 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
 def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -> OutputPort:
     """The command behind the guard."""
     encoder = parts.readings.encoder
-    n = len(parts.robot.joints)
+    n, spec = len(parts.robot.joints), parts.scenario.guard
+    servo = tuple(model.drive.kind == "position_servo" for model in parts.models)
+    if spec.offset_limit is None and parts.scenario.controller == "torque":
+        limits = joint_limits(parts.robot)
+        rated = map(rated_effort, parts.models, limits.effort.tolist(), limits.velocity.tolist())
+        widest = [OFFSET if each else UNBOUNDED for each in servo]
+        spec = replace(spec, offset_limit=tuple(map(min, rated, widest)))
     guard = parts.add(
         "guard",
-        lambda: CommandGuard(n, parts.scenario.dt, parts.scenario.guard),
+        lambda: CommandGuard(n, parts.scenario.dt, spec, servo),
         command=command,
         position=encoder,
         fault=fault,

@@ -30,12 +30,18 @@ from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.parts import LoopDesign
-from drake_tc.loops.torque.scenario import TorqueLoopSpec, base_source, sensor_suite
+from drake_tc.loops.torque.references import check_range
+from drake_tc.loops.torque.scenario import TorqueLoopSpec, sensor_suite
 from drake_tc.loops.torque.stages import TorqueLoopBuilder, servo_command, torque_command
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import SensorSuite, add_sensors
 
+LOOKED_AT = 1000
+"""Instants at which a trajectory is held against the joints' ranges."""
+LONGEST = 1e4
+"""Of a trajectory without end, that is looked at [s]."""
 Reference = OutputPort | Trajectory | None
 """(3n) [q_d; qdot_d; qddot_d] from a port, q_d (n) as a trajectory, or None: the robot's posture."""
 
@@ -81,9 +87,12 @@ def add_torque_loop(
         plant: Finalized plant of the robot with live ports, from `add_robot_plant` or the user's own.
         robot: From `load_robot`.
         models: Of the simulated drives, by joint or in the order of the robot's joints.
-        reference: What the joints shall do.
-        spec: How the loop is controlled; None: the defaults.
-        gains: Feedback gains; None: `TorqueGains.from_servo` of the controller's models.
+        reference: What the joints shall do. A trajectory must stay within the joints' ranges; a port that leaves them
+            raises the flag `reference/out_of_range`, and the guard holds.
+        spec: How the loop is controlled; None: the defaults, with the longest window of the filters with which every
+            joint can have its margins.
+        gains: Feedback gains; None: for each joint the stiffest that leave a gain margin of 2 and a phase margin of
+            40 degrees (`drake_tc.loops.torque.default_gains`). A loop without these margins logs a warning.
         controller_models: What the controller takes the drives for; None: what they are.
         force_reference: (6k) forces and torques at the F/T sensors' contacts [N, N m]; None: no force is commanded, or
             0 where the gains feed forces back.
@@ -106,20 +115,46 @@ def add_torque_loop(
         6
     """
     require_live_ports(plant)
-    spec = TorqueLoopSpec() if spec is None else spec
-    base_source(spec, robot)
-    if force_reference is None and gains is not None and gains.kf.any():
+    actuators, assumed = (
+        model_list(each, robot.joints) for each in (models, models if controller_models is None else controller_models)
+    )
+    design = torque_design(robot, spec, actuators, assumed, gains)
+    warn_of_weak_joints(design, (*(stages or {}), *(between or {})))
+    return wire_torque_loop(
+        builder, plant, design, reference, force_reference, free=free, stages=stages, between=between
+    )
+
+
+def wire_torque_loop(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    design: LoopDesign,
+    reference: Reference = None,
+    force_reference: OutputPort | None = None,
+    *,
+    free: bool = False,
+    stages: Mapping[str, System] | None = None,
+    between: Mapping[str, System] | None = None,
+) -> TorqueLoop:
+    """As `add_torque_loop`, of a design, whose margins nobody looks at.
+
+    Args:
+        builder: Holds `plant`.
+        plant: Finalized plant with live ports.
+        design: What to wire.
+        reference: As in `add_torque_loop`.
+        force_reference: The same.
+        free: The same.
+        stages: The same.
+        between: The same.
+
+    Raises:
+        ParamsError: as `add_torque_loop`.
+    """
+    robot, spec = design.robot, design.spec
+    if force_reference is None and design.gains.kf.any():
         nothing: Any = np.zeros(6 * len(robot.force_torque))
         force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
-    design = LoopDesign(
-        robot=robot,
-        plant_robot=robot,
-        spec=spec,
-        actuators=model_list(models, robot.joints),
-        models=(assumed := model_list(models if controller_models is None else controller_models, robot.joints)),
-        gains=TorqueGains.from_servo(assumed) if gains is None else gains,
-        posture=robot.posture,
-    )
     sensors = add_sensors(builder, plant, robot, sensor_suite(spec), spec.dt, spec.seed, spec.faults)
     parts = TorqueLoopBuilder(
         builder,
@@ -183,11 +218,15 @@ def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> O
     """The port with [q_d; qdot_d; qddot_d].
 
     Raises:
-        ParamsError: a reference of another size.
+        ParamsError: a reference of another size, or a trajectory that leaves a joint's range.
     """
     n = len(robot.joints)
     if not isinstance(reference, OutputPort):
-        path = constant_trajectory(robot.posture) if reference is None else reference
+        path: Any = constant_trajectory(robot.posture) if reference is None else reference
+        if path.rows() == n:
+            begin, end = np.clip((path.start_time(), path.end_time()), -LONGEST, LONGEST)
+            times = np.linspace(begin, end, LOOKED_AT)
+            check_range(robot, times, path.vector_values(times).T, "reference")
         reference = builder.AddNamedSystem("reference", TrajectorySource(path, 2)).get_output_port()
     if reference.size() != 3 * n:
         raise ParamsError(

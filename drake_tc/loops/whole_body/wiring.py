@@ -13,8 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import MatrixGain
 from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_values import Models, model_list
@@ -30,6 +32,7 @@ from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, add_whole_body_s
 from drake_tc.loops.whole_body.series_elastic_drives import add_spring_drives, drive_springs
 from drake_tc.sensing.suite import SensorSuite
 from drake_tc.tsid.law import Law
+from drake_tc.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,6 +107,12 @@ def add_whole_body_loop(
     spec = WholeBodySpec() if spec is None else spec
     robot = law.model.robot
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(robot.name))
+    state = plant.get_state_output_port()
+    if robot.followers:
+        known, moved = _without_followers(plant, law)
+        state, touched = (
+            _product(builder, *each) for each in (("known_state", known, state), ("known_contact", moved, touched))
+        )
     named = [None if m is None else by_joint(m, law) for m in (models, controller_models or models)]
     check_rotors(law, named[1])
     wiring = WholeBodyBuilder(
@@ -111,7 +120,7 @@ def add_whole_body_loop(
         spec,
         plant,
         law.period,
-        {"state": plant.get_state_output_port(), "contact": touched},
+        {"state": state, "contact": touched},
         stages=stages or {},
         between=between or {},
         law=law,
@@ -132,6 +141,38 @@ def add_whole_body_loop(
         period=law.period,
         starts=tuple(starts),
     )
+
+
+def _without_followers(plant: MultibodyPlant, law: Law) -> tuple[FloatArray, FloatArray]:
+    """What the law's [q; v] is of the plant's, and its generalized forces of the plant's, where joints follow others.
+
+    Args:
+        plant: With the robot alone.
+        law: Of the controller.
+    """
+    model, robot = law.model, law.model.robot
+    whole: Any = plant
+    positions, velocities = np.zeros(model.nq, dtype=int), np.zeros(model.nv, dtype=int)
+    if not robot.fixed_base:
+        body, (q, v) = whole.GetBodyByName(robot.base), model.base_places
+        positions[q : q + 7] = body.floating_positions_start() + np.arange(7)
+        velocities[v : v + 6] = body.floating_velocities_start_in_v() + np.arange(6)
+    joints = [whole.GetJointByName(name) for name in robot.joints]
+    positions[model.positions] = [joint.position_start() for joint in joints]
+    velocities[model.actuated] = [joint.velocity_start() for joint in joints]
+    known = np.eye(whole.num_multibody_states())[[*positions, *(whole.num_positions() + velocities)]]
+    moved = np.eye(whole.num_velocities())[velocities]
+    for name, follows in robot.followers.items():
+        row = model.actuated[robot.joints.index(follows.of)]
+        moved[row, whole.GetJointByName(name).velocity_start()] = follows.multiplier
+    return known, moved
+
+
+def _product(builder: DiagramBuilder, name: str, matrix: FloatArray, port: OutputPort) -> OutputPort:
+    system = builder.AddNamedSystem(name, MatrixGain(D=matrix))
+    builder.Connect(port, system.get_input_port())
+    product: OutputPort = system.get_output_port()
+    return product
 
 
 def by_joint(models: Models, law: Law) -> dict[str, Any]:

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from drake_tc.analysis.joint_loop import JointLoop
-from drake_tc.analysis.sampled import open_loop
+from drake_tc.analysis.sampled import loop_margins, open_loop
 from drake_tc.analysis.settled import settled_at
-from drake_tc.analysis.stability_margins import loop_margins
+from drake_tc.control.joint_loop import JointLoop
 from drake_tc.registry import runnable
 
 from .machine import require

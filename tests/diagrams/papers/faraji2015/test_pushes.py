@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import models_of_joints
-from drake_tc.analysis.stability_margins import margins
 from drake_tc.control.series_elastic.control import MotorPositionControl
+from drake_tc.control.stability_margins import margins
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015 import pushes
 from drake_tc.diagrams.papers.faraji2015.motions import vibration

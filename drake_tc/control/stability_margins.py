@@ -8,10 +8,10 @@ The loop is closed by negative feedback: it is stable at the critical point 1 + 
     sensitivity peak  max |1/(1 + L)| = 1/(smallest distance of L from -1)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from scipy.optimize import brentq, minimize_scalar
 
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from drake_tc.analysis.sampled import SampledSystem
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Response: TypeAlias = Callable[[FloatArray], ComplexArray]
@@ -147,44 +144,3 @@ def _sensitivity_peak(at: Callable[[float], complex], omega: FloatArray, values:
         found = minimize_scalar(lambda w: abs(1.0 + at(w)), bounds=(low, high), method="bounded", options=options)
         smallest = min(smallest, float(found.fun))
     return 1.0 / smallest if smallest > 0.0 else np.inf
-
-
-def loop_margins(
-    cut: "SampledSystem", channels: Sequence[str | int] | None = None, grid: FloatArray | None = None
-) -> dict[str, Margins]:
-    """Margins of the channels of a cut (`open_loop`), each with the other channels closed.
-
-    Args:
-        cut: Open at a port of m elements; closed again it must be stable.
-        channels: Which: "system:port[i]" or numbers; None for all.
-        grid: (W,) rising frequencies up to pi/dt [rad/s]; None: `frequency_grid`.
-
-    Returns:
-        Name "system:port[i]" to margins.
-
-    Raises:
-        ParamsError: no such channel, or a response that is not finite.
-
-    Example:
-        >>> diagram = small_loop()
-        >>> cut = open_loop(diagram, diagram.CreateDefaultContext(), 0.01, "gain:y0")
-        >>> round(loop_margins(cut)["gain:y0[0]"].gain_margin, 2)
-        20.0
-    """
-    omega = frequency_grid(cut.dt) if grid is None else np.asarray(grid, dtype=np.float64)
-    on_grid = cut.loop_responses(omega)
-    known: dict[float, ComplexArray] = {}
-    chosen = range(len(cut.inputs)) if channels is None else [cut.channel(name) for name in channels]
-
-    def response(index: int) -> Callable[[FloatArray], ComplexArray]:
-        def one(frequency: FloatArray) -> ComplexArray:
-            if frequency is omega:
-                return np.asarray(on_grid[:, index])
-            w = float(frequency[0])
-            if w not in known:
-                known[w] = cut.loop_responses(frequency)[0]
-            return known[w][index : index + 1]
-
-        return one
-
-    return {cut.inputs[i]: margins(response(i), cut.dt, omega) for i in chosen}

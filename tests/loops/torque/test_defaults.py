@@ -1,0 +1,136 @@
+"""Defaults fit the robot at hand: gains and window leave margins, the guard passes the rated torque."""
+
+import logging
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.wiring import sliding
+from drake_tc.analysis.sampled import linearise
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.trajectories import knot_trajectory
+from drake_tc.errors import ParamsError
+from drake_tc.loops.plant import add_robot_plant
+from drake_tc.loops.torque.controller import torque_controller
+from drake_tc.loops.torque.joint_loops import joint_loops
+from drake_tc.loops.torque.scenario import TorqueLoopSpec
+from drake_tc.loops.torque.wiring import add_torque_loop
+from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.robot import load_robot
+from tests.robot_files import joint_tag, link_tag, urdf, write_robot
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """Heavy upper arm, light wrist: with the servo's stiffness and Kp = 2 behind 80 samples its loop is unstable."""
+    text = urdf(
+        link_tag("upper", (0.3, 0, 0), 12.0, (0.1, 0.4, 0.4)),
+        link_tag("fore", (0.25, 0, 0), 6.0, (0.02, 0.15, 0.15)),
+        link_tag("hand", (0.0, 0, -0.05), 0.8, (0.002, 0.002, 0.001)),
+        joint_tag("shoulder", "base", "upper", axis=(0, 0, 1)),
+        joint_tag("elbow", "upper", "fore", axis=(0, 1, 0), xyz=(0.6, 0, 0)),
+        joint_tag("wrist", "fore", "hand", axis=(1, 0, 0), xyz=(0.5, 0, 0)),
+    )
+    return load_robot(write_robot(tmp_path, text, ["shoulder", "elbow", "wrist"]))
+
+
+def models_of(robot):
+    return {
+        joint: ActuatorModel(
+            joint,
+            Drive("position_servo", 0.02 / rated),
+            (
+                EffectValue("viscous", {"viscous": 0.1 * rated}),
+                EffectValue("coulomb", {"coulomb": 0.04 * rated}),
+                EffectValue("rotor_inertia", {"rotor_inertia": 0.005 * rated}),
+            ),
+        )
+        for joint, rated in zip(robot.joints, (150.0, 80.0, 30.0), strict=True)
+    }
+
+
+def built(robot, models, reference=None, spec=None, **options):
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, robot)
+    loop = add_torque_loop(builder, plant, robot, models, reference, spec, **options)
+    log = loop.add_log(builder, "joint_state", "command", "encoder", "flags", "mode")
+    return loop, builder.Build(), log
+
+
+def radius(robot, models, spec, gains):
+    """Largest |z| of the whole diagram in sliding: Drake's own step, linearised."""
+    loose = replace(TorqueLoopSpec() if spec is None else spec, sensors="perfect")
+    _, diagram, _ = built(robot, sliding(models), None, loose, gains=gains)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.2)
+    return linearise(diagram, simulator.get_context(), loose.dt).spectral_radius
+
+
+def test_default_gains_and_window_leave_every_joint_its_margins(arm, caplog):
+    models = models_of(arm)
+    with caplog.at_level(logging.WARNING):
+        loop, _, _ = built(arm, models)
+    assert caplog.text == ""
+    for joint, each in joint_loops(loop.design).items():
+        found = each.margins()
+        assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.999, joint
+        assert math.degrees(abs(found.phase_margin)) >= 39.9, joint
+    assert radius(arm, models, loop.design.spec, loop.design.gains) < 1.0 + 1e-9  # what is held has an eigenvalue of 1
+    controller = torque_controller(arm, models)
+    assert controller.GetSystems()
+
+
+def test_a_loop_without_margins_says_so(arm, caplog):
+    models = models_of(arm)
+    old = TorqueGains.from_servo(models)
+    with caplog.at_level(logging.WARNING):
+        built(arm, models, None, TorqueLoopSpec(), gains=old)
+        torque_controller(arm, models, None, TorqueLoopSpec(), gains=old)
+    assert len(caplog.records) == 2
+    for record in caplog.records:
+        assert "joint elbow: the linear loop is unstable (|z| = 1.0" in record.getMessage()
+    assert radius(arm, models, TorqueLoopSpec(), old) > 1.0 + 1e-4
+
+
+def test_the_guard_passes_what_the_rated_torque_needs_and_no_more(arm):
+    models = models_of(arm)
+    _, diagram, log = built(arm, models, knot_trajectory([0.0, 0.05], [[0.0] * 3, [1.0] * 3]))
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.0)
+    _, signals = log.recorded(simulator.get_context())
+    limits = joint_limits(arm)
+    friction = np.array(
+        [0.1 * rated * v + 0.04 * rated for rated, v in zip((150, 80, 30), limits.velocity, strict=True)]
+    )
+    gain = np.array([models[joint].drive.gain for joint in arm.joints])
+    most = gain * (limits.effort + friction)
+    assert (np.abs(signals["command"] - signals["encoder"]) <= most * (1.0 + 1e-9)).all()
+    assert most.max() < 0.2
+
+
+def test_a_reference_beyond_a_joints_range_is_refused_or_flagged(arm):
+    models = models_of(arm)
+    path = knot_trajectory([0.0, 1.0], [[0.0, 0.0, 0.0], [0.0, 3.4, 0.0]])
+    with pytest.raises(ParamsError, match=r"reference: elbow: expected -3 to 3 rad, got 3\.4 at 1 s"):
+        built(arm, models, path)
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, arm)
+    far = np.zeros(9)
+    far[1] = 3.4
+    source = builder.AddNamedSystem("far", ConstantVectorSource(far))
+    loop = add_torque_loop(builder, plant, arm, models, source.get_output_port(), TorqueLoopSpec(sensors="perfect"))
+    log = loop.add_log(builder, "flags", "mode", "joint_state")
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.6)
+    _, signals = log.recorded(simulator.get_context())
+    assert signals["flags"][-1, loop.flag_names.index("reference/out_of_range")] == 1.0
+    assert signals["mode"][-1] >= 2.0
+    assert_allclose(signals["joint_state"][-1, 1], 0.0, atol=0.6)
