@@ -67,7 +67,7 @@ def simulate_command(
     if duration is not None and not 0.0 < duration < math.inf:
         raise typer.BadParameter(f"expected a positive number [s], got {duration!r}", param_hint="--duration")
     entry = runnable(diagram).naming(scenario_file, scenario_text)
-    if html is not None and entry.kind not in ("torque", "whole_body"):
+    if html is not None and entry.kind == "series_elastic":
         raise typer.BadParameter(
             f"expected a diagram with a robot, got {diagram}, which has none to show", param_hint="--html"
         )
@@ -83,6 +83,7 @@ def simulate_command(
         simulated = entry.simulate(scenario, progress, meshcat)
         written = simulated.write(folder, log_format, notes.append) if folder is not None else []
         files = [str(Path(out or ".") / path.name) for path in written]
+    notes += simulated.motion().robot.unused if simulated.motion is not None else ()
     files += _pictures(simulated, plot, html, scenario_file, force=force)
     if show:
         _show(simulated)
@@ -101,15 +102,14 @@ def _pictures(
     simulated: "Simulated", plot: Path | None, html: Path | None, scenario_file: Path | None, *, force: bool
 ) -> list[str]:
     """Write the requested plot and page of the motion."""
-    from drake_tc.loops.motion import motion_html
     from drake_tc.report.plots.run_plot import run_figure
 
     if plot is not None:
         with result_file(plot, "--plot", inputs=[scenario_file], force=force) as path:
             run_figure(simulated.plot()).savefig(path, dpi=120, format=plot.suffix.lower().lstrip("."))
-    if html is not None and simulated.motion is not None:
+    if html is not None and simulated.page is not None:
         with result_file(html, "--html", inputs=[scenario_file], force=force) as path:
-            path.write_text(motion_html(simulated.motion()), encoding="utf-8")
+            path.write_text(simulated.page(), encoding="utf-8")
     return [str(path) for path in (plot, html) if path is not None]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common import RandomGenerator
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import VectorLogSink
@@ -18,6 +19,8 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
 from drake_tc.loops.boundary import Controller
 from drake_tc.loops.entries import DiagramEntry
+from drake_tc.loops.motion import FRAMES_PER_SECOND, DiagramPictures
+from drake_tc.loops.plant import start_meshcat
 from drake_tc.loops.recording import Progress, advance, write_log
 from drake_tc.loops.run_panels import RunPlot, TimePanel
 from drake_tc.loops.scenarios.base import ScenarioBase, changes_in
@@ -128,7 +131,7 @@ def function_entry(name: str, function: Callable[..., Diagram | tuple[Diagram, T
         raise ParamsError(f"{name}: the diagram of a function has no scenarios")
 
     def simulate(scenario: FunctionScenario, progress: Progress | None, meshcat: bool) -> Simulated:
-        return _simulated(build(scenario), progress)
+        return _simulated(build(scenario), progress, meshcat=meshcat)
 
     def rebuild(scenario: FunctionScenario, spec: TorqueLoopSpec, gains: TorqueGains) -> FunctionLoop:
         return build(scenario, spec=spec, gains=gains)
@@ -202,10 +205,11 @@ def _period(name: str, diagram: Diagram) -> float:
     return float(longest)
 
 
-def _simulated(loop: FunctionLoop, progress: Progress | None) -> Simulated:
+def _simulated(loop: FunctionLoop, progress: Progress | None, *, meshcat: bool) -> Simulated:
     simulator, scenario = Simulator(loop.diagram), loop.scenario
     context = simulator.get_mutable_context()
     loop.start(context)
+    frames = _filmed(loop, simulator, start_meshcat() if meshcat else None)
     begin = time.perf_counter()
     advance(simulator, scenario.duration, CHUNK, lambda now: True, plant_step=loop.period, progress=progress)
     seconds = time.perf_counter() - begin
@@ -234,7 +238,29 @@ def _simulated(loop: FunctionLoop, progress: Progress | None) -> Simulated:
         return [write_log(_columns(name, *log), folder / f"{name}.{ending}") for name, log in logs.items()]
 
     table = TextTable("", ("logged signal", "min", "max", "last"), rows)
-    return Simulated(summary, table, lines, write, lambda: _plot(loop.diagram.get_name(), logs))
+    return Simulated(summary, table, lines, write, lambda: _plot(loop.diagram.get_name(), logs), page=frames)
+
+
+def _filmed(loop: FunctionLoop, simulator: Simulator, meshcat: Any) -> Callable[[], str]:
+    """Look at the plants while the simulator runs, and show them; returns the page of what was seen."""
+    systems = _systems(loop.diagram)
+    if not any(isinstance(system, MultibodyPlant) for system in systems):
+        if meshcat is not None:
+            DiagramPictures(loop.diagram, systems)
+        return lambda: DiagramPictures(loop.diagram, systems).html([])
+    pictures, frames = DiagramPictures(loop.diagram, systems), list[tuple[float, dict[str, Any]]]()
+    if meshcat is not None:
+        pictures.place(meshcat)
+
+    def look(context: Context) -> None:
+        now = context.get_time()
+        if not frames or now >= frames[-1][0] + 1.0 / FRAMES_PER_SECOND - 1e-9:
+            frames.append((now, pictures.poses(context)))
+            if meshcat is not None:
+                pictures.show(meshcat, frames[-1][1])
+
+    simulator.set_monitor(look)
+    return lambda: pictures.html(frames)
 
 
 def _plot(title: str, logs: Mapping[str, tuple[FloatArray, FloatArray]]) -> RunPlot:

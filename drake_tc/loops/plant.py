@@ -48,6 +48,7 @@ def add_robot_plant(
     *,
     scene: bool = False,
     collisions: bool = False,
+    visuals: bool = False,
     meshcat: bool = False,
     prepare: Callable[[MultibodyPlant], None] | None = None,
 ) -> MultibodyPlant:
@@ -61,6 +62,7 @@ def add_robot_plant(
         step: Time step of the plant [s].
         scene: Add a SceneGraph too, so that the robot can touch what `prepare` adds.
         collisions: Keep the robot's primitive collision shapes; adds a SceneGraph.
+        visuals: Draw the robot's visual geometry, meshes too; adds a SceneGraph.
         meshcat: Show the robot in a browser; adds a SceneGraph.
         prepare: Gets the plant before it is finalized: add a floor, objects, springs.
 
@@ -73,13 +75,13 @@ def add_robot_plant(
         6
     """
     plant: Any
-    if scene or collisions or meshcat:
+    if scene or collisions or visuals or meshcat:
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
         if meshcat:
             MeshcatVisualizer.AddToBuilder(builder, scene_graph, start_meshcat())
     else:
         plant = builder.AddNamedSystem("plant", MultibodyPlant(step))
-    add_robot(plant, robot, visuals=meshcat, collisions=collisions)
+    add_robot(plant, robot, visuals=visuals or meshcat, collisions=collisions)
     if prepare is not None:
         prepare(plant)
     plant.SetUseSampledOutputPorts(False)

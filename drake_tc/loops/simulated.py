@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from drake_tc.loops.motion import Motion, torque_motion, tsid_motion
+from drake_tc.loops.motion import Motion, motion_html, torque_motion, tsid_motion
 from drake_tc.loops.recording import Progress
 from drake_tc.loops.run_panels import RunPlot, sea_plot, torque_plot, tsid_plot
 from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
@@ -32,7 +32,8 @@ class Simulated:
         lines: Below the table.
         write: Folder, ending of the log and whom to tell why something is left out, to the files written.
         plot: What a plot of the run shows.
-        motion: How the robot moved; None where there is no robot to show.
+        motion: How the robot moved; None where there is no robot file.
+        page: The text of an HTML file that plays the motion; None where there is nothing to show.
     """
 
     summary: dict[str, Any]
@@ -41,6 +42,7 @@ class Simulated:
     write: Callable[[Path, str, Tell], list[Path]]
     plot: Callable[[], RunPlot]
     motion: Callable[[], Motion] | None = None
+    page: Callable[[], str] | None = None
 
 
 def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, meshcat: bool = False) -> Simulated:
@@ -68,7 +70,8 @@ def simulate_torque_loop(scenario: Scenario, progress: Progress | None = None, m
         ),
         partial(write_results, recording),
         partial(torque_plot, recording),
-        partial(torque_motion, recording, scenario),
+        lambda: torque_motion(recording, scenario),
+        lambda: motion_html(torque_motion(recording, scenario)),
     )
 
 
@@ -104,7 +107,8 @@ def simulate_tsid_loop(scenario: TsidScenario, progress: Progress | None = None,
         tuple(lines),
         partial(write_tsid, recording),
         partial(tsid_plot, recording),
-        partial(tsid_motion, recording),
+        lambda: tsid_motion(recording),
+        lambda: motion_html(tsid_motion(recording)),
     )
 
 

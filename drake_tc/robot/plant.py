@@ -12,6 +12,7 @@ from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.errors import ParamsError
+from drake_tc.robot.pictures import add_pictures
 from drake_tc.robot.robot import Robot, position_range
 from drake_tc.robot.urdf import Followers, reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
@@ -86,7 +87,7 @@ def add_robot(
     Args:
         plant: Not finalized; registered with a SceneGraph where geometry is requested.
         robot: From `load_robot`.
-        visuals: Keep primitive visuals (meshes never).
+        visuals: Draw the robot (`drake_tc.robot.pictures`).
         collisions: Keep primitive collisions.
         rotors: Give the joints the inertia of their drives.
         followers: What is made of joints that follow a driven one by `<mimic>`. None: Drake couples them in a
@@ -111,12 +112,17 @@ def add_robot(
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).partition("error: ")[2].split()) or " ".join(str(error).split())
         raise ParamsError(f"{robot.urdf}: Drake refuses the robot: {reason}") from None
+    if visuals and plant.geometry_source_is_registered():
+        add_pictures(plant, robot, model)
     body = plant.GetBodyByName(robot.base, model)
     if robot.fixed_base:
         plant.WeldFrames(plant.world_frame(), body.body_frame(), robot.base_pose.transform)
     else:
         plant.SetDefaultFloatingBaseBodyPose(body, robot.base_pose.transform)
     limits, inertias = joint_limits(robot), file_rotors(robot) if rotors else {}
+    for name, position in robot.follower_posture.items() if how != "weld" else ():
+        follower: Any = plant.GetJointByName(name, model)
+        follower.set_default_positions([position])
     for name, effort, position in zip(robot.joints, limits.effort, robot.posture, strict=True):
         joint: Any = plant.GetJointByName(name, model)
         joint.set_default_positions([position])

@@ -2,18 +2,28 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
+import drake_tc.models
 from drake_tc.cli import terminal
 from drake_tc.cli.terminal import progress_bar
-from drake_tc.loops.motion import motion_html, torque_motion
+from drake_tc.errors import ParamsError
+from drake_tc.loops.function_diagram import function_entry
+from drake_tc.loops.motion import DiagramPictures, motion_html, torque_motion
+from drake_tc.loops.plant import add_robot_plant, start_meshcat
 from drake_tc.loops.run_panels import RunPlot, TimePanel, torque_plot
 from drake_tc.loops.simulated import speed_line
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.plots.run_plot import run_figure
+from drake_tc.robot.robot import load_robot
+
+MODELS = Path(drake_tc.models.__file__).parent / "hrp2_like"
 
 DROPPED = "{faults: {encoder: [{kind: nan, start: 0.1, duration: 0.05}]}, duration: 0.3}"
 
@@ -106,3 +116,37 @@ def test_one_stage_is_told_once_in_ten_seconds_and_at_its_end(capsys, monkeypatc
 @pytest.mark.parametrize(("factor", "told"), [(0.034, "0.034"), (0.5, "0.5"), (3.21, "3.2"), (125.4, "125.4")])
 def test_a_slow_run_is_not_told_as_zero_times_real_time(factor, told):
     assert speed_line(0.5, factor) == f"0.5 s simulated at {told} x real time"
+
+
+def swinging(*, visuals=False):
+    """A leg that falls, with its shapes or without."""
+    builder = DiagramBuilder()
+    add_robot_plant(builder, load_robot(MODELS / "hrp2_like_leg.yaml"), visuals=visuals)
+    system = builder.AddNamedSystem("nothing", ConstantVectorSource(np.zeros(6)))
+    builder.Connect(system.get_output_port(), builder.GetSubsystemByName("plant").get_actuation_input_port())
+    return builder.Build()
+
+
+@pytest.mark.parametrize("visuals", [False, True])
+def test_a_diagram_of_ones_own_is_shown_with_its_shapes_or_with_frustums(visuals):
+    entry = function_entry("mine", lambda: swinging(visuals=visuals))
+    simulated = entry.simulate(entry.scenario().changed(duration=0.2), None, False)
+    text = simulated.page()
+    assert "<html" in text and "set_animation" in text
+    diagram, meshcat = swinging(visuals=visuals), start_meshcat(quiet=True)
+    pictures = DiagramPictures(diagram, diagram.GetSystems())
+    pictures.place(meshcat)
+    poses = pictures.poses(diagram.CreateDefaultContext())
+    assert len(poses) > 6
+    assert all(meshcat.HasPath(path) for path in poses if not path.endswith("world"))
+
+
+def test_a_diagram_without_a_plant_has_nothing_to_show():
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", ConstantVectorSource(np.zeros(1)))
+    held = builder.AddNamedSystem("held", ZeroOrderHold(0.1, 1))
+    builder.Connect(source.get_output_port(), held.get_input_port())
+    entry = function_entry("mine", builder.Build)
+    simulated = entry.simulate(entry.scenario(), None, False)
+    with pytest.raises(ParamsError, match="expected a diagram with a MultibodyPlant to show, it has none"):
+        simulated.page()
