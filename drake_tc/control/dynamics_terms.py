@@ -19,7 +19,6 @@ from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
-from drake_tc.estimation.torque_model import as_slice
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
@@ -158,15 +157,13 @@ class FloatingTerms:
         self._frames = tuple(self._plant.GetFrameByName(mount.name + CONTACT_SUFFIX) for mount in robot.force_torque)
         self.size, self.wrenches = len(robot.joints), 6 * len(self._frames)
         nq, self._nv = self._plant.num_positions(), self._plant.num_velocities()
-        if self._nv != self.size + 6:
+        if self._nv != self.size + len(robot.followers) + 6:
             raise ParamsError(
                 f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {self._nv - 6}"
             )
         self._first = nq
-        self._positions, self._velocities = as_slice(model.position_index), as_slice(model.velocity_index)
-        self._rates = as_slice(nq + model.velocity_index)
         order = np.arange(self.size)
-        tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {})
+        tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {}, followers=robot.followers)
         self.tree = (tree.places, tree.constants, tree.trunk)
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
@@ -183,8 +180,8 @@ class FloatingTerms:
             imu: (12,) [gyro; accel; d gyro/dt; d accel/dt] in the IMU's frame [rad/s, m/s^2].
             joints: (3n,) [q; qdot; qddot] at the same instant.
         """
-        n, state = self.size, self._model.state.copy()
-        state[self._positions], state[self._rates] = joints[:n], joints[n : 2 * n]
+        n = self.size
+        state = self._model.state_of(joints[:n], joints[n : 2 * n])
         rate = imu[6:9] if self._rotates else np.zeros(3)
         scratch.acceleration = self._motion.solve(scratch.context, state, joints[2 * n :], imu[:6], rate)
         scratch.rate = state[self._first : self._first + 3].copy()
@@ -207,13 +204,13 @@ class FloatingTerms:
 
     def jacobian(self, scratch: "FloatingScratch") -> FloatArray:
         """(6k, n) J."""
-        base, state = self._model.base, self._model.state.copy()
-        state[self._positions], state[self._rates] = scratch.q, scratch.v
+        base, state = self._model.base, self._model.state_of(scratch.q, scratch.v)
         self._plant.SetPositionsAndVelocities(scratch.context, state)
         rows: Any = [
             self._plant.CalcJacobianSpatialVelocity(
                 scratch.context, JacobianWrtVariable.kV, frame, self._origin, base, base
-            )[self._force_first][:, self._velocities]
+            )[self._force_first]
+            @ self._model.moves
             for frame in self._frames
         ]
         return np.concatenate(rows) if rows else np.zeros((0, self.size))

@@ -79,6 +79,8 @@ class EstimationPlant:
         plant: Finalized; velocities [base rotation (3), base translation (3), joints and sensor joints].
         state: (nq + nv,) at rest, base at the identity.
         position_index, velocity_index: (n,) of the actuated joints, in `state` and in the velocities.
+        moves: (nv, n) velocities for a unit velocity of each joint, those of joints that follow it among them.
+        follows: (nq + nv, 2 n + 1) what joints that follow others have in `state`, of [q; v; 1]; None: there are none.
         base: B, frame of the base link; it rests in the world's origin, and its velocities come first.
         cuts: Sensors in the robot's order.
         inward: Indices of `cuts`, those farther out first.
@@ -91,6 +93,15 @@ class EstimationPlant:
     base: Any
     cuts: tuple[SensorCut, ...]
     inward: tuple[int, ...]
+    moves: FloatArray
+    follows: FloatArray | None
+
+    def state_of(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """(nq + nv,) `state` with joints at q, v (n,) and those that follow them."""
+        state = self.state.copy()
+        state[self.position_index] = q
+        state[self.plant.num_positions() + self.velocity_index] = v
+        return state if self.follows is None else state + self.follows @ np.concatenate((q, v, (1.0,)))
 
     def welded_to_base(self, frame: Any) -> bool:
         """Whether no joint lies between the base and `frame`."""
@@ -166,6 +177,16 @@ def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any, Any
     made = tuple(
         _cut(plant, context, mount, *found) for mount, found in zip(robot.force_torque, frames, strict=bool(frames))
     )
+    n, positions = len(joints), plant.num_positions()
+    moves = np.zeros((plant.num_velocities(), n))
+    moves[[joint.velocity_start() for joint in joints], np.arange(n)] = 1.0
+    follows = np.zeros((plant.num_multibody_states(), 2 * n + 1)) if robot.followers else None
+    for name, law in robot.followers.items():
+        joint, leader = plant.GetJointByName(name), robot.joints.index(law.of)
+        moves[joint.velocity_start(), leader] = law.multiplier
+        if follows is not None:
+            follows[joint.position_start(), [leader, -1]] = law.multiplier, law.offset
+            follows[positions + joint.velocity_start(), n + leader] = law.multiplier
     return EstimationPlant(
         plant=plant,
         state=np.array(plant.GetPositionsAndVelocities(context)),
@@ -174,6 +195,8 @@ def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any, Any
         base=plant.GetFrameByName(robot.base),
         cuts=made,
         inward=tuple(sorted(range(len(made)), key=lambda i: -_depth(plant, robot, made, i))),
+        moves=moves,
+        follows=follows,
     )
 
 
@@ -226,7 +249,7 @@ class BaseMotion:
         """
         plant: Any = model.plant
         self._plant, self._imu, self._world = plant, imu, plant.world_frame()
-        self._joints = model.velocity_index
+        self._joints, self._moves = model.velocity_index, model.moves
         self._first_velocity = plant.num_positions()
         self._origin: Any = np.zeros(3)
         context = plant.CreateDefaultContext()
@@ -276,7 +299,7 @@ class BaseMotion:
         plant.SetPositionsAndVelocities(context, state)
         jacobian = plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, self._imu, origin, world, world)
         rotation = self._imu.CalcRotationMatrixInWorld(context).matrix()
-        own = jacobian[:, self._joints]
+        own = jacobian @ self._moves
         state[first : first + 3] = rotation @ imu[:3] - own[:3] @ state[first + self._joints]
         plant.SetVelocities(context, state[first:])
         bias = plant.CalcBiasSpatialAcceleration(
@@ -302,7 +325,7 @@ class BaseMotion:
         jacobian = self._plant.CalcJacobianSpatialVelocity(
             context, JacobianWrtVariable.kV, self._imu, self._origin, world, world
         )
-        own = -jacobian[:, self._joints]
+        own = -jacobian @ self._moves
         if rotates:
             own[3:] -= jacobian[3:, :3] @ own[:3]
         else:

@@ -219,7 +219,7 @@ def _with_loads(logs: RobotLogs, run: Run, joints: Sequence[str], *, filter_wren
     if logs.links is not None:
         columns |= {f"{j}/{ACCELERATION}": acceleration[:, i] for j, i in zip(joints, order, strict=True)}
     dropped = int(((run.segment >= 0) & (segment < 0)).sum())
-    notes = run.notes
+    notes = (*run.notes, *logs.robot.unused)
     if dropped:
         notes += (f"{dropped} rows in stretches too short for the robot's torque estimate were left out.",)
     window = filters.encoder

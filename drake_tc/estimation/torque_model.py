@@ -127,11 +127,6 @@ class TorqueModel:
         self._forces = MultibodyForces(self._plant)
         self._world = self._plant.world_frame()
         self._origin: Any = np.zeros(3)
-        self._num_positions: int = self._plant.num_positions()
-        self._num_velocities: int = self._plant.num_velocities()
-        self._positions = as_slice(self.model.position_index)
-        self._velocities = as_slice(self.model.velocity_index)
-        self._in_state = as_slice(self._num_positions + self.model.velocity_index)
         self._differentiate = angular_acceleration
         self._motion = self._base_motion(base, imu)
         up = robot.base_pose.transform.rotation().matrix()[2]
@@ -234,11 +229,7 @@ class TorqueModel:
 
     def joint_torques(self, forces: FloatArray) -> FloatArray:
         """(..., n) torques of the joints, which move those that follow them, from `motion_forces` (..., nv)."""
-        torques = forces[..., self.model.velocity_index]
-        for name, law in self.robot.followers.items():
-            at = self._plant.GetJointByName(name).velocity_start()
-            torques[..., self.robot.joints.index(law.of)] += law.multiplier * forces[..., at]
-        return torques
+        return np.asarray(forces @ self.model.moves)
 
     def acceleration(
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
@@ -247,16 +238,8 @@ class TorqueModel:
 
         The context leaves with the positions and velocities that go with them.
         """
-        state = self.model.state.copy()
-        state[self._positions] = q
-        state[self._in_state] = v
-        acceleration = np.zeros(self._num_velocities)
-        acceleration[self._velocities] = vdot
-        for name, law in self.robot.followers.items():
-            joint, leader = self._plant.GetJointByName(name), self.robot.joints.index(law.of)
-            state[joint.position_start()] = law.multiplier * q[leader] + law.offset
-            state[self._num_positions + joint.velocity_start()] = law.multiplier * v[leader]
-            acceleration[joint.velocity_start()] = law.multiplier * vdot[leader]
+        state = self.model.state_of(q, v)
+        acceleration = self.model.moves @ vdot
         if self._motion is None:
             self._plant.SetPositionsAndVelocities(context, state)
             acceleration[:6] = self._still
@@ -295,7 +278,7 @@ class TorqueModel:
         The joint columns of M, and those of the base's acceleration so far as the IMU's reading leaves it to qddot.
         """
         mass = self._plant.CalcMassMatrix(context)
-        inertia = np.asarray(mass[:, self._velocities])
+        inertia = np.asarray(mass @ self.model.moves)
         if self._motion is not None:
             coupling = self._motion.coupling(context, rotates=self._differentiate != "zero")
             if coupling is not None:

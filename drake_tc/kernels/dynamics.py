@@ -266,8 +266,10 @@ def frame_jacobian(
     while row > 0:
         screw, column = bodies[row], places[row - 1, 3]
         wx, wy, wz = screw[_SCREW], screw[_SCREW + 1], screw[_SCREW + 2]
-        out[0, column], out[1, column], out[2, column] = wx, wy, wz
-        out[3, column] = screw[_SCREW + 3] + wy * z - wz * y
-        out[4, column] = screw[_SCREW + 4] + wz * x - wx * z
-        out[5, column] = screw[_SCREW + 5] + wx * y - wy * x
+        out[0, column] += wx
+        out[1, column] += wy
+        out[2, column] += wz
+        out[3, column] += screw[_SCREW + 3] + wy * z - wz * y
+        out[4, column] += screw[_SCREW + 4] + wz * x - wx * z
+        out[5, column] += screw[_SCREW + 5] + wx * y - wy * x
         row = places[row - 1, 0]

@@ -25,7 +25,7 @@ def arranged(
     bias: FloatArray,
     columns: FloatArray,
 ) -> None:
-    """M (nv, nv), h = C v - M a_g (nv,) and M's rows of the base (6, nv), in the order of v."""
+    """M (nv, nv), h = C v - M a_g (nv,) and M's rows of the base (6, nv), in the order of v; followers add up."""
     n, skip = places.shape[0], 6 if first >= 0 else 0
     order = np.empty(skip + n, dtype=np.int64)
     for i in range(skip):
@@ -35,11 +35,11 @@ def arranged(
     inner = 6 - skip
     for i in range(skip + n):
         to, row = order[i], mass[inner + i]
-        bias[to] = load[inner + i] - row[3] * gravity[0] - row[4] * gravity[1] - row[5] * gravity[2]
+        bias[to] += load[inner + i] - row[3] * gravity[0] - row[4] * gravity[1] - row[5] * gravity[2]
         for j in range(skip + n):
-            matrix[to, order[j]] = row[inner + j]
+            matrix[to, order[j]] += row[inner + j]
         for k in range(6):
-            columns[k, to] = row[k]
+            columns[k, to] += row[k]
 
 
 @helper
@@ -108,7 +108,7 @@ def terms(
         v: (nv,).
         held: (7,) pose of a base that does not float.
         floating: (2,) where a floating base's pose stands in q and its velocity in v; -1 where it is held.
-        places: Tree, see `dynamics`.
+        places: Tree of n joints, those that follow others among them, see `dynamics`.
         constants: The same.
         trunk: (10,) the base's body.
         gravity: (3,) [m/s^2].
@@ -131,7 +131,7 @@ def terms(
     move(base, q, v, places, constants, bodies)
     mass, load = np.zeros((6 + n, 6 + n)), np.empty(6 + n)
     whole = forces_and_inertias(bodies, places, constants, trunk, mass, load)
-    matrix, bias, momentum = np.empty((nv, nv)), np.empty(nv), np.empty((6, nv))
+    matrix, bias, momentum = np.zeros((nv, nv)), np.zeros(nv), np.zeros((6, nv))
     arranged(mass, load, places, first, gravity, matrix, bias, momentum)
     x, y, z = whole[1] / whole[0], whole[2] / whole[0], whole[3] / whole[0]
     rate = np.empty((6, 1))

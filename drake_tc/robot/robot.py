@@ -1,6 +1,6 @@
 """A robot as data: which URDF, which joints are driven in which order, where the sensors sit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,11 +16,13 @@ from drake_tc.robot.fields import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.link_changes import LinkChanges, link_changes
 from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
 from drake_tc.robot.urdf_tree import LinkSplit, Mimic, UrdfTree, read_urdf
-from drake_tc.simulator_files.urdf import resolve
+from drake_tc.simulator_files.urdf import resolve, urdf_joints
 from drake_tc.types import FloatArray
 
 __all__ = ["ForceTorqueMount", "Mount", "Pose", "Robot", "load_robot"]
 
+SHOWN = 3
+"""Joints that a sentence names; of more it says how many."""
 HINT = "`drake-tc schema robot --page` explains every key"
 
 
@@ -45,6 +47,7 @@ class Robot:
         posture: (n,) where the joints start [rad].
         source: The robot file.
         splits: Links that an F/T sensor inside them divides in two.
+        unused: Sentences on what the URDF says of the driven joints' physics and is not used.
         changes: What `close-loop` found of the links' inertias and payloads, as the actuator model file says.
 
     Example:
@@ -70,6 +73,13 @@ class Robot:
     splits: tuple[LinkSplit, ...] = ()
     followers: Mapping[str, Mimic] = field(default_factory=dict)
     changes: LinkChanges = field(default_factory=LinkChanges)
+    unused: tuple[str, ...] = ()
+
+    @property
+    def follower_posture(self) -> dict[str, float]:
+        """Where the followers are while the joints are in the posture [rad or m]."""
+        start = dict(zip(self.joints, self.posture.tolist(), strict=True))
+        return {name: law.multiplier * start[law.of] + law.offset for name, law in self.followers.items()}
 
 
 def _check_joints(where: str, joints: tuple[str, ...], tree: UrdfTree) -> None:
@@ -153,6 +163,34 @@ def _followers(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTr
     return found
 
 
+def _unused(urdf: Path, tree: UrdfTree, moving: Sequence[str]) -> tuple[str, ...]:
+    """What the URDF says of joints and is not used, one sentence for joints of which it says the same.
+
+    Args:
+        urdf: The file.
+        tree: What it holds.
+        moving: Driven joints and those that follow them.
+    """
+    try:
+        read = urdf_joints(tree.root, robot=True)
+    except ValueError as problem:
+        return (f"{urdf.name}: physics of its joints was not read: {problem}.",)
+    told: dict[str, list[str]] = {}
+    for name in moving:
+        terms, parts = read[name].terms, []
+        values = (("damping", terms.damping), ("dry friction", terms.frictionloss), ("rotor inertia", terms.armature))
+        parts += [f"its {what} of {value:.4g}" for what, value in values if value]
+        parts += ["the gains of its servo"] if read[name].driven else []
+        parts += read[name].unused
+        if parts:
+            told.setdefault(", ".join(parts), []).append(f"{name} (line {tree.joints[name].line})")
+    return tuple(
+        f"{urdf.name}: not used of {', '.join(joints[:SHOWN])}"
+        f"{f' and {len(joints) - SHOWN} more joints' if len(joints) > SHOWN else ''}: {what}."
+        for what, joints in told.items()
+    )
+
+
 def _robot(source: Path, read: RobotDocument, *, found_links: bool) -> Robot:
     urdf = resolve(read.urdf, source.parent)
     splits = link_splits(read.force_torque or {}, read_urdf(urdf))
@@ -182,6 +220,7 @@ def _robot(source: Path, read: RobotDocument, *, found_links: bool) -> Robot:
         posture=_posture(read.posture or {}, joints, tree, limits),
         source=source,
         splits=splits,
+        unused=_unused(urdf, tree, (*joints, *_followers(read.locked or {}, joints, tree))),
     )
 
 

@@ -49,17 +49,19 @@ def _turned_over(robot: Robot, tree: UrdfTree) -> set[str]:
     return turned
 
 
-Followers = Literal["refuse", "free", "mimic"]
-"""Joints that follow a driven one: an error, joints that a program moves, or joints that Drake couples."""
+Followers = Literal["refuse", "free", "mimic", "weld"]
+"""Joints that follow a driven one: an error, joints that a program moves, joints that Drake couples, or fixed ones."""
 
 
-def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool, mimic: bool) -> ET.Element:
-    driven = joint.name in robot.joints or joint.name in robot.followers
+def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool, followers: Followers) -> ET.Element:
+    follows = joint.name in robot.followers
+    driven = joint.name in robot.joints or (follows and followers != "weld")
     kind = ("prismatic" if joint.kind == "prismatic" else "revolute") if driven else "fixed"
     tag = ET.Element("joint", {"name": joint.name, "type": kind})
     ET.SubElement(tag, "parent", {"link": joint.child if turned else joint.parent})
     ET.SubElement(tag, "child", {"link": joint.parent if turned else joint.child})
-    origin = locked_origin(joint, 0.0 if driven else robot.locked.get(joint.name, 0.0))
+    at = robot.follower_posture[joint.name] if follows else robot.locked.get(joint.name, 0.0)
+    origin = locked_origin(joint, 0.0 if driven else at)
     tag.append(_pose_tag(origin.inverse() if turned else origin))
     if driven:
         ET.SubElement(tag, "axis", {"xyz": " ".join(repr(x) for x in joint.axis)})
@@ -72,7 +74,7 @@ def _joint_tag(joint: JointTag, robot: Robot, tree: UrdfTree, *, turned: bool, m
             "effort": given.get("effort", joint.effort),
         }
         ET.SubElement(tag, "limit", {key: repr(value) for key, value in values.items() if math.isfinite(value)})
-    if mimic and joint.name in robot.followers:
+    if followers == "mimic" and follows:
         law = robot.followers[joint.name]
         ET.SubElement(tag, "mimic", {"joint": law.of, "multiplier": repr(law.multiplier), "offset": repr(law.offset)})
     return tag
@@ -131,13 +133,15 @@ def reduced_urdf(
     Raises:
         ParamsError: the URDF cannot be read, or joints follow others and are to be refused.
     """
+    tree = read_urdf(robot.urdf, robot.splits)
     if followers == "refuse" and robot.followers:
         name, law = next(iter(robot.followers.items()))
+        line = tree.joints[name].line
         raise ParamsError(
-            f"{robot.source}: joint {name!r} follows {law.of!r} (<mimic> in {robot.urdf.name}), and what was asked for"
-            f" has no joints that follow others: lock it (locked: {{{name}: 0}}), or take {law.of!r} out of joints"
+            f"{robot.source}: joint {name!r} follows {law.of!r} (<mimic> of <joint> in line {line} of"
+            f" {robot.urdf.name}), and what was asked for has no joints that follow others: lock it (locked: {{{name}:"
+            f" 0}}), or take {law.of!r} out of joints"
         )
-    tree = read_urdf(robot.urdf, robot.splits)
     root = ET.Element("robot", {"name": robot.name})
     if visuals:
         root.extend(copy.deepcopy(material) for material in tree.root.findall("material"))
@@ -146,7 +150,7 @@ def reduced_urdf(
             root.append(_link_tag(link, visuals=visuals, collisions=collisions))
     turned = _turned_over(robot, tree)
     root.extend(
-        _joint_tag(joint, robot, tree, turned=joint.name in turned, mimic=followers == "mimic")
+        _joint_tag(joint, robot, tree, turned=joint.name in turned, followers=followers)
         for joint in tree.joints.values()
     )
     change_urdf(root, robot.changes)

@@ -5,16 +5,17 @@ A link in two parts, for a force/torque sensor inside it that no joint of the UR
 
 import copy
 import math
-import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import Pose, Triple
 from drake_tc.robot.urdf_checks import MOVABLE, check_inertials, check_kind, check_names, check_tree, numbers
+from drake_tc.simulator_files.xml_tree import line_of, xml_tree
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class JointTag:
         lower, upper: [rad or m]; infinite where the file gives none, or gives an empty range.
         velocity, effort: Limits [rad/s, N m]; infinite where the file gives none, or zero as a placeholder.
         mimic: The joint it follows, or None.
+        line: Of the file.
     """
 
     name: str
@@ -114,6 +116,7 @@ class JointTag:
     velocity: float
     effort: float
     mimic: Mimic | None
+    line: int = 0
 
     @property
     def movable(self) -> bool:
@@ -225,15 +228,8 @@ def _joint(path: Path, element: ET.Element) -> JointTag:
         velocity=velocity if velocity > 0.0 else math.inf,
         effort=effort if effort > 0.0 else math.inf,
         mimic=_mimic(where, element),
+        line=line_of(element),
     )
-
-
-def _with_prefixes_declared(document: str) -> str:
-    """Declare the XML prefixes (`drake:`, `xacro:`) that a file uses without declaring them."""
-    used = set(re.findall(r"[<\s]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*[\s=/>]", document)) - {"xmlns", "xml"}
-    missing = sorted(prefix for prefix in used if f"xmlns:{prefix}=" not in document)
-    declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in missing)
-    return re.sub(r"<robot\b", f"<robot{declared}", document, count=1)
 
 
 def _elements(root: ET.Element, tag: str) -> Iterator[ET.Element]:
@@ -275,12 +271,12 @@ def _root(path: Path) -> ET.Element:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise ParamsError(f"{path}: expected a URDF of at most {LARGEST >> 20} MiB")
-        root = ET.fromstring(_with_prefixes_declared(content.decode("utf-8-sig")))
+        root = xml_tree(content.decode("utf-8-sig"))
     except OSError as error:
         raise ParamsError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
         raise ParamsError(f"{path}: expected a URDF in UTF-8; byte {error.start} is not") from None
-    except (ET.ParseError, ValueError) as error:  # ValueError: an encoding that is declared and unknown
+    except (ExpatError, ValueError) as error:  # ValueError: an encoding that is declared and unknown
         raise ParamsError(f"{path}: not valid XML: {error}") from None
     if root.tag != "robot":
         raise ParamsError(f"{path}: expected a URDF (<robot>), got <{quoted(root.tag)[1:-1]}>")

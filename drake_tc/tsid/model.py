@@ -83,6 +83,9 @@ SHORTEST = 1e-12
 class TsidModel:
     """n driven joints in the robot's order, nv velocities in the order of a plant that holds this robot alone.
 
+    Joints that follow others by `<mimic>` are no part of q and v: they move and weigh with the joint that they follow.
+    Such a plant has them welded (`drake_tc.robot.plant.make_plant`).
+
     Attributes:
         robot: As given.
         contacts: As given; a mask over them says which are active.
@@ -120,7 +123,7 @@ class TsidModel:
         self.robot, self.contacts = robot, tuple(contacts)
         self.force_size = sum(contact.size for contact in self.contacts)
         plant: Any = MultibodyPlant(0.0)
-        (model,) = Parser(plant).AddModelsFromString(reduced_urdf(robot), "urdf")
+        (model,) = Parser(plant).AddModelsFromString(reduced_urdf(robot, followers="free"), "urdf")
         base = plant.GetBodyByName(robot.base, model)
         plant.AddJoint(QuaternionFloatingJoint("base_of_tsid", plant.world_frame(), base.body_frame()))
         rotors = checked_rotors(robot, file_rotors(robot) if rotor_inertia is None else rotor_inertia)
@@ -128,9 +131,11 @@ class TsidModel:
         self.rotors.setflags(write=False)
         named = add_frames(plant, model, self.contacts, frames)
         plant.Finalize()
-        self._set_order(plant.num_velocities())
+        self._set_order(plant.num_velocities() - len(robot.followers))
         self._frames = {name: number for number, name in enumerate(named)}
-        self._tree = tree = tree_of(plant, base, robot.joints, self.positions, self.actuated, named, rotors)
+        self._tree = tree = tree_of(
+            plant, base, robot.joints, self.positions, self.actuated, named, rotors, followers=robot.followers
+        )
         self.mass = float(tree.trunk[0] + tree.constants[:, 15].sum())
         pose = robot.base_pose.transform
         self._held: FloatArray = np.array([*pose.rotation().ToQuaternion().wxyz(), *pose.translation()])
@@ -151,7 +156,7 @@ class TsidModel:
     def _set_order(self, velocities: int) -> None:
         """Where the joints and the base stand in q and v."""
         robot = self.robot
-        public: Any = make_plant(robot, 0.0)
+        public: Any = make_plant(robot, 0.0, followers="weld")
         self.nq, self.nv, self.n = public.num_positions(), public.num_velocities(), len(robot.joints)
         fixed = 0 if robot.fixed_base else 6
         if self.nv != self.n + fixed or velocities != self.n + 6:
@@ -181,6 +186,11 @@ class TsidModel:
                 f" {self.robot.joints[least]!r} moves {inertia[self.actuated][least]:.3g} kg m^2 (or kg): give it a"
                 " rotor_inertia, or lock it"
             )
+
+    @property
+    def base_places(self) -> tuple[int, int]:
+        """Where the pose of a floating base begins in q and its velocity in v; (-1, -1) where the base is welded."""
+        return int(self._floating[0]), int(self._floating[1])
 
     def create_scratch(self) -> "Scratch":
         """Scratch memory for `terms`."""

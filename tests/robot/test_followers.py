@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import MultibodyForces
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from pydrake.systems.analysis import Simulator
 
-from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.control.dynamics_terms import DynamicsTerms, FloatingTerms
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.disturbance_observer import JointInertia
 from drake_tc.estimation.off_line import torques_of_motion
@@ -107,5 +107,69 @@ def test_a_locked_follower_stays_and_what_has_no_followers_refuses_them(tmp_path
     robot = load_robot(robot_file(tmp_path, SLIDE, joints=["wrist", "shoulder"], locked={"slide": 0.1}))
     assert not robot.followers and robot.locked["slide"] == 0.1
     robot = load_robot(robot_file(tmp_path, SLIDE, joints=["wrist", "shoulder"]))
-    with pytest.raises(ParamsError, match=r"joint 'slide' follows 'shoulder' .* lock it \(locked: \{slide: 0\}\)"):
+    with pytest.raises(
+        ParamsError,
+        match=r"'slide' follows 'shoulder' \(<mimic> of <joint> in line 31 of .*lock it \(locked: \{slide: 0\}",
+    ):
         JointInertia(robot)
+
+
+@pytest.mark.parametrize("link", ["base", "hand"])
+def test_torques_under_a_base_that_moves_hold_the_followers(tmp_path, link):
+    """The IMU sits on the base, or beyond the slide that follows the shoulder."""
+    imu = {"on": {"link": link, "xyz": [0.1, -0.05, 0.2], "rpy": [0.3, -0.2, 0.5]}}
+    robot = load_robot(robot_file(tmp_path, SLIDE, joints=["wrist", "shoulder"], fixed_base=False, imu=imu))
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(re.sub(r"<mimic[^>]*/>|<visual>.*?</visual>", "", SLIDE), "urdf")
+    plant.Finalize()
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    random = np.random.default_rng(2)
+    q, (v, a) = random.normal(size=2), random.normal(size=(2, 8))
+    moves = np.zeros((plant.num_velocities(), 8))
+    moves[:6, :6] = np.eye(6)
+    quaternion = random.normal(size=4)
+    place = np.zeros(plant.num_positions())
+    place[:7] = [*(quaternion / np.linalg.norm(quaternion)), *random.normal(size=3)]
+    for name, column, multiplier, offset in (
+        ("wrist", 0, 1.0, 0.0),
+        ("shoulder", 1, 1.0, 0.0),
+        ("slide", 1, -0.4, 0.2),
+    ):
+        joint = plant.GetJointByName(name)
+        moves[joint.velocity_start(), 6 + column] = multiplier
+        place[joint.position_start()] = multiplier * q[column] + offset
+    plant.SetPositions(context, place)
+    plant.SetVelocities(context, moves @ v)
+    gravity = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, gravity)
+    expected = (moves.T @ plant.CalcInverseDynamics(context, moves @ a, gravity))[6:]
+    frame, pose = plant.GetFrameByName(link), robot.imu[0].pose.transform
+    args = (JacobianWrtVariable.kV, frame, pose.translation(), world, world)
+    jacobian = plant.CalcJacobianSpatialVelocity(context, *args)
+    bias = plant.CalcBiasSpatialAcceleration(context, *args).get_coeffs()
+    velocity, acceleration = jacobian @ moves @ v, jacobian @ moves @ a + bias
+    to_imu = (plant.CalcRelativeRotationMatrix(context, world, frame) @ pose.rotation()).matrix().T
+    parts = (velocity[:3], acceleration[3:] + np.array([0.0, 0.0, 9.81]), acceleration[:3])
+    terms = FloatingTerms(robot)
+    scratch = terms.create_scratch()
+    terms.carry(
+        scratch,
+        np.concatenate([*(to_imu @ part for part in parts), np.zeros(3)]),
+        np.concatenate([q, v[6:], a[6:]]),
+    )
+    terms.place(scratch, q, v[6:])
+    assert_allclose(terms.forces(scratch, a[6:]), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_physics_of_joints_that_is_not_used_is_listed(tmp_path):
+    """Limits and `<mimic>` are used; the damping of a joint that is locked plays no part."""
+    text = SLIDE.replace(
+        "</robot>",
+        '<transmission name="t"><type>x/SimpleTransmission</type><joint name="wrist"/><actuator name="m">'
+        "<mechanicalReduction>100</mechanicalReduction><motorInertia>2e-5</motorInertia></actuator></transmission>"
+        '<gazebo reference="wrist"><kp>7</kp></gazebo></robot>',
+    )
+    robot = load_robot(robot_file(tmp_path, text, joints=["wrist", "shoulder"]))
+    assert robot.unused == ("arm.urdf: not used of wrist (line 41): its rotor inertia of 0.2, its <gazebo> tag kp.",)
+    robot = load_robot(robot_file(tmp_path, text, joints=["wrist", "shoulder", "spin"]))
+    assert "spin (line 35): its damping of 2, its dry friction of 1" in " ".join(robot.unused)

@@ -62,7 +62,7 @@ class BaseKinematics:
             raise ParamsError(f"base estimator: expected an IMU; {robot.name} has none in its robot file")
         self.robot, self.contacts = robot, contacts
         plant = MultibodyPlant(0.0)
-        Parser(plant).AddModelsFromString(reduced_urdf(robot), "urdf")
+        Parser(plant).AddModelsFromString(reduced_urdf(robot, followers="free"), "urdf")
         body = plant.GetBodyByName(robot.base)
         plant.AddJoint(QuaternionFloatingJoint(robot.base, plant.world_frame(), body.body_frame()))
         mounts = [*(contact.mount for contact in contacts), robot.imu[0]]
@@ -70,12 +70,12 @@ class BaseKinematics:
         plant.Finalize()
         order = np.arange(len(robot.joints))
         named = {str(i): frame for i, frame in enumerate(frames)}
-        tree = tree_of(plant, body, robot.joints, order, order, named, {})
+        tree = tree_of(plant, body, robot.joints, order, order, named, {}, followers=robot.followers)
         self.tree = tree.places, tree.constants, tree.frames, tree.frame_bodies
         loads = [_load(plant, robot, contact, frame) for contact, frame in zip(contacts, frames, strict=False)]
         self.between = np.array([[*load.transform.ravel(), *_weighs(load).ravel()] for load in loads])
         self.weight = GRAVITY * float(plant.CalcTotalMass(plant.CreateDefaultContext()))
-        whole = make_plant(robot, 0.0)
+        whole = make_plant(robot, 0.0, followers="weld")
         whole_joints = [whole.GetJointByName(name) for name in robot.joints]
         self.state_size = whole.num_multibody_states()
         self.num_positions = whole.num_positions()
@@ -154,7 +154,7 @@ def _centre(body: Any, context: Any) -> Any:
 
 
 def _moves_beyond(plant: MultibodyPlant, robot: Robot, sensor: ForceTorqueMount) -> bool:
-    """Whether a driven joint lies beyond the sensor."""
+    """Whether a joint that moves lies beyond the sensor."""
     tree = read_urdf(robot.urdf, robot.splits)
     beyond = tree.beyond(tree.joints[sensor.joint].child)
-    return any(tree.joints[name].parent in beyond for name in robot.joints)
+    return any(tree.joints[name].parent in beyond for name in (*robot.joints, *robot.followers))

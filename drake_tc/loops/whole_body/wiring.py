@@ -169,7 +169,8 @@ def _without_followers(plant: MultibodyPlant, law: Law) -> tuple[FloatArray, Flo
 
 
 def _product(builder: DiagramBuilder, name: str, matrix: FloatArray, port: OutputPort) -> OutputPort:
-    system = builder.AddNamedSystem(name, MatrixGain(D=matrix))
+    gain: Any = matrix
+    system = builder.AddNamedSystem(name, MatrixGain(D=gain))
     builder.Connect(port, system.get_input_port())
     product: OutputPort = system.get_output_port()
     return product
