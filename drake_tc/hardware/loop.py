@@ -28,6 +28,8 @@ SLIP, DRIFT = 0.05, 1e-4
 in a tick: all of it is one period, and then as much as two clocks can drift apart."""
 MADE_UP = 10
 """Ticks that are made up after a gap."""
+NOT_FINITE = "command/not_finite"
+"""Flag of a controller whose stages give what is no number."""
 KEPT = 1 << 20
 """Ticks whose times are kept; of a longer run the last ones."""
 
@@ -134,6 +136,8 @@ class RealTimeLoop:
         self._joints, self._n = joints, len(joints.joints)
         self._link, self._clock = link, WallClock(self._spec.spin) if clock is None else clock
         outputs = [name for name in ("command", "mode", "flags") if controller.HasOutputPort(name)]
+        names = joints.flag_names
+        self._not_finite = names.index(NOT_FINITE) if NOT_FINITE in names else None
         self._stepper = ControllerStepper(controller, joints.period, outputs)
         self._guard = GuardLaw(self._n, joints.period, self._spec.guard or GuardSpec(), joints.servo)
         servo = np.array(joints.servo)
@@ -275,6 +279,8 @@ class RealTimeLoop:
         tick.inner = float(found["mode"][0]) if "mode" in found else 0.0
         if "flags" in found:
             tick.flagged += found["flags"] > 0.0
+            if self._not_finite is not None and found["flags"][self._not_finite] > 0.0 and not tick.last_error:
+                tick.last_error = f"the controller's command is not finite; {self._stepper.first_not_finite()}"
         return np.clip(found["command"], *self._range)
 
     def _where(self, tick: _Tick) -> FloatArray:

@@ -94,6 +94,14 @@ class ControllerStepper:
         self._give(readings)
         return {name: np.array(port.Eval(self._context)) for name, port in self._outputs.items()}
 
+    def first_not_finite(self) -> str:
+        """Which signal of this tick is the first that is not finite, in the order of the output ports, in words."""
+        for index in range(self.diagram.num_output_ports()):
+            port: Any = self.diagram.get_output_port(index)
+            if port.get_name() != "command" and not np.isfinite(port.Eval(self._context)).all():
+                return f"the first such signal is {port.get_name()!r}"
+        return "no signal between readings and command is"
+
     def advance(self) -> None:
         """To the next tick, with the readings that were given last."""
         self.ticks += 1

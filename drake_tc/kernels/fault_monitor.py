@@ -71,7 +71,7 @@ def raise_flags(
     """One step of the recursion of `FaultMonitor`; the level of `any_fault`.
 
     Args:
-        now: (N + m - 6,) or (N + m,) raw channels [encoder; wrench; imu], then what is filtered besides the IMU.
+        now: (N + m - 6,) or (N + m,) raw channels [encoder; wrench; command; imu], then what is filtered besides the IMU.
         reference_velocity: (n,) [rad/s]; zero where it is unknown.
         channels: (N, 2) largest step and ticks until it is frozen.
         flags_of_channels: (N,) first flag of the sensor.

@@ -44,11 +44,12 @@ class FaultMonitor(PortMethods, LeafSystem):
         contact_wrench (6k): of a `JointTorqueEstimator`; looked at for the `free` sensors; optional.
         torque_residual (n): estimated torque - torque of the actuator model [N m]; optional.
         reference (n): desired positions [rad]; optional.
+        command (n): what the stages make of all of it; optional.
     Outputs, from the state only:
         flags (F): 1 up, 0 down, never NaN, in the order of `flag_names`:
             encoder/missing, /frozen, /jump; imu/missing, /frozen, /jump, /inconsistent; for each F/T sensor
             NAME/missing, /frozen, /jump, /unexpected; unknown_wrench/unexpected; torque/inconsistent;
-            reference/out_of_range.
+            reference/out_of_range; command/not_finite.
         any_fault (1): 0 while no flag is up, 1 where one is, 2 where one of the encoders is: as CommandGuard takes it.
 
     Every dt, per channel (s last finite reading, c ticks for which it has not changed, m ticks without one), with the
@@ -98,16 +99,22 @@ class FaultMonitor(PortMethods, LeafSystem):
         self._dt, self._has_imu = float(dt), has_imu
         self._flag_names = _flag_names(sensors, has_imu=has_imu)
         limits = joint_limits(robot)
-        groups = ["encoder", *sensors, *(["imu"] * has_imu)]
+        groups = ["encoder", *sensors, "command", *(["imu"] * has_imu)]
 
         speed = np.where(np.isfinite(limits.velocity), limits.velocity, FASTEST)
         wrench_jump = [spec.force_jump] * 3 + [spec.moment_jump] * 3
         inertial_jump = [spec.gyro_jump] * 3 + [spec.accel_jump] * 3
-        step = np.concatenate([2.0 * speed * dt + spec.encoder_jump, wrench_jump * k, inertial_jump * has_imu])
-        times = [[spec.encoder_frozen] * n, [spec.wrench_frozen] * 6 * k, [spec.imu_frozen] * 6 * has_imu]
+        commands = [np.inf] * n
+        step = np.concatenate(
+            [2.0 * speed * dt + spec.encoder_jump, wrench_jump * k, commands, inertial_jump * has_imu]
+        )
+        times = [[spec.encoder_frozen] * n, [spec.wrench_frozen] * 6 * k, commands, [spec.imu_frozen] * 6 * has_imu]
         repeats = np.repeat([ENCODER_REPEATS, REPEATS], [n, step.size - n])
         frozen = np.clip(np.concatenate(times) / dt, repeats, _NEVER) - 0.5
-        firsts = np.repeat([self._flag("missing", group) for group in groups], [n, *[6] * (len(groups) - 1)])
+        firsts = np.repeat(
+            [self._flag("not_finite" if group == "command" else "missing", group) for group in groups],
+            [n if group in ("encoder", "command") else 6 for group in groups],
+        )
 
         still, watched = _still_imu(robot)
         unexpected = np.array([spec.unexpected_force] * 3 + [spec.unexpected_moment] * 3)
@@ -141,13 +148,14 @@ class FaultMonitor(PortMethods, LeafSystem):
 
     def _declare(self, n: int, k: int) -> None:
         """Ports, state and event."""
-        raw = [("position", n), *([("wrench", 6 * k)] if k else []), *([("imu", 6)] if self._has_imu else [])]
+        raw = [("position", n), *([("wrench", 6 * k)] if k else []), ("command", n)]
+        raw += [("imu", 6)] if self._has_imu else []
         derived = [("unknown_wrench", 6), *([("contact_wrench", 6 * k)] if k else []), ("torque_residual", n)]
         derived += [("reference", n)]
         ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, size) for name, size in raw}
         self._reference: Any = self.DeclareVectorInputPort("reference_velocity", n)
         ports |= {name: self.DeclareVectorInputPort(name, size) for name, size in derived}
-        self._raw_ports = tuple(ports[name] for name, _ in raw)
+        self._raw_ports = tuple((ports[name], np.zeros(size) if name == "command" else None) for name, size in raw)
         # absent optional inputs read as what is expected of them
         absent = {"reference": self._middle}
         self._derived = tuple((ports[name], absent.get(name, np.zeros(size))) for name, size in derived)
@@ -181,13 +189,13 @@ class FaultMonitor(PortMethods, LeafSystem):
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports; the state is [memory; flags; level]."""
         start, count = self._start, len(self._flag_names)
-        raw = tuple(port.get_name() for port in self._raw_ports)
+        raw = tuple((port.get_name(), zeros) for port, zeros in self._raw_ports)
         derived = tuple((port.get_name(), zeros) for port, zeros in self._derived)
 
         def bind(arrays: Arrays) -> tuple[Call, Sequence[Call]]:
             given = arrays.inputs
             memory, flags, level = np.split(arrays.after, [start.size, start.size + count])
-            seen = [*(given[name] for name in raw), *(given.get(name, zeros) for name, zeros in derived)]
+            seen = [given.get(name, zeros) for name, zeros in (*raw, *derived)]
             rate = given.get("reference_velocity", self._still)
             ends = np.cumsum([0, *(part.size for part in seen)]).tolist()
             now = np.empty(ends[-1])
@@ -200,15 +208,15 @@ class FaultMonitor(PortMethods, LeafSystem):
             shown = copying(arrays.before[start.size :], arrays.out)
             return shown, (*joined, KernelCall(RAISE_FLAGS, update, *arguments, level))
 
-        names = {*raw, "reference_velocity", *dict(derived)}
+        names = {*dict(raw), "reference_velocity", *dict(derived)}
         parts = places({"flags": slice(count), "any_fault": slice(count, count + 1)})
         state = np.append(start, np.zeros(count + 1))
         return ArrayStage(count + 1, parts, bind, updates=frozenset(names), start=state, period=self._dt)
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """The recursion."""
-        seen = [port.Eval(context) for port in self._raw_ports]
-        seen += [port.Eval(context) if port.HasValue(context) else zeros for port, zeros in self._derived]
+        ports = (*self._raw_ports, *self._derived)
+        seen = [port.Eval(context) if zeros is None or port.HasValue(context) else zeros for port, zeros in ports]
         rate = self._reference.Eval(context) if self._reference.HasValue(context) else self._still
         memory, flags = values.get_mutable_value(self._memory), values.get_mutable_value(self._flags)
         level = _RAISE_FLAGS(np.concatenate(seen), rate, *self._settings, memory, flags)
@@ -222,7 +230,7 @@ def _flag_names(sensors: tuple[str, ...], *, has_imu: bool) -> tuple[str, ...]:
         names += [f"imu/{kind}" for kind in (*kinds, "inconsistent")]
     for sensor in sensors:
         names += [f"{sensor}/{kind}" for kind in (*kinds, "unexpected")]
-    return (*names, "unknown_wrench/unexpected", "torque/inconsistent", "reference/out_of_range")
+    return (*names, "unknown_wrench/unexpected", "torque/inconsistent", "reference/out_of_range", "command/not_finite")
 
 
 def _middles(limits: Limits) -> tuple[FloatArray, FloatArray]:

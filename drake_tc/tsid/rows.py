@@ -51,6 +51,10 @@ class Parts:
     def __post_init__(self) -> None:
         _keep_plain(self, "vdot", "force", "torque")
 
+    def flat(self) -> list[FloatArray]:
+        """All numbers that there are, a vector for each part."""
+        return [part.ravel() for part in (self.vdot, self.force, self.torque) if part is not None]
+
 
 def selection(index: IntArray, velocities: int) -> Parts:
     """Rows of the identity over vdot: the accelerations at `index`, and nothing else."""

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drake_tc.errors import SimulationError
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import AffineMap, Reduced, names_of, reduce
 from drake_tc.tsid.contacts import ActiveContacts
@@ -202,6 +203,7 @@ def _by_stages(
     """The tick from its problem on."""
     found = _found(law, scratch, given, active, written)
     if found is not None and found.code == LOST:
+        _check_rows(problem_at(law, scratch, given[: law.model.nq + law.model.nv], references, active))
         return lost_tick(law, before)
     if found is not None:
         solution = law.formulation.solve_scaled(found.scaled, law.solver, before.start)
@@ -279,6 +281,7 @@ def _packed(
 
 def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before: PreviousTick) -> Tick:
     """The torque that misses least, or the safe one, where there is no solution."""
+    _check_rows(problem)
     terms, polytope = problem.terms, problem.reduced.polytope
     lower, upper = polytope.lower[: polytope.bounds], polytope.upper[: polytope.bounds]
     torque = safe_torque(terms, law.fallback_damping, *((lower, upper) if polytope.bounds else ()))
@@ -295,6 +298,22 @@ def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before:
     tick = _packed(law, problem.reduced.causes, terms.contacts, torque, status, None)
     sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
     return tick if sound else lost_tick(law, before)
+
+
+def _check_rows(problem: TickProblem) -> None:
+    """Rows of tasks and limits are numbers, at a state that is.
+
+    Raises:
+        SimulationError: others, of a task or limit of the user's own; names it.
+    """
+    if not np.isfinite(problem.terms.mass_matrix).all():
+        return
+    for task in problem.tasks:
+        if not np.isfinite(np.concatenate((task.target, task.weight, *task.matrix.flat()))).all():
+            raise SimulationError(f"task {task.name!r}: its rows are not finite")
+    for limit in problem.limits:
+        if np.isnan(np.concatenate((limit.lower, limit.upper, *limit.matrix.flat()))).any():
+            raise SimulationError(f"limit {limit.name!r}: its rows are not numbers")
 
 
 def _relaxed(problem: TickProblem) -> int:

@@ -226,3 +226,27 @@ def test_a_copied_solution_shares_what_never_changes(failing):
     solution = system._solution.Eval(context)
     other = deepcopy(solution)
     assert other.error is error and other.scratch is not solution.scratch
+
+
+class NotANumberInMotion(Still):
+    def rows(self, terms, reference):
+        rows = super().rows(terms, reference)
+        return replace(rows, target=np.full_like(rows.target, np.nan)) if np.abs(terms.v).max() > 0.0 else rows
+
+
+@pytest.mark.parametrize("priorities", [None, Priorities((1, 1, 2), robustness=3)])
+def test_a_task_that_gives_no_number_is_named_and_kept_as_an_error(law, caplog, priorities):
+    """The solver alone would say that it failed, and nobody why."""
+    odd = replace(law, tasks=(*law.tasks[:2], NotANumberInMotion()), priorities=priorities)
+    controller = RobustTsid(odd)
+    context = controller.CreateDefaultContext()
+    state = np.concatenate((law.model.start, np.zeros(law.model.nv)))
+    controller.GetInputPort("estimated_state").FixValue(context, state)
+    assert controller.last_error(context) is None
+    state[-1] = 0.1
+    controller.GetInputPort("estimated_state").FixValue(context, state)
+    with caplog.at_level(logging.ERROR):
+        torque = controller.GetOutputPort("torque").Eval(context)
+    assert np.isfinite(torque).all()
+    assert "task 'still': its rows are not finite" in str(controller.last_error(context))
+    assert "task 'still': its rows are not finite" in caplog.text

@@ -311,6 +311,7 @@ def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], refe
     parts.builder.Connect(reference, rate.get_input_port())
     wires = {"position": readings.encoder, "reference_velocity": rate.get_output_port(1)}
     wires["reference"] = rate.get_output_port(0)
+    wires["command"] = parts.output("torque_control", "command")
     if readings.imu is not None:
         wires["imu"] = first_imu(parts.builder, readings.imu)
     if readings.force_torque is not None:
