@@ -181,7 +181,7 @@ def _channel(loop: Any, joint: str | None) -> int:
     Raises:
         ParamsError: a joint that is not there, or no number where the diagram names no joints.
     """
-    joints = loop.robot.joints if hasattr(loop, "robot") else ()
+    joints = loop.robot.joints if hasattr(loop, "robot") else getattr(loop, "joints", ())
     if joint is None:
         return 0
     if joint in joints:
@@ -249,6 +249,27 @@ def _print(found: _Found, channel: str) -> None:
     )
 
 
+def _torque_loop(diagram: str, name: str | None, file: Path | None, text: str | None) -> Any:
+    """The scenario of a torque loop, or what the loop of a function was wired from.
+
+    Raises:
+        ParamsError: the diagram is no torque loop, or the function does not return its loop.
+    """
+    from drake_tc.loops.function_diagram import FunctionEntry
+    from drake_tc.registry import diagram_entry, runnable
+
+    named = runnable(diagram)
+    if not isinstance(named, FunctionEntry):
+        return diagram_entry(diagram).scenario(name, file, text)
+    built = named.build(named.scenario(name, file, text))
+    if built.torque_loop is None:
+        raise ParamsError(
+            f"{diagram}: expected a function that returns the diagram and the loop of add_torque_loop, as"
+            " (diagram, loop), which a stability map needs; got the diagram alone"
+        )
+    return built.torque_loop.design
+
+
 def stability_map_command(
     diagram: Annotated[
         str,
@@ -286,11 +307,9 @@ def stability_map_command(
     """
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
     from drake_tc.loops.torque.joint_loops import joint_loops
-    from drake_tc.registry import diagram_entry
 
     across, up = Axis.parse(x), Axis.parse(y)
-    scenario = diagram_entry(diagram).scenario(scenario_name, scenario_file, scenario_text)
-    loops = joint_loops(scenario)
+    loops = joint_loops(_torque_loop(diagram, scenario_name, scenario_file, scenario_text))
     if joint not in loops:
         raise ParamsError(f"no joint {joint!r}; joints: {', '.join(loops)}")
     loop = replace(loops[joint], kf=loops[joint].kf if kf is None else kf, environment_stiffness=environment_stiffness)

@@ -193,6 +193,7 @@ def _plain(found: "Tuning", confirmed: "Confirmed | None") -> dict[str, Any]:
             "joints": list(confirmed.joints),
             "before": before.tolist(),
             "after": after.tolist(),
+            "ratio": confirmed.ratio(found),
             "plant_ratios": confirmed.plant_ratios.tolist(),
         }
     return json_value(result)  # type: ignore[no-any-return]
@@ -203,7 +204,7 @@ def _print(found: "Tuning", confirmed: "Confirmed | None") -> None:
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     table.add_column("joint", no_wrap=True)
     simulated = ["simulated \\[mrad]"] if confirmed is not None else []
-    for heading in ("Kp", "Ki \\[1/s]", "K7 \\[ms]", "error \\[mrad]", *simulated, "peak", "delay \\[ms]"):
+    for heading in ("Kp", "Ki \\[1/s]", "K7 \\[ms]", "predicted \\[mrad]", *simulated, "peak", "delay \\[ms]"):
         table.add_column(heading, justify="right")
     for joint in found.joints:
         before, after, chosen = joint.before, joint.after, joint.after.setting
@@ -217,11 +218,39 @@ def _print(found: "Tuning", confirmed: "Confirmed | None") -> None:
         table.add_row(joint.joint, *cells)
     console.print(table)
     console.print(f"window {found.window}, order {found.order}; {found.tried} settings tried; present -> tuned")
-    console.print(f"predicted error, tuned over present: {found.ratio:.2f} (geometric mean of the joints)")
+    mean = "tuned over present (geometric mean of the joints)"
+    if confirmed is None:
+        console.print(f"predicted error, {mean}: {found.ratio:.2f}; not simulated")
+    else:
+        console.print(f"simulated error, {mean}: {confirmed.ratio(found):.2f}; predicted: {found.ratio:.2f}")
+        for line in _missed(found, confirmed):
+            console.print(line, markup=False, soft_wrap=True)
     if confirmed is not None and confirmed.plant_ratios.size:
         ratios = sorted(confirmed.plant_ratios.tolist())
         middle, worst = ratios[len(ratios) // 2], ratios[-1]
         console.print(f"{len(ratios)} perturbed plants, simulated: median {middle:.2f}, worst {worst:.2f}")
+
+
+MISSED = 1.25
+"""Simulated over predicted error, up or down, from which on the difference is told."""
+NOTHING = 1e-5
+"""Errors below this are not compared [rad]."""
+
+
+def _missed(found: "Tuning", confirmed: "Confirmed") -> list[str]:
+    """One line for each joint whose simulated error is not the predicted one, or is no smaller than it was."""
+    lines = []
+    for joint in found.joints:
+        was, now = (float(row[confirmed.joints.index(joint.joint)]) for row in confirmed.nominal[0])
+        predicted = joint.after.error
+        if max(now, predicted) > NOTHING and not 1.0 / MISSED <= now / max(predicted, 1e-12) <= MISSED:
+            lines.append(
+                f"{joint.joint}: {1e3 * now:.2f} mrad are simulated where {1e3 * predicted:.2f} are predicted: the"
+                " simulated ones count, as joints disturb each other and limits are not linear"
+            )
+        if now > max(was, NOTHING):
+            lines.append(f"{joint.joint}: the tuned setting is worse in the simulation than the present one")
+    return lines
 
 
 def _change(before: float | None, after: float, digits: int) -> str:

@@ -4,8 +4,9 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import Parameter, getsourcefile, signature
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -14,6 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import VectorLogSink
 
+from drake_tc.actuation.wiring import actuated_joints
 from drake_tc.config.records import read_record
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
@@ -21,7 +23,7 @@ from drake_tc.loops.boundary import Controller
 from drake_tc.loops.entries import DiagramEntry
 from drake_tc.loops.motion import FRAMES_PER_SECOND, DiagramPictures
 from drake_tc.loops.plant import start_meshcat
-from drake_tc.loops.recording import Progress, advance, write_log
+from drake_tc.loops.recording import NamedSink, Progress, advance, write_log
 from drake_tc.loops.run_panels import RunPlot, TimePanel
 from drake_tc.loops.scenarios.base import ScenarioBase, changes_in
 from drake_tc.loops.simulated import Simulated, Tell, speed_line
@@ -68,6 +70,14 @@ class FunctionLoop:
     diagram: Diagram
     period: float
     torque_loop: TorqueLoop | None = None
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Of its torque loop, or of its only plant in the order of the actuators; none where there are several."""
+        if self.torque_loop is not None:
+            return self.torque_loop.design.robot.joints
+        plants = [system for system in _systems(self.diagram) if isinstance(system, MultibodyPlant)]
+        return tuple(actuated_joints(plants[0])) if len(plants) == 1 else ()
 
     def start(self, context: Context) -> None:
         """Draw the diagram's random parameters and states by the scenario's seed, in place of its default context."""
@@ -213,15 +223,19 @@ def _simulated(loop: FunctionLoop, progress: Progress | None, *, meshcat: bool) 
     begin = time.perf_counter()
     advance(simulator, scenario.duration, CHUNK, lambda now: True, plant_step=loop.period, progress=progress)
     seconds = time.perf_counter() - begin
-    logs = {}
+    logs: dict[str, _Logged] = {}
     for system in _systems(loop.diagram):
         if isinstance(system, VectorLogSink):
             log = system.FindLog(context)
-            logs[system.get_name()] = np.array(log.sample_times()), np.array(log.data()).T
+            values, name = np.array(log.data()).T, system.get_name()
+            own = system.names() if isinstance(system, NamedSink) else None
+            logs[name] = _Logged(
+                np.array(log.sample_times()), values, own or [f"{name}[{i}]" for i in range(values.shape[1])]
+            )
     rows = tuple(
-        (f"{name}[{i}]", *(f"{value:.4g}" for value in (values[:, i].min(), values[:, i].max(), values[-1, i])))
-        for name, (_, values) in logs.items()
-        for i in range(values.shape[1])
+        (name, *(f"{value:.4g}" for value in (column.min(), column.max(), column[-1])))
+        for log in logs.values()
+        for name, column in zip(log.names, log.values.T, strict=True)
     )
     summary = {
         "robot": loop.diagram.get_name(),
@@ -235,7 +249,7 @@ def _simulated(loop: FunctionLoop, progress: Progress | None, *, meshcat: bool) 
     def write(folder: Path, ending: str, tell: Tell) -> list[Path]:
         if not logs:
             tell("the diagram has no VectorLogSink, so that there is nothing to write")
-        return [write_log(_columns(name, *log), folder / f"{name}.{ending}") for name, log in logs.items()]
+        return [write_log(_columns(log), folder / f"{name}.{ending}") for name, log in logs.items()]
 
     table = TextTable("", ("logged signal", "min", "max", "last"), rows)
     return Simulated(summary, table, lines, write, lambda: _plot(loop.diagram.get_name(), logs), page=frames)
@@ -263,7 +277,15 @@ def _filmed(loop: FunctionLoop, simulator: Simulator, meshcat: Any) -> Callable[
     return lambda: pictures.html(frames)
 
 
-def _plot(title: str, logs: Mapping[str, tuple[FloatArray, FloatArray]]) -> RunPlot:
+class _Logged(NamedTuple):
+    """A log: times (T,) [s], values (T, m), and the names of its columns."""
+
+    time: FloatArray
+    values: FloatArray
+    names: list[str]
+
+
+def _plot(title: str, logs: Mapping[str, _Logged]) -> RunPlot:
     """A panel for each logged signal.
 
     Raises:
@@ -272,11 +294,18 @@ def _plot(title: str, logs: Mapping[str, tuple[FloatArray, FloatArray]]) -> RunP
     if not logs:
         raise ParamsError("--plot: the diagram has no VectorLogSink, so that there is nothing to draw")
     panels = [
-        TimePanel(name, "-", time, {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}, {})
-        for name, (time, values) in logs.items()
+        TimePanel(signal, "-", log.time, {name: log.values[:, i] for i, name in columns}, {})
+        for log in logs.values()
+        for signal, columns in _by_signal(log)
     ]
     return RunPlot(title, tuple(panels), panels[0].time, {})
 
 
-def _columns(name: str, times: FloatArray, values: FloatArray) -> dict[str, Any]:
-    return {"time": times, **{f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}}
+def _by_signal(log: _Logged) -> list[tuple[str, list[tuple[int, str]]]]:
+    """Signal to the numbers and names of its columns."""
+    numbered = enumerate(log.names)
+    return [(signal, list(columns)) for signal, columns in groupby(numbered, lambda each: each[1].partition("[")[0])]
+
+
+def _columns(log: _Logged) -> dict[str, Any]:
+    return {"time": log.time, **dict(zip(log.names, log.values.T, strict=True))}

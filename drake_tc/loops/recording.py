@@ -17,7 +17,7 @@ import pandas as pd
 import yaml
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLogSink
+from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
 from drake_tc.config.files import whole_file, write_whole
 from drake_tc.errors import LogError, SimulationError
@@ -108,6 +108,24 @@ def write_rig(rig: Mapping[str, Any], path: Path) -> Path:
     return path
 
 
+class NamedSink(VectorLogSink):
+    """A log that knows the names of its rows."""
+
+    def __init__(self, rows: Mapping[str, slice], period: float) -> None:
+        """Declare the log.
+
+        Args:
+            rows: Signal to its rows, one below the other.
+            period: [s].
+        """
+        super().__init__(max(part.stop for part in rows.values()), period)
+        self.rows = dict(rows)
+
+    def names(self) -> list[str]:
+        """Of each row."""
+        return [f"{name}[{i}]" for name, part in self.rows.items() for i in range(part.stop - part.start)]
+
+
 @dataclass(frozen=True, eq=False)
 class SignalLog:
     """A log of signals, one below the other.
@@ -133,9 +151,11 @@ def add_log(builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: 
     joined: Any = builder.AddNamedSystem("signals", Multiplexer([b - a for a, b in pairwise(ends)]))
     for index, port in enumerate(signals.values()):
         builder.Connect(port, joined.get_input_port(index))
-    sink = LogVectorOutput(joined.get_output_port(), builder, period)
-    sink.set_name("log")
-    return SignalLog(sink, {name: slice(a, b) for name, (a, b) in zip(signals, pairwise(ends), strict=True)})
+    rows = {name: slice(a, b) for name, (a, b) in zip(signals, pairwise(ends), strict=True)}
+    sink = NamedSink(rows, period)
+    builder.AddNamedSystem("log", sink)
+    builder.Connect(joined.get_output_port(), sink.get_input_port())
+    return SignalLog(sink, rows)
 
 
 Progress = Callable[[str, float], None]

@@ -1,13 +1,24 @@
 """`drake-tc tune` and `drake-tc stability-map`: what they print and write, that scenarios read it, and refusals."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from pydrake.systems.framework import DiagramBuilder
 
+import drake_tc.models
+from drake_tc.actuation.model_file import load_models
 from drake_tc.analysis import tuning
+from drake_tc.analysis.torque_loop.tuned import Confirmed
+from drake_tc.cli import stability_command, tune_command
+from drake_tc.errors import ParamsError
+from drake_tc.loops.function_diagram import function_entry
+from drake_tc.loops.plant import add_robot_plant
+from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.registry import diagram_entry
+from drake_tc.robot.robot import load_robot
 
 SHORT = ("--scenario-text", "{duration: 0.8}")
 BRISK = ("--scenario-name", "brisk_swing", *SHORT, "--begin", "0.28", "--workers", "1")
@@ -67,7 +78,44 @@ def test_for_people_a_table_on_stdout_and_progress_on_stderr(invoke):
     assert all(line.startswith("tune: ") for line in outcome.err.splitlines())
     (row,) = [line for line in outcome.out.splitlines() if line.startswith("r_knee")]
     assert row.count(">") == 4
-    assert "predicted error, tuned over present: 0." in outcome.out
+    assert "simulated error, tuned over present (geometric mean of the joints): 0." in outcome.out
+
+
+def test_a_promise_that_the_simulation_does_not_keep_is_told():
+    """Closed form: ratios and lines of given errors [rad]."""
+    setting = SimpleNamespace(error=0.67e-3)
+    tuned = SimpleNamespace(joints=[SimpleNamespace(joint=j, after=setting) for j in ("hip", "knee")], ratio=0.3)
+    confirmed = Confirmed(("knee", "hip"), np.array([[[2e-3, 3e-3], [1e-3, 3.1e-3]]]), np.zeros((0, 2, 2)))
+    assert confirmed.ratio(tuned) == pytest.approx(np.sqrt(0.5 * 3.1 / 3.0))
+    lines = tune_command._missed(tuned, confirmed)
+    assert lines[0].startswith("hip: 3.10 mrad are simulated where 0.67 are predicted")
+    assert lines[1] == "hip: the tuned setting is worse in the simulation than the present one"
+    assert lines[2].startswith("knee: 1.00 mrad are simulated") and len(lines) == 3
+
+
+def own_loop():
+    """A torque loop of ones own, and its diagram."""
+    robot = load_robot(drake_tc.models.__path__[0] + "/hrp2_like/hrp2_like_leg.yaml")
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, robot)
+    loop = add_torque_loop(builder, plant, robot, load_models(robot.actuators))
+    loop.add_log(builder, "command")
+    return builder.Build(), loop
+
+
+def test_a_map_and_a_joint_of_a_function_and_its_signals_by_name(invoke, tmp_path):
+    module = f"{__name__}:own_loop"
+    outcome = invoke("stability-map", module, *ANKLE_MAP, "--json")
+    assert json.loads(outcome.out)["present"] == [80.0, 2.0]
+    entry = function_entry(module, own_loop)
+    loop = entry.build(entry.scenario())
+    assert stability_command._channel(loop, "r_knee") == 3
+    with pytest.raises(ParamsError, match="no joint 'knee'; joints: r_hip_yaw, "):
+        stability_command._channel(loop, "knee")
+    simulated = entry.simulate(entry.scenario().changed(duration=0.01), None, False)
+    assert [row[0] for row in simulated.table.rows] == [f"command[{i}]" for i in range(6)]
+    (file,) = simulated.write(tmp_path, "csv", print)
+    assert file.read_text().splitlines()[0] == "time," + ",".join(f"command[{i}]" for i in range(6))
 
 
 @pytest.mark.parametrize(

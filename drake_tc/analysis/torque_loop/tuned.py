@@ -133,6 +133,10 @@ def tuned_scenario(scenario: Scenario, tuning: Tuning) -> Scenario:
     return replace(scenario, gains=replace(scenario.gains, by_joint=merged), filters=filters)
 
 
+LEAST = 1e-9
+"""An RMS error below this counts as this [rad]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Confirmed:
     """RMS tracking errors [rad] of the present and the tuned setting, simulated in the complete loop.
@@ -146,6 +150,12 @@ class Confirmed:
     joints: tuple[str, ...]
     nominal: FloatArray
     plants: FloatArray
+
+    def ratio(self, tuning: Tuning) -> float:
+        """Tuned over present on the first motion, geometric mean over the joints that were tuned."""
+        rows = [self.joints.index(joint.joint) for joint in tuning.joints]
+        before, after = np.maximum(self.nominal[0][:, rows], LEAST)
+        return float(np.exp(np.mean(np.log(after / before))))
 
     @property
     def plant_ratios(self) -> FloatArray:
