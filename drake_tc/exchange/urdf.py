@@ -16,9 +16,12 @@ from xml.dom import minidom
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, text, to_text, top
+from drake_tc.simulator_files.terms import Terms
 
 DRAKE = "http://drake.mit.edu"
 BENCH = '<robot name="drake_tc_bench">\n  <link name="base"/>\n</robot>\n'
+GAINS = "drake:controller_gains"
+"""Of a servo; a file that has them gets those of the model, whether Drake's tags were asked for or not."""
 GEAR_RATIO = 1.0
 """The rotor inertia is exported as it is reflected to the joint."""
 
@@ -50,6 +53,9 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         check_type(joints[projection.joint].getAttribute("type"), projection, into)
+        if not drake:
+            of_joint = _transmissions(root, projection.joint)
+            _put_gains([tag for each in of_joint for tag in each.getElementsByTagName(GAINS)], projection.terms)
         _joint(joints[projection.joint], projection, friction=not drake)
         if drake:
             if not root.hasAttribute("xmlns:drake"):
@@ -99,7 +105,15 @@ def _drake(root: minidom.Element, projection: Projection) -> None:
     put(child(actuator, "drake:rotor_inertia"), value=terms.armature)
     put(child(actuator, "drake:gear_ratio"), value=GEAR_RATIO)
     if terms.drive == "position_servo":
-        put(child(actuator, "drake:controller_gains"), p=terms.kp, d=terms.derivative_gain)
+        put(child(actuator, GAINS), p=terms.kp, d=terms.derivative_gain)
+
+
+def _put_gains(found: Sequence[minidom.Element], terms: Terms) -> float:
+    """Drake's gains of a servo, where the file has them already; the damping that is then the servo's [N m s/rad]."""
+    if terms.drive != "position_servo" or not found:
+        return 0.0
+    put(found[0], p=terms.kp, d=terms.derivative_gain)
+    return terms.derivative_gain
 
 
 def _actuator(root: minidom.Element, joint: str) -> minidom.Element:
@@ -109,10 +123,17 @@ def _actuator(root: minidom.Element, joint: str) -> minidom.Element:
     return actuator
 
 
+def _transmissions(root: minidom.Element, joint: str) -> list[minidom.Element]:
+    return [
+        transmission
+        for transmission in root.getElementsByTagName("transmission")
+        if any(each.getAttribute("name") == joint for each in transmission.getElementsByTagName("joint"))
+    ]
+
+
 def _transmission(root: minidom.Element, joint: str) -> minidom.Element:
-    for transmission in root.getElementsByTagName("transmission"):
-        if any(each.getAttribute("name") == joint for each in transmission.getElementsByTagName("joint")):
-            return transmission
+    for transmission in _transmissions(root, joint):
+        return transmission
     made = append(root, "transmission")
     put(made, name=f"{joint}_transmission")
     append(made, "type").appendChild(text(made, "transmission_interface/SimpleTransmission"))
@@ -148,7 +169,8 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
         check_type(joints[projection.joint].getAttribute("type"), projection, into)
         axis, terms = child(joints[projection.joint], "axis"), projection.terms
         dynamics = child(axis, "dynamics")
-        _set(child(dynamics, "damping"), terms.damping)
+        gains = joints[projection.joint].getElementsByTagName(GAINS)
+        _set(child(dynamics, "damping"), terms.damping - _put_gains(gains, terms))
         _set(child(dynamics, "friction"), terms.frictionloss)
         if terms.stiffness or any(node.nodeName.startswith("spring_") for node in dynamics.childNodes):
             _set(child(dynamics, "spring_stiffness"), terms.stiffness)

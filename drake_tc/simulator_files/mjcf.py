@@ -153,21 +153,23 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
     joints = joints_of(root)
     gears = gears_of(joints, degrees=degrees)
     made = _compiled_by_mujoco(joints, path)
-    outside = _couplings(root)
+    outside, flags = _couplings(root), _disabled(root)
     found = {}
     for name, joint in joints.items():
         if name in gears:
             continue
-        read = _driven(_passive(joint, degrees=degrees, flags=_disabled(root)), joint, root, made)
+        read = _driven(_passive(joint, degrees=degrees, flags=flags), joint, flags, made)
         for other in (each for each, driven in gears.items() if driven == name):
-            read = _with_gear(read, joints[other], degrees=degrees)
-        found[name] = _in_effect(read, joint, made).also_unused(*outside.get(name, ()), *_of_body(joint))
+            read = _with_gear(read, joints[other], degrees=degrees, flags=flags)
+        found[name] = _in_effect(read, joint, flags, made).also_unused(*outside.get(name, ()), *_of_body(joint))
     return found
 
 
-def _with_gear(read: ReadJoint, gear: MjcfJoint, *, degrees: bool) -> ReadJoint:
+def _with_gear(read: ReadJoint, gear: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
     names = ("damping", "armature", "frictionloss")
     rest = [f"{name} of {place(gear.element)}" for name in names if any(gear.numbers(name))]
+    if "spring" in flags and _spring(gear):
+        return read.also_unused(f"{place(gear.element)} beside it, whose spring is switched off", *rest)
     if stiffness := _spring(gear):
         rest += [f"range of {place(gear.element)}"] if gear.values.get("range") else []
         return replace(read, terms=replace(read.terms, compliance=1.0 / stiffness)).also_unused(*rest)
@@ -199,9 +201,9 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
     return ReadJoint(terms, unused=tuple(unused))
 
 
-def _driven(read: ReadJoint, joint: MjcfJoint, root: ET.Element, made: Any) -> ReadJoint:
+def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
     """The joint with its actuators; those that say nothing of a known drive are named as unused."""
-    if "actuation" in _disabled(root):
+    if "actuation" in flags:
         return read.also_unused(*(each.name for each in joint.actuators))
     acting = [each for each in joint.actuators if each.gear]
     for actuator in acting:  # armature and damping of an actuator act on the joint whatever drives it
@@ -210,7 +212,7 @@ def _driven(read: ReadJoint, joint: MjcfJoint, root: ET.Element, made: Any) -> R
         terms = replace(
             read.terms,
             armature=read.terms.armature + gear**2 * armature[0],
-            damping=read.terms.damping + gear**2 * damping[0],
+            damping=read.terms.damping + (0.0 if "damper" in flags else gear**2 * damping[0]),
         )
         read = replace(read, terms=terms).also_unused(*_unused(actuator))
     first = drive_of(acting)
@@ -400,7 +402,7 @@ def _with_motor_friction(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     return replace(read, terms=terms).also_unused(*unused)
 
 
-def _in_effect(read: ReadJoint, joint: MjcfJoint, made: Any) -> ReadJoint:
+def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
     """The joint with its limit of all actuators' torque, and with what MuJoCo makes of springdamper."""
     span = joint.numbers("actuatorfrcrange", "")
     if len(span) == 2 and joint.values.get("actuatorfrclimited") != "false" and span[0] < span[1]:
@@ -416,15 +418,12 @@ def _in_effect(read: ReadJoint, joint: MjcfJoint, made: Any) -> ReadJoint:
     if made is None:
         return read.also_unused("springdamper, which needs MuJoCo: pip install 'drake-tc[mujoco]'")
     stiffness, damping, rest = made.spring(joint)
-    return replace(
-        read,
-        terms=replace(
-            read.terms,
-            stiffness=stiffness,
-            preload=-stiffness * rest,
-            damping=read.terms.damping - joint.numbers("damping")[0] + damping,
-        ),
-    )
+    terms = read.terms
+    if "spring" not in flags:
+        terms = replace(terms, stiffness=stiffness, preload=-stiffness * rest)
+    if "damper" not in flags:
+        terms = replace(terms, damping=terms.damping - joint.numbers("damping")[0] + damping)
+    return replace(read, terms=terms)
 
 
 def _with_joint_limit(read: ReadJoint, limit: float) -> ReadJoint:

@@ -165,7 +165,7 @@ UNDECLARED = """<?xml version="1.0"?>
 @pytest.mark.parametrize(
     ("target", "declared", "changed"),
     [
-        ("urdf", "", {"limit", "dynamics"}),
+        ("urdf", "", {"limit", "dynamics", "drake:controller_gains"}),
         (
             "drake-urdf",
             "",

@@ -1,11 +1,16 @@
-"""MJCF files that are drawn at random: one joint, default classes, actuators of every kind that is read."""
+"""MJCF files that are drawn at random: one joint, default classes, actuators of every kind that is read.
+
+`more` draws further what MuJoCo has at one instant no torque of: delays, limits of the command, springdamper, forces
+that are switched off, gears of one turn against the other, and a second hinge that is the play or the spring of a gear.
+"""
 
 import random
+import re
 
 KINDS = ("position", "velocity", "motor", "general", "pid", "dcmotor", "intvelocity")
 
 
-def drawn_mjcf(seed: int) -> str:
+def drawn_mjcf(seed: int, *, more: bool = False) -> str:
     """The text of a file."""
     r = random.Random(seed)
     inner, nested = "", ""
@@ -21,16 +26,52 @@ def drawn_mjcf(seed: int) -> str:
     own = ' class="c"' if nested and r.random() < 0.6 else ""
     around = ' childclass="c"' if nested and r.random() < 0.5 else ""
     kind = r.choice(KINDS)
-    actuators = f'<{kind} name="a" joint="j"{own} {_actuator(r, kind)}/>'
+    further = random.Random(f"more of {seed}")
+    drive, of_joint, option, gear = _more(further, kind) if more else ({}, {}, "", "")
+    actuators = f'<{kind} name="a" joint="j"{own} {_attributes(_pairs(_actuator(r, kind)) | drive)}/>'
     if kind in ("position", "general") and r.random() < 0.3:
         actuators += f'<velocity name="v" joint="j" kv="{_number(r, 0.1, 2.0)}"/>'
     unit = '<compiler angle="radian"/>' if r.random() < 0.5 else ""
     return (
-        f"<mujoco>{unit}<option gravity='0 0 0'/>"
-        f"<default>{inner}{nested}</default><worldbody><body{around}><joint name='j' axis='0 1 0' {_joint(r)}/>"
+        f"<mujoco>{unit}<option gravity='0 0 0'>{option}</option>"
+        f"<default>{inner}{nested}</default><worldbody><body{around}>"
+        f"<joint name='j' axis='0 1 0' {_attributes(_pairs(_joint(r)) | of_joint)}/>{gear}"
         "<inertial pos='0 0 0' mass='1' diaginertia='0.01 0.01 0.01'/></body></worldbody>"
         f"<actuator>{actuators}</actuator></mujoco>"
     )
+
+
+def _pairs(text: str) -> dict[str, str]:
+    return dict(re.findall(r'(\w+)="([^"]*)"', text))
+
+
+def _more(r: random.Random, kind: str) -> tuple[dict[str, str], dict[str, str], str, str]:
+    """Attributes of the actuator and of the joint, flags, and a second hinge."""
+    drive: dict[str, str] = {}
+    if r.random() < 0.2:
+        drive["gear"] = f"-{_number(r, 0.5, 4.0)}"
+    if r.random() < 0.15 and kind != "dcmotor":
+        drive |= {"forcerange": "-0.01 0.01", "forcelimited": "false"}
+    if r.random() < 0.2 and kind in ("motor", "dcmotor"):
+        limit = _number(r, 0.05, 0.15)
+        drive["ctrlrange"] = f"-{limit} {limit}"
+    if r.random() < 0.2 and kind in ("position", "motor"):
+        drive |= {"delay": f"{0.001 * r.randint(2, 20)}", "nsample": "100"}
+    joint = {}
+    if r.random() < 0.1:
+        joint |= {"springdamper": f"{_number(r, 0.2, 1.0)} {_number(r, 0.3, 1.5)}"}
+    flags = [name for name in ("spring", "damper", "frictionloss") if r.random() < 0.05]
+    option = "<flag " + " ".join(f"{name}='disable'" for name in flags) + "/>" if flags else ""
+    gear = ""
+    if r.random() < 0.2:
+        own = {
+            "flex": f"stiffness='{_number(r, 100.0, 400.0)}'",
+            "play": "stiffness='0' limited='true' range='-0.01 0.01'",
+        }
+        name = "flex" if r.random() < 0.5 else "play"
+        still = "damping='0' armature='0' frictionloss='0' actuatorfrclimited='false' springref='0'"
+        gear = f"<joint name='{name}' class='main' axis='0 1 0' {still} {own[name]}/>"
+    return drive, joint, option, gear
 
 
 def _number(r: random.Random, low: float, high: float) -> str:

@@ -151,13 +151,14 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
         unused = [f"its drive ({terms.drive})"] if read.driven else []
         unused += [f"its limit of the torque ({terms.torque_limit:.4g} N m)"] if terms.torque_limit is not None else []
         return DeclaredTerms(joint, declared, unused=(*read.unused, *unused))
-    limit = terms.torque_limit / terms.kp if terms.torque_limit is not None and terms.kp > 0.0 else None
+    gain = abs(terms.kp)
+    limit = terms.torque_limit / gain if terms.torque_limit is not None and gain else None
     damping = read.derivative_gain if read.derivative_gain > 0.0 else None
     if terms.lag:
         declared["current_lag.command" if drive == "position_servo" else "current_lag"] = terms.lag
     if terms.integral_rate:
         declared["servo_integrator"] = terms.integral_rate
-    inside = (read.derivative_gain + terms.derivative_gain) / terms.kp if terms.kp else 0.0
+    inside = (read.derivative_gain + terms.derivative_gain) / gain if gain else 0.0
     if limit is not None and inside > 0.0:
         declared |= {"saturation.servo": None, "saturation.servo.limit": limit}
         declared["saturation.servo.derivative_time"] = inside
@@ -166,10 +167,10 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
     return DeclaredTerms(
         joint,
         declared,
-        drive_gain=1.0 / terms.kp if terms.kp > 0.0 else None,
+        drive_gain=1.0 / gain if gain else None,
         saturation=limit,
         derivative_gain=damping,
-        unused=read.unused,
+        unused=(*read.unused, *(("that its torque is against the command",) if terms.kp < 0.0 else ())),
     )
 
 
