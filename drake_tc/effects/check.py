@@ -1,5 +1,8 @@
 """What an effect of another package must have, checked once when it is first used."""
 
+import ast
+from collections.abc import Iterator
+
 import numpy as np
 
 from drake_tc.effects.base import Effect, Signals, plain_signals
@@ -8,6 +11,15 @@ from drake_tc.errors import ParamsError
 
 SAMPLES = 5
 """Of the signals on which `columns` is tried."""
+EQUATION_SIGNALS = frozenset(
+    {
+        *("q", "qdot", "qddot", "q_d", "q_meas", "q_motor", "tau", "tau_add", "tau_meas", "y", "y_eff"),
+        *("K", "J", "t", "T", "T_25", "V", "w", "r", "z"),
+    }
+)
+"""Names that `Effect.equation` may have beside its parameters (`drake_tc.report.equation` writes them)."""
+EQUATION_FUNCTIONS = ("sign", "exp", "sin", "cos", "max", "min", "spline")
+_OPERATORS = ("ddt", "ddq", "integral", "total", "abs")
 _NEEDED = ("id", "title", "kind", "signature")
 
 
@@ -31,7 +43,42 @@ def checked_effect(name: str, given: object) -> Effect:
     if len(set(names)) < len(names):
         raise ParamsError(f"effect {name!r}: expected different names of parameters, got {', '.join(names)}")
     _check_columns(name, effect)
+    _check_equation(name, effect)
     return effect
+
+
+def _check_equation(name: str, effect: Effect) -> None:
+    """`equation` is what a report can write: Python expressions in the names of parameters and signals."""
+    parameters = (*effect.parameters, *effect.coefficients, *effect.shapes, *effect.given_shapes)
+    known = EQUATION_SIGNALS | {parameter.name for parameter in parameters}
+    where = f"effect {name!r}: equation {effect.equation!r}"
+    if not isinstance(effect.equation, str):
+        raise ParamsError(f"{where}: expected text")
+    for side in (side for part in effect.equation.split(";") for side in part.split(" = ") if effect.equation):
+        try:
+            tree = ast.parse(side.strip(), mode="eval").body
+        except (SyntaxError, ValueError):
+            raise ParamsError(f"{where}: expected Python expressions on both sides of ' = ', got {side!r}") from None
+        for what in _strange(tree, known):
+            raise ParamsError(f"{where}: {what}; possible: {', '.join(sorted(known))}")
+
+
+def _strange(node: ast.expr, known: frozenset[str]) -> Iterator[str]:
+    """What a report cannot write of an expression."""
+    if isinstance(node, ast.Name):
+        if node.id not in known:
+            yield f"no parameter or signal {node.id!r}"
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        if node.func.id not in (*EQUATION_FUNCTIONS, *_OPERATORS, *known):
+            yield f"no function {node.func.id!r}"
+        for argument in node.args[1:] if node.func.id == "spline" else node.args:  # first the levels, of no one name
+            yield from _strange(argument, known)
+    elif isinstance(node, ast.UnaryOp | ast.BinOp | ast.IfExp | ast.Compare):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.expr):
+                yield from _strange(child, known)
+    elif not isinstance(node, ast.Constant):
+        yield f"no such thing as {ast.unparse(node)!r} in an equation"
 
 
 def _instance(name: str, given: object) -> Effect:

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
@@ -74,6 +75,8 @@ def add_robot_plant(
         >>> add_robot_plant(DiagramBuilder(), robot).num_actuators()
         6
     """
+    if not 0.0 <= step < np.inf:
+        raise ParamsError(f"step: expected a time step >= 0 [s], got {step!r}")
     plant: Any
     if scene or collisions or visuals or meshcat:
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)

@@ -14,6 +14,7 @@ from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import Effect
+from drake_tc.effects.check import EQUATION_FUNCTIONS as FUNCTIONS
 from drake_tc.report.numbers import interval, pretty_unit, significant
 
 SYMBOLS: Mapping[str, str] = {
@@ -38,7 +39,6 @@ SYMBOLS: Mapping[str, str] = {
     "r": "<mi>r</mi>",
     "z": "<mi>z</mi>",
 }
-FUNCTIONS = ("sign", "exp", "sin", "cos", "max", "min", "spline")
 TIMES, APPLY = '<mspace width="0.17em"/>', "<mo>\u2061</mo>"
 _SUM, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4
 

@@ -3,13 +3,16 @@
 What the drives of a robot add to its joints' inertia, as its files say.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.errors import ParamsError
 from drake_tc.robot.pictures import add_pictures
@@ -29,6 +32,27 @@ def file_rotors(robot: Robot) -> dict[str, float]:
         return dict(robot.rotor_inertia)
     models = models_of_joints(robot.actuators, robot.joints)
     return {joint: 0.0 if model.transmission_effects else model.inertia for joint, model in models.items()}
+
+
+def check_joint_types(robot: Robot, models: Iterable[ActuatorModel]) -> None:
+    """Models of sliding joints are of joints that slide, and the others of joints that turn.
+
+    Args:
+        robot: Whose.
+        models: In the order of its joints, once or several times over.
+
+    Raises:
+        ParamsError: one is not.
+    """
+    tree = read_urdf(robot.urdf, robot.splits)
+    kinds = [tree.joints[joint].kind for joint in robot.joints]
+    for joint, kind, model in zip(cycle(robot.joints), cycle(kinds), models, strict=False):
+        expected = "prismatic" if kind == "prismatic" else "revolute"
+        if model.joint_type != expected:
+            raise ParamsError(
+                f"models: joint {joint!r} is {expected} in {robot.urdf.name}; its model has joint_type:"
+                f" {model.joint_type}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

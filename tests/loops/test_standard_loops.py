@@ -19,6 +19,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
 from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
+from drake_tc.loops.torque.controller import torque_controller
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.loops.whole_body.controller import whole_body_controller
@@ -127,6 +128,39 @@ def test_a_system_between_two_stages_changes_what_passes():
 def test_what_does_not_fit_the_loop_is_refused(options, message):
     with pytest.raises(ParamsError, match=message):
         leg_loop(**options)
+
+
+def sliding_models():
+    return {j: replace(model, joint_type="prismatic") for j, model in load_models(load_robot(LEG).actuators).items()}
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda robot, models: TorqueLoopSpec(seed=-1), r"^seed: expected a whole number from 0 to 2\^64 - 1, got -1$"),
+        (lambda robot, models: WholeBodySpec(seed=1.5), r"^seed: expected a whole number .* got 1\.5$"),
+        (
+            lambda robot, models: add_robot_plant(DiagramBuilder(), robot, -1e-3),
+            r"^step: expected .* >= 0 \[s\], got -0",
+        ),
+        (
+            lambda robot, models: leg_loop(gains=TorqueGains(*[np.ones(3)] * 4)),
+            "^gains: expected 6, one per joint, got 3$",
+        ),
+        (
+            lambda robot, models: leg_loop(gains=TorqueGains(*[np.ones(6)] * 4, kf=np.ones(4))),
+            r"^gains\.kf: expected 6 rows, six per F/T sensor, got 4$",
+        ),
+        (
+            lambda robot, models: torque_controller(robot, sliding_models()),
+            r"^models: joint 'r_hip_yaw' is revolute in hrp2_like_leg\.urdf; its model has joint_type: prismatic$",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_line(call, message):
+    robot = load_robot(LEG)
+    with pytest.raises(ParamsError, match=message):
+        call(robot, load_models(robot.actuators))
 
 
 def test_a_plant_with_sampled_ports_is_refused():

@@ -11,16 +11,23 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, Signals, TorqueEffect, plain_signals
+from drake_tc.effects.check import EQUATION_SIGNALS, _check_equation
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
 from drake_tc.effects.splines import spline_columns
 from drake_tc.effects.unknown_load import UNKNOWN_LOADS
-from drake_tc.report.equation import equations, model_equations
+from drake_tc.report.equation import SYMBOLS, equations, model_equations
 from drake_tc.report.numbers import interval
 
 EVERY = (*LIBRARY, *UNCOMMON, *MULTI_JOINT, *UNKNOWN_LOADS)
 WITH_MEMORY = ("presliding_hysteresis", "winding_heat", "winding_temperature", "elasticity", "backlash")
 """Their equations need a state or stand for another signal; tests of their own hold them."""
 T = 400
+
+
+@pytest.mark.parametrize("one", EVERY, ids=lambda one: one.key)
+def test_what_a_registration_accepts_is_what_a_report_can_write(one):
+    _check_equation(one.key, one)
+    assert set(SYMBOLS) == EQUATION_SIGNALS
 
 
 def values_of(one: Effect, seed: int = 0, *, negative: bool = False) -> dict[str, Estimate]:

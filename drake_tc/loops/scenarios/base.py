@@ -122,6 +122,16 @@ SEEDS = 2**64
 """How many seeds there are: what the counter-based generators take as a key."""
 
 
+def check_seed(seed: object) -> None:
+    """A seed is what the generators take.
+
+    Raises:
+        ParamsError: it is not.
+    """
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < SEEDS:
+        raise ParamsError(f"seed: expected a whole number from 0 to 2^64 - 1, got {seed!r}")
+
+
 def check_run(scenario: Any, times: Sequence[str]) -> None:
     """Fields of choice by their `Literal`s, times [s], the seed and the factors of the links' masses.
 
@@ -136,8 +146,7 @@ def check_run(scenario: Any, times: Sequence[str]) -> None:
     for name in times:
         if not 0.0 < getattr(scenario, name) < math.inf:
             raise ParamsError(f"{name}: expected a positive number [s], got {getattr(scenario, name)!r}")
-    if not 0 <= scenario.seed < SEEDS:
-        raise ParamsError(f"seed: expected a whole number from 0 to 2^64 - 1, got {scenario.seed}")
+    check_seed(scenario.seed)
     for link, factor in scenario.masses.items():
         if not 0.0 < factor < math.inf:
             raise ParamsError(f"masses.{link}: expected a positive factor, got {factor}")

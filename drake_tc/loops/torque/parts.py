@@ -19,6 +19,7 @@ from drake_tc.loops.scenarios.parts import ModelFactors
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
 from drake_tc.robot.link_changes import link_changes
+from drake_tc.robot.plant import check_joint_types
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.types import FloatArray
 
@@ -118,6 +119,14 @@ class LoopDesign:
     models: tuple[ActuatorModel, ...]
     gains: TorqueGains
     posture: FloatArray
+
+    def __post_init__(self) -> None:
+        n, sensors = len(self.robot.joints), len(self.robot.force_torque)
+        if self.gains.size != n:
+            raise ParamsError(f"gains: expected {n}, one per joint, got {self.gains.size}")
+        if self.gains.kf.size and self.gains.kf.shape[0] != 6 * sensors:
+            raise ParamsError(f"gains.kf: expected {6 * sensors} rows, six per F/T sensor, got {len(self.gains.kf)}")
+        check_joint_types(self.robot, (*self.models, *self.actuators))
 
     @classmethod
     def of_scenario(cls, scenario: Scenario) -> "LoopDesign":

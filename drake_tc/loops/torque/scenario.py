@@ -17,7 +17,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.estimation.torque_model import BaseSource
-from drake_tc.loops.scenarios.base import ScenarioBase, check_run
+from drake_tc.loops.scenarios.base import ScenarioBase, check_run, check_seed
 from drake_tc.loops.scenarios.parts import (
     FilterSpec,
     ForceSpec,
@@ -95,6 +95,7 @@ class TorqueLoopSpec:
 
     def __post_init__(self) -> None:
         check_choices(self)
+        check_seed(self.seed)
         if not 0.0 < self.dt < float("inf"):
             raise ParamsError(f"dt: expected a positive number [s], got {self.dt!r}")
         if not 0.0 <= self.tare < float("inf"):

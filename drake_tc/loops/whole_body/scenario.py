@@ -12,7 +12,7 @@ from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.system import METHODS
-from drake_tc.loops.scenarios.base import ScenarioBase, check_run
+from drake_tc.loops.scenarios.base import ScenarioBase, check_run, check_seed
 from drake_tc.loops.scenarios.parts import PushSpec
 from drake_tc.loops.whole_body.ground import GroundSpec
 from drake_tc.loops.whole_body.references import KnotSpec, SpanSpec
@@ -224,6 +224,9 @@ class WholeBodySpec:
     torque_error: TorqueErrorSpec | None = None
     ground: GroundSpec = field(default_factory=GroundSpec)
     faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_seed(self.seed)
 
     @property
     def validated(self) -> bool:

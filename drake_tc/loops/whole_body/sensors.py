@@ -15,7 +15,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder, first_imu
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
-from drake_tc.robot.plant import add_robot
+from drake_tc.robot.plant import add_robot, check_joint_types
 from drake_tc.sensing.suite import SENSORS, Readings, SensorSuite, SensorSuiteSpec, add_sensors, load_suite
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.standing import StandingState
@@ -79,6 +79,7 @@ def check_rotors(law: Law, models: Mapping[str, ActuatorModel] | None) -> None:
     Raises:
         ParamsError: a joint whose rotor differs by more than `SAME_ROTOR`.
     """
+    check_joint_types(law.model.robot, () if models is None else models.values())
     for joint, known in zip(law.model.robot.joints, law.model.rotors.tolist(), strict=True):
         model = None if models is None else models[joint]
         if model is None:
