@@ -71,7 +71,7 @@ def _strange(node: ast.expr, known: frozenset[str]) -> Iterator[str]:
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         if node.func.id not in (*EQUATION_FUNCTIONS, *_OPERATORS, *known):
             yield f"no function {node.func.id!r}"
-        for argument in node.args[1:] if node.func.id == "spline" else node.args:  # first the levels, of no one name
+        for argument in node.args[:3] if node.func.id == "spline" else node.args:  # then all levels at once
             yield from _strange(argument, known)
     elif isinstance(node, ast.UnaryOp | ast.BinOp | ast.IfExp | ast.Compare):
         for child in ast.iter_child_nodes(node):
