@@ -18,7 +18,7 @@ class LatestReadings:
     """What the controller is told in a tick.
 
     Where nothing new has come in, the last readings stand in for at most `max_age`, positions going on at their last
-    speed. After that, and where a port is not there or not of its size, the readings are NaN.
+    speed, which is the mean of the last two ways between readings. After that, and where a port is not there or not of its size, the readings are NaN.
 
     Attributes:
         values: Port to its value.
@@ -39,6 +39,7 @@ class LatestReadings:
         self.position = next((name for name in POSITIONS if name in sizes), None)
         self.values, self.age = dict(self._nothing), np.inf
         self._speed = np.zeros(sizes.get(self.position or "", 0))
+        self._way, self._newest, self._ticks = self._speed.copy(), np.full_like(self._speed, np.nan), 0
 
     @property
     def late(self) -> bool:
@@ -60,11 +61,14 @@ class LatestReadings:
         if found is not None:
             new, whole = self._checked(found)
             if name is not None:
-                known = np.isfinite(new[name]) & np.isfinite(self.values[name])
-                self._speed = np.where(known, new[name], 0.0) - np.where(known, self.values[name], 0.0)
+                known = np.isfinite(new[name]) & np.isfinite(self._newest)
+                way = (np.where(known, new[name], 0.0) - np.where(known, self._newest, 0.0)) / (self._ticks + 1)
+                self._speed, self._way = 0.5 * (way + self._way), way
+                self._newest, self._ticks = new[name], 0
             self.age, self.values = 0.0, new
             return "new" if whole else "malformed"
         self.age += self._period
+        self._ticks += 1
         if not self.late:
             self.values = dict(self._nothing)
             return "missing"
@@ -83,7 +87,7 @@ class LatestReadings:
         name, now = self.position, self.values
         if name is None:
             return [now] * count
-        self._speed = self._speed / (skipped + 1)
+        self._speed, self._way = self._speed / (skipped + 1), self._way / (skipped + 1)
         shares = np.arange(1, count + 1) / (count + 1)
         return [now | {name: (1.0 - share) * before[name] + share * now[name]} for share in shares]
 

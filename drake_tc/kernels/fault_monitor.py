@@ -14,7 +14,14 @@ _ENCODER_FLAGS = 3
 
 @helper
 def encoder_jumps(
-    displacement: float, ticks: float, step: float, change: float, noise: float, encoder: FloatArray, joint: int
+    displacement: float,
+    ticks: float,
+    step: float,
+    change: float,
+    noise: float,
+    timing: float,
+    encoder: FloatArray,
+    joint: int,
 ) -> bool:
     """Whether a new reading that differs from the last new one comes from where its joint cannot be.
 
@@ -22,8 +29,10 @@ def encoder_jumps(
     y = u[n] - s over the g ticks since the last new reading s, and the speed w [rad per tick] at the last reading that
     did not jump:
 
-        speed     |y| <= g step
-        change    |x| <= g^2 change + g noise,      x = y - g w
+        speed     |y| <= g step + l |w|
+        change    |x| <= g^2 change + g noise + l |w|,      x = y - g w
+
+    With l > 0, the ticks by which readings may come early or late, a reading moves w by the share 1/(1 + l) only.
 
     A reading that exceeds one of the bounds has jumped, and its x (y, while w is unknown) is added to the offset o: how
     far the reading is from where its joint can be. Where the joint goes on at the speed of the jump, it was the joint
@@ -35,14 +44,16 @@ def encoder_jumps(
         step: Largest in one tick [rad].
         change: Largest acceleration times the tick squared [rad].
         noise: Added to it: what noise and resolution of the readings come to [rad].
+        timing: l.
         encoder: (4, n) w, o, x and y/g of a jump one reading ago; NaN where unknown. Updated.
         joint: Its column.
     """
     w = encoder[_SPEED, joint]
     rate, x = displacement / ticks, displacement - ticks * w
-    possible = abs(displacement) <= ticks * step
+    known = abs(w) if np.isfinite(w) else 0.0
+    possible = abs(displacement) <= ticks * step + timing * known
     goes_on = possible and abs(rate - encoder[_RATE, joint]) < abs(rate - w)
-    sudden = abs(x) > ticks**2 * change + ticks * noise
+    sudden = abs(x) > ticks**2 * change + ticks * noise + timing * known
     if goes_on:
         encoder[_OFFSET, joint] -= encoder[_JUMPED_BY, joint]
     elif sudden or not possible:
@@ -51,7 +62,7 @@ def encoder_jumps(
         encoder[_JUMPED_BY, joint], encoder[_RATE, joint] = jumped_by, rate
         return True
     encoder[_JUMPED_BY, joint] = encoder[_RATE, joint] = np.nan
-    encoder[_SPEED, joint] = rate
+    encoder[_SPEED, joint] = w + (rate - w) / (1.0 + timing) if np.isfinite(w) else rate
     return False
 
 
@@ -71,7 +82,8 @@ def raise_flags(
     """One step of the recursion of `FaultMonitor`; the level of `any_fault`.
 
     Args:
-        now: (N + m - 6,) or (N + m,) raw channels [encoder; wrench; command; imu], then what is filtered besides the IMU.
+        now: (N + m - 6,) or (N + m,) raw channels [encoder; wrench; command; imu], then what is filtered besides the
+            IMU.
         reference_velocity: (n,) [rad/s]; zero where it is unknown.
         channels: (N, 2) largest step and ticks until it is frozen.
         flags_of_channels: (N,) first flag of the sensor.
@@ -80,7 +92,8 @@ def raise_flags(
         lasting: Channels before this one are wrong from a jump until they jump back.
         options: Reference speed at which a joint must be seen to move [rad/s], for how many ticks it may hang then;
             largest acceleration of a joint times the tick squared [rad], noise of the encoders [rad]; 1 - exp(-dt/T)
-            of the filters; ticks for which a flag stays up; and the size from which a reading is missing.
+            of the filters; ticks for which a flag stays up; the size from which a reading is missing; and by how many
+            ticks positions may come early or late.
         memory: (4 N + 4 n + m + F,) last finite reading, ticks unchanged and ticks missing of each channel; of the
             encoders as in `encoder_jumps`; sum of the jumps of each channel; filtered errors; ticks left of each flag.
             Updated.
@@ -103,7 +116,7 @@ def raise_flags(
         if encodes:
             ticks = max(gap[j], same[j]) + 1.0
             jump = finite and np.isfinite(changed) and changed != 0.0
-            jump = jump and encoder_jumps(changed, ticks, step, largest_change, noise, encoder, j)
+            jump = jump and encoder_jumps(changed, ticks, step, largest_change, noise, options[7], encoder, j)
             jump = jump or abs(encoder[_OFFSET, j]) > min(step, largest_change + noise)
         else:
             jump = finite and abs(changed) > (gap[j] + 1.0) * step

@@ -138,7 +138,9 @@ class FaultMonitor(PortMethods, LeafSystem):
             np.column_stack((expected, limit))[filtered],
             odd_flags[filtered],
             n + 6 * k if spec.wrench_jump_lasts else n,
-            np.array([spec.moving, stuck, largest_change, spec.encoder_jump, blend, hold, LARGEST]),
+            np.array(
+                [spec.moving, stuck, largest_change, spec.encoder_jump, blend, hold, LARGEST, spec.encoder_timing / dt]
+            ),
         )
         self._declare(n, k)
 

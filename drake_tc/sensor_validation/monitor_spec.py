@@ -34,6 +34,8 @@ _NOISE_OF = {
     "force": "wrench_frozen",
     "torque": "wrench_frozen",
 }
+LATE = 5e-3
+"""By how much the positions of a robot may come late: as long as the real-time loop lets the last ones stand in [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class MonitorSpec:
             twice that of the velocity limit, and the change that `encoder_acceleration` allows.
         encoder_acceleration: Largest acceleration of a joint [rad/s^2]. A drive of 250 N m that moves 1 kg m^2 reaches
             250; the rest is for blows, which reach an encoder at the motor through the gear's compliance.
+        encoder_timing: By how much positions may come early or late [s]: the way of a joint at its speed in that time
+            is no jump. 0 for simulated sensors; `torque_controller` takes `LATE` in place of 0.
         gyro_jump: Largest possible step in one tick [rad/s]: 1000 rad/s^2 at 1 kHz.
         accel_jump: The same [m/s^2]; a hard impact of the foot reaches the torso with some 10 m/s^2 in 1 ms.
         force_jump, moment_jump: The same of an F/T sensor [N, N m]; most touch-downs rise over several ms, so about a
@@ -80,6 +84,7 @@ class MonitorSpec:
     wrench_frozen: Unbounded = 0.01
     encoder_jump: Unbounded = 1e-3
     encoder_acceleration: Unbounded = 2000.0
+    encoder_timing: float = 0.0
     gyro_jump: Unbounded = 1.0
     accel_jump: Unbounded = 30.0
     force_jump: Unbounded = 100.0
@@ -119,9 +124,11 @@ class MonitorSpec:
             value = getattr(self, item.name)
             if item.name == "wrench_jump_lasts":
                 continue
-            if not (isinstance(value, int | float) and value > 0.0):
-                raise ParamsError(f"MonitorSpec: {item.name}: expected a positive number, got {value!r}")
-        for name in ("time_constant", "hold"):
+            least = 0.0 if item.name == "encoder_timing" else np.nextafter(0.0, 1.0)
+            if not (isinstance(value, int | float) and value >= least):
+                bound = "a number >= 0" if least == 0.0 else "a positive number"
+                raise ParamsError(f"MonitorSpec: {item.name}: expected {bound}, got {value!r}")
+        for name in ("time_constant", "hold", "encoder_timing"):
             if not np.isfinite(getattr(self, name)):
                 raise ParamsError(f"MonitorSpec: {name}: expected a finite time [s], got {getattr(self, name)!r}")
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
+from drake_tc.hardware.readings import LatestReadings
 from drake_tc.robot.robot import ForceTorqueMount, Mount, Pose, Robot
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec
@@ -223,6 +224,30 @@ def test_readings_that_come_every_few_ticks_are_no_jumps(robot):
     every = 5 * (np.arange(300) // 5)
     signals["position"] = signals["position"][every]
     assert raised(run(robot, signals)) == {}
+
+
+@pytest.mark.parametrize(("timing", "flagged"), [(0.0, True), (5e-3, False)])
+def test_readings_that_come_late_and_early_are_no_jumps_where_the_time_is_allowed(robot, timing, flagged):
+    """A loaded computer: up to 3 ticks bring nothing, positions go on at their last speed, then the newest comes in."""
+    signals, rng = moving_at(3.0, 900), np.random.default_rng(13)
+    true = signals["position"].copy()
+    readings, age, taken = LatestReadings({"position": true.shape[1]}, 1e-3, 5e-3), 0, 0
+    for tick in range(900):
+        age = int(rng.integers(1, 4)) if age == 0 and tick > 10 and rng.random() < 0.05 else max(age - 1, 0)
+        late = int(rng.integers(0, 3)) if tick > 10 and rng.random() < 0.2 else 0
+        taken = taken if age else max(taken, tick - late)  # when the newest reading was taken
+        readings.update(None if age else {"position": true[taken]})
+        signals["position"][tick] = readings.values["position"]
+    flags = raised(run(robot, signals, MonitorSpec(encoder_timing=timing)))
+    assert ("encoder/jump" in flags) is flagged
+    assert set(flags) <= {"encoder/jump"}
+
+
+def test_a_jump_at_speed_is_seen_where_time_is_allowed(robot):
+    signals = moving_at(3.0, START + 300)
+    signals["position"][START:, 0] += 0.05  # 5 ms at 3 rad/s are 15 mrad
+    flags = run(robot, signals, MonitorSpec(encoder_timing=5e-3))
+    assert flags["encoder/jump"][START + 1 :].all()
 
 
 def test_a_single_wrong_reading_is_flagged_and_forgotten(robot):

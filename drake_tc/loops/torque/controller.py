@@ -7,6 +7,7 @@ readings of a simulated loop, the commands are the same to the last bit.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 from pydrake.systems.framework import DiagramBuilder, System
@@ -24,6 +25,7 @@ from drake_tc.loops.torque.wiring import Reference, add_torque_controller
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import Readings
+from drake_tc.sensor_validation.monitor_spec import LATE
 
 INPUTS = {"encoder": "position", "imu": "imu", "force_torque": "force_torque", "joint_torque": "joint_torque"}
 """Field of `Readings` to the input port that brings it."""
@@ -82,6 +84,8 @@ def torque_controller(
     design = torque_design(robot, spec, assumed, assumed, gains)
     warn_of_weak_joints(design, (*(stages or {}), *(between or {})))
     spec, gains = design.spec, design.gains
+    if spec.monitor.encoder_timing == 0.0:
+        spec = replace(spec, monitor=replace(spec.monitor, encoder_timing=LATE))
     builder, n = DiagramBuilder(), len(robot.joints)
     sizes = {"encoder": n, "imu": 6 * len(robot.imu), "force_torque": 6 * len(robot.force_torque)}
     sizes["joint_torque"] = n if spec.torque_from == "sensor" else 0
