@@ -18,7 +18,8 @@ class LatestReadings:
     """What the controller is told in a tick.
 
     Where nothing new has come in, the last readings stand in for at most `max_age`, positions going on at their last
-    speed, which is the mean of the last two ways between readings. After that, and where a port is not there or not of its size, the readings are NaN.
+    speed, which is the mean of the last two ways between readings. After that, and where a port is not there or not of
+    its size, the readings are NaN.
 
     Attributes:
         values: Port to its value.
