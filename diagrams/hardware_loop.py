@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.hardware.simulated_robot import LockStepLink, SimulatedRobot, serve
 from drake_tc.loops.boundary import Controller
@@ -25,7 +24,6 @@ from drake_tc.robot.robot import load_robot
 
 ROBOT = Path(__file__).parents[1] / "models" / "hrp2_like" / "hrp2_like_leg.yaml"
 SPEC = TorqueLoopSpec(dt=1e-3, tare=0.3)
-"""Readings may be 5 ms late, in which a joint moves by some 10 mrad: no jump of an encoder."""
 TIMES = (1.0, 1.5, 2.0, 2.5)
 SWING = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, -0.3, 0.5, -0.2, 0.0]])
 """Away from the posture and back, twice [rad]."""
@@ -36,8 +34,7 @@ def controller() -> Controller:
     robot = load_robot(ROBOT)
     models = load_models(str(robot.actuators))
     motion = knot_trajectory(TIMES, robot.posture + SWING[[0, 1, 0, 1]])
-    gains = TorqueGains.from_servo(models, k6=1.0, k7=0.01, kp=2.0, kf=np.zeros(6))
-    return torque_controller(robot, models, motion, SPEC, gains=gains, fused=True)
+    return torque_controller(robot, models, motion, SPEC, fused=True)
 
 
 def robot() -> SimulatedRobot:

@@ -66,7 +66,8 @@ PARTS = {
         alone=True,
     ),
     "humanoid": Part(
-        "humanoids of several makers on a floor under robust TSID", ("diagrams/test_humanoid_tsid.py::*",)
+        "humanoids of several makers on a floor under robust TSID; pushes in all directions",
+        ("diagrams/test_humanoid_tsid.py::*", "loops/whole_body/test_falls.py::*"),
     ),
     "series-elastic": Part(
         "Faraji et al. (2015): one series-elastic joint, its laws and its motor",

@@ -18,6 +18,24 @@ Start = Callable[[StageValues], None]
 """Puts a part of a diagram's context where the robot starts."""
 
 
+CONTACTS = "active_contacts"
+"""Input port that says on which contacts a controller stands."""
+
+
+class Boundary(PassThrough):
+    """Where a signal enters a controller."""
+
+    def __init__(self, size: int, *, asked: bool) -> None:
+        """Declare the ports.
+
+        Args:
+            size: Of the signal.
+            asked: Whether it is what is asked of the controller, and not what a sensor reads.
+        """
+        super().__init__(size)
+        self.graph_stage = "reference" if asked else "sensing"
+
+
 def add_input(builder: DiagramBuilder, name: str, size: int) -> OutputPort:
     """An input port of the Diagram, as a port that stages can be connected to.
 
@@ -26,7 +44,7 @@ def add_input(builder: DiagramBuilder, name: str, size: int) -> OutputPort:
         name: Of the input port, and of the block behind it.
         size: Of the port.
     """
-    block: Any = builder.AddNamedSystem(name, PassThrough(size))
+    block: Any = builder.AddNamedSystem(name, Boundary(size, asked=name.endswith("reference") or name == CONTACTS))
     builder.ExportInput(block.get_input_port(), name)
     port: OutputPort = block.get_output_port()
     return port

@@ -7,10 +7,9 @@
 A few ticks without a solution, as a push brings them, leave the torque that misses least as it is (s <= START). From
 GIVE_WAY on the joints are damped alone. In between a <= 1 is the largest with which the joints' power is bounded,
 
-    tau . v <= (1 - u) max(tau_tick . v, 0),  u = min(2 w, 1),
+    tau . v <= (1 - u) max(tau_tick . v, 0),  u = min(w/NO_POWER, 1),
 
-so that it is never positive from the middle between START and 1 on. D is the law's
-`fallback_damping`, less where that would be more than a tick can damp: the largest eigenvalue of period M^-1 D stays
+so that it is not positive from 2 ms after START on. D is the law's `fallback_damping`, less where that would be more than a tick can damp: the largest eigenvalue of period M^-1 D stays
 below STABLE, M^-1 the joints' block of the inverse mass matrix. While s > 0 a contact that moves carries nothing and
 is dropped from the tick.
 """
@@ -29,6 +28,8 @@ with solutions after which nothing is left of it [s]."""
 SLIDING, TURNING = 0.3, 3.0
 """Speed of a contact that no longer stands [m/s, rad/s]: a foot that rolls over its edge turns with less."""
 STABLE = 0.5
+NO_POWER = 0.1
+"""Share w of the damping from which on the joints give no power."""
 
 
 class Standing(NamedTuple):
@@ -91,7 +92,7 @@ def damped_torque(terms: Terms, torque: FloatArray, share: float, damping: float
     power, taken = float(torque @ velocity), weight * own * float(velocity @ velocity)
     kept = 1.0 - weight
     if power > 0.0:
-        allowed = (1.0 - min(2.0 * weight, 1.0)) * power
+        allowed = (1.0 - min(weight / NO_POWER, 1.0)) * power
         kept = min(kept, (allowed + taken) / power)
     return np.asarray(kept * torque - weight * own * velocity)
 

@@ -97,6 +97,8 @@ class FusedStages(PortMethods, LeafSystem):
     where F are the recursions of the stages. Gains and other parameters are those with which a stage was built.
     """
 
+    graph_stage = "control"
+
     def __init__(self, plan: Plan) -> None:
         """Declare ports, state and updates.
 

@@ -13,7 +13,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_values import Models
 from drake_tc.errors import ParamsError
-from drake_tc.loops.boundary import ControlledJoints, Controller, Start, add_input
+from drake_tc.loops.boundary import CONTACTS, ControlledJoints, Controller, Start, add_input
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
 from drake_tc.loops.whole_body.drives import drive_models, known_drives
@@ -114,7 +114,7 @@ def whole_body_controller(
     if isinstance(contacts, System):
         stands = builder.AddNamedSystem("contacts", contacts).get_output_port(0)
     elif contacts is not None:
-        stands = port("active_contacts", len(law.model.contacts))
+        stands = port(CONTACTS, len(law.model.contacts))
     control = add_whole_body_control(wiring, readings, springs, follows, stands)
     limits = joint_limits(robot)
     controlled = ControlledJoints(

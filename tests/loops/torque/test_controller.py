@@ -120,6 +120,11 @@ def test_graph_and_linear_analysis_take_the_controller():
     models = sliding(load_models(robot.actuators))
     gains = TorqueGains.from_servo(models, k6=0.4, k7=0.0, kp=0.0)
     controller = torque_controller(robot, models, spec=TorqueLoopSpec(sensors="perfect", tare=0.0), gains=gains)
+    one = block_graph(torque_controller(robot, load_models(robot.actuators), fused=True))
+    stages = {block.name: block.stage for block in one.blocks}
+    assert stages["stages"] == stages["command_output"] == "control"
+    assert stages["position"] == stages["imu"] == stages["force_torque"] == "sensing"
+    assert stages["reference"] == "reference"
     graph = block_graph(controller)
     named = {block.name for block in graph.blocks}
     assert {"guard", "torque_control", "inverse_dynamics", "position", "command_output"} <= named

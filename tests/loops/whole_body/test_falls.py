@@ -1,5 +1,6 @@
 """Pushes that no controller can stand: once ticks have had no solution for long, the joints take energy alone."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,18 +10,61 @@ import drake_tc.diagrams
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import run_tsid, summarise_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.tsid.falling import GIVE_WAY, START
+from drake_tc.tsid.falling import GIVE_WAY, NO_POWER, START
 from drake_tc.tsid.law import Status
 
 HUMANOID = Path(next(iter(drake_tc.diagrams.__path__))) / "humanoid_tsid.scenario.yaml"
 GRAVITY = 9.81
 
 
-def pushed(force, degrees, duration=2.0):
+OTHERS = HUMANOID.with_name("humanoid_tsid_other_robots.scenario.yaml")
+ROBOTS = {"balance": (HUMANOID, "torso"), "talos": (OTHERS, "torso_2_link"), "solo12": (OTHERS, "base_link")}
+"""Scenario to its file and the link that is pushed."""
+
+
+def pushed(force, degrees, duration=2.0, robot="balance"):
     along = force * np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
-    push = f"{{link: torso, begin: 0.3, duration: 0.2, force: [{along[0]}, {along[1]}, 0], point: [0, 0, 0.2]}}"
-    scenario = TsidScenario.load(HUMANOID, "balance", f"{{duration: {duration}, pushes: [{push}]}}")
+    file, link = ROBOTS[robot]
+    push = f"{{link: {link}, begin: 0.3, duration: 0.2, force: [{along[0]}, {along[1]}, 0], point: [0, 0, 0.2]}}"
+    scenario = TsidScenario.load(file, robot, f"{{duration: {duration}, pushes: [{push}]}}")
+    scenario = replace(scenario, motion={}, lifted={})
     return run_tsid(build_tsid(scenario, fused=True))
+
+
+def joint_power(run):
+    """(T,) of the torques that act on the joints [W]."""
+    model = run.law.model
+    return (run["applied_torque"] * run["state"][:, model.nq + model.actuated]).sum(axis=1)
+
+
+FORCES, DIRECTIONS = (10.0, 30.0, 100.0, 200.0, 300.0), np.arange(16) * 22.5
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(
+    ("force", "degrees"),
+    [
+        pytest.param(force, degrees, marks=() if force == 300.0 and degrees in (45.0, 180.0) else pytest.mark.slow)
+        for force in FORCES
+        for degrees in DIRECTIONS.tolist()
+    ],
+)
+def test_no_push_makes_the_joints_add_energy(robot, force, degrees):
+    """From 50 ms of ticks without a solution on the joints take energy; all energy was there before."""
+    run = pushed(force, degrees, 1.5, robot)
+    assert all(np.isfinite(values).all() for values in run.signals.values())
+    falling, power = run.status(Status.FALLING), joint_power(run)
+    damped = falling >= START + NO_POWER * (1.0 - START)
+    assert power[damped].max(initial=0.0) <= 1e-9
+    kinetic, potential = energies(run)
+    whole = kinetic + potential
+    ends = round(0.5 / run.law.period)  # of the push
+    if damped.any():
+        first = max(int(np.argmax(damped)), ends)
+        assert whole[first:].max() <= whole[: first + 1].max() + 1.0
+    assert (
+        kinetic[ends:].max() <= kinetic[: ends + 1].max() + potential[: ends + 1].max() - potential[ends:].min() + 1.0
+    )
 
 
 def energies(run):
@@ -38,9 +82,8 @@ def test_a_fall_is_damped(force, degrees):
     run = pushed(force, degrees)
     model, falling = run.law.model, run.status(Status.FALLING)
     assert run.fell is not None
-    velocity = run["state"][:, model.nq + model.actuated]
-    power = (run["applied_torque"] * velocity).sum(axis=1)
-    bounded = falling >= 0.5 * (START + 1.0)
+    velocity, power = run["state"][:, model.nq + model.actuated], joint_power(run)
+    bounded = falling >= START + NO_POWER * (1.0 - START)
     assert bounded.sum() > 50
     assert power[bounded].max() <= 1e-9
     unsolved = run.status(Status.OUTCOME) > 0.0
