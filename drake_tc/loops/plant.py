@@ -10,10 +10,14 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import PrismaticJoint
+from pydrake.symbolic import Expression, Variable
+from pydrake.symbolic import max as symbolic_max
+from pydrake.symbolic import min as symbolic_min
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.plant import add_robot
+from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.robot import Robot
 
 
@@ -51,6 +55,7 @@ def add_robot_plant(
     collisions: bool = False,
     visuals: bool = False,
     meshcat: bool = False,
+    posture_deviation: float = 0.01,
     prepare: Callable[[MultibodyPlant], None] | None = None,
 ) -> MultibodyPlant:
     """Add a finalized plant with the robot to a diagram, as system `plant` whose ports are live.
@@ -65,6 +70,8 @@ def add_robot_plant(
         collisions: Keep the robot's primitive collision shapes; adds a SceneGraph.
         visuals: Draw the robot's visual geometry, meshes too; adds a SceneGraph.
         meshcat: Show the robot in a browser; adds a SceneGraph.
+        posture_deviation: Standard deviation of the joints' positions about the posture in a random context
+            (`SetRandomContext`) [rad or m]; the default context is the posture.
         prepare: Gets the plant before it is finalized: add a floor, objects, springs.
 
     Raises:
@@ -89,9 +96,26 @@ def add_robot_plant(
         prepare(plant)
     plant.SetUseSampledOutputPorts(False)
     plant.Finalize()
+    _declare_random(plant, robot, posture_deviation)
     plant.set_name("plant")
     built: MultibodyPlant = plant
     return built
+
+
+def _declare_random(plant: MultibodyPlant, robot: Robot, deviation: float) -> None:
+    """Positions about the posture, within the joints' ranges."""
+    limits = joint_limits(robot)
+    for i, name in enumerate(robot.joints):
+        joint: Any = plant.GetJointByName(name)
+        about = robot.posture[i] + deviation * Variable(name, Variable.Type.RANDOM_GAUSSIAN)
+        lower, upper = Expression(limits.lower[i]), Expression(limits.upper[i])
+        within = [
+            symbolic_min(symbolic_max(about, lower), upper)
+            if np.isfinite([limits.lower[i], limits.upper[i]]).all()
+            else about
+        ]
+        slides = isinstance(joint, PrismaticJoint)
+        (joint.set_random_translation_distribution if slides else joint.set_random_angle_distribution)(within[0])
 
 
 def require_live_ports(plant: MultibodyPlant) -> None:

@@ -32,6 +32,8 @@ class Imu(Sensor):
     proper acceleration R_SW (a_WS - g) [m/s²]: 9.81 upwards at rest.
     """
 
+    is_drawn = True
+
 
 def imu_spec(gyro: SensorSpec, accel: SensorSpec, mounts: int = 1) -> SensorSpec:
     """The spec of `Imu` from those of a gyroscope and an accelerometer, of three channels each.

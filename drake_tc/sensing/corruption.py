@@ -4,7 +4,8 @@ Random numbers are a function of (seed, tick): the stream is counter-based, so i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +17,10 @@ BLOCK = 256
 """Ticks whose random numbers are drawn together."""
 
 LARGEST_SEED = 2**63 - 1
+
+
+_DRAWN: "WeakKeyDictionary[Corruption, tuple[float, Corruption]]" = WeakKeyDictionary()
+"""The last sample of each sensor, which a run asks for again and again."""
 
 
 def quantise(x: FloatArray, resolution: FloatArray) -> FloatArray:
@@ -64,6 +69,23 @@ class Corruption:
         for fault in self.faults:
             fault.indices(self.size)
             self._lateness(fault)
+
+    def drawn(self, draw: float) -> "Corruption":
+        """The same sensor as another sample of its kind: other noise, and biases from N(0, bias^2).
+
+        Args:
+            draw: Of the sample; 0 is the sensor as it was described.
+        """
+        if draw == 0.0 or not np.isfinite(draw):
+            return self
+        kept = _DRAWN.get(self)
+        if kept is None or kept[0] != draw:
+            words = np.array([draw]).view(np.uint32).tolist()
+            generator = np.random.default_rng([self.seed, *words])
+            bias = self.spec.channels("bias", self.size) * generator.standard_normal(self.size)
+            spec = replace(self.spec, bias=tuple(bias.tolist()))
+            _DRAWN[self] = kept = draw, replace(self, spec=spec, seed=int(generator.integers(LARGEST_SEED)))
+        return kept[1]
 
     @property
     def delay(self) -> int:

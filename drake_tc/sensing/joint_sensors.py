@@ -28,6 +28,8 @@ from drake_tc.types import FloatArray
 class Encoder(Sensor):
     """Positions of n joints, link side: `truth` (n) [rad or m] to `reading` (n). See `Sensor`."""
 
+    is_drawn = True
+
 
 def add_encoder(
     builder: DiagramBuilder,

@@ -14,7 +14,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import BETWEEN_TICKS
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
-from drake_tc.sensing.on_arrays import TICK, SensorOnArrays
+from drake_tc.sensing.on_arrays import DRAW, TICK, SensorOnArrays
 from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 
@@ -29,6 +29,7 @@ class _Block:
     """The rows of a block of ticks."""
 
     index: int = -1
+    draw: float = 0.0
     rows: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
@@ -39,6 +40,8 @@ def _keep(context: object, value: object) -> None:
 class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
     """A truth that becomes a reading; a subclass says where the truth comes from.
 
+    Input, of the sensors of a robot:
+        draw (1): which sample of the sensor it is (`Corruption.drawn`); 0, as without connection, is the one described.
     Output:
         reading (n): NaN where a sample is lost.
 
@@ -62,6 +65,8 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
     A spec and faults that never change anything have neither state nor event.
     """
 
+    is_drawn = True
+    """Whether it has the port `draw`."""
     on_arrays = SensorOnArrays.on_arrays  # belongs to the callbacks below, see `drake_tc.array_stage.offered_stage`
 
     def _declare(self, truth: InputPort, sensor: Corruption) -> None:
@@ -73,6 +78,8 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
         """
         size, spec = sensor.size, sensor.spec
         self._input, self._corruption = truth, sensor
+        self._draw_port: Any = self.DeclareVectorInputPort(DRAW, 1) if self.is_drawn else None
+        drawn = set() if self._draw_port is None else {self._draw_port.ticket()}
         self._size, self._delay, self._freezes = size, sensor.delay, sensor.freezes
         self._length = sensor.oldest
         self._is_late = self._length > self._delay
@@ -87,11 +94,11 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
             tickets = {self.discrete_state_ticket(now)}
             self._now = int(now)
         elif self._changes:
-            drawn = self.DeclareAbstractState(Value(_Block(0, self._with_last(0))))
-            tickets = {self.abstract_state_ticket(drawn), self.time_ticket()}
-            self._drawn = int(drawn)
+            block = self.DeclareAbstractState(Value(_Block(0, 0.0, self._with_last(0, 0.0))))
+            tickets = {self.abstract_state_ticket(block), self.time_ticket(), *drawn}
+            self._drawn = int(block)
         else:
-            tickets = {self.nothing_ticket()}
+            tickets = drawn or {self.nothing_ticket()}
         if self._length:
             empty: Any = np.full(self._length * size, np.nan)
             line = self.DeclareDiscreteState(empty)
@@ -163,10 +170,16 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
         port: Any = self._input
         return self._truth_of(port.Eval(context))
 
-    def _rows(self, block: int) -> FloatArray:
+    def _draw_of(self, context: Context) -> float:
+        """Which sample of the sensor this Context has."""
+        port = self._draw_port
+        return float(port.Eval(context)[0]) if port is not None and port.HasValue(context) else 0.0
+
+    def _rows(self, block: int, draw: float = 0.0) -> FloatArray:
         """(BLOCK, ...) state rows [k, any m, o, m, a] of a block's ticks, m and a only where the sensor has them."""
+        sensor = self._corruption.drawn(draw)
         ticks = (block * BLOCK + np.arange(BLOCK, dtype=np.float64))[:, None]
-        offsets = self._corruption.offsets(block)
+        offsets = sensor.offsets(block)
         any_stuck = np.zeros_like(ticks)
         more: list[FloatArray] = []
         if self._freezes:
@@ -182,14 +195,16 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
         if self._ticks:
             return context.get_discrete_state(self._now).value()[np.newaxis], 0
         if not self._changes:
-            return self._first, 0
+            draw = self._draw_of(context)
+            return (self._rows(0, draw)[:1] if draw else self._first), 0
         block: _Block = context.get_abstract_state(self._drawn).get_value()
         tick = ceil(context.get_time() / self._dt - BETWEEN_TICKS)
         at = tick - block.index * BLOCK + 1
-        if 0 <= at <= BLOCK:
+        draw = self._draw_of(context)
+        if 0 <= at <= BLOCK and block.draw == draw:
             return block.rows, at
         # a context whose time was set by hand is served too: the rows are a function of seed and tick
-        return self._rows(max(tick, 0) // BLOCK), tick % BLOCK
+        return self._rows(max(tick, 0) // BLOCK, draw), tick % BLOCK
 
     def _calc(self, context: Any, output: BasicVector) -> None:
         rows, at = self._row(context)
@@ -203,8 +218,9 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
         tick = int(new.value(self._now)[TICK])
         index, row = divmod(tick + 1, BLOCK)
         block: _Block = self._block.Eval(context)
-        if block.index != index:
-            block.index, block.rows = index, self._rows(index)
+        draw = self._draw_of(context)
+        if (block.index, block.draw) != (index, draw):
+            block.index, block.draw, block.rows = index, draw, self._rows(index, draw)
         new.set_value(self._now, block.rows[row])
         if self._length:
             at = tick % self._length * self._size
@@ -216,25 +232,27 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
 
     def _draw_first(self, context: Any, state: Any) -> None:
         """The block of the start time."""
-        self._draw(state, ceil(context.get_time() / self._dt - BETWEEN_TICKS) // BLOCK)
+        self._draw(context, state, ceil(context.get_time() / self._dt - BETWEEN_TICKS) // BLOCK)
 
     def _draw_next(self, context: Any, state: Any) -> None:
         """The block that begins a tick from now."""
-        self._draw(state, round(context.get_time() / self._dt + 1.0) // BLOCK)
+        self._draw(context, state, round(context.get_time() / self._dt + 1.0) // BLOCK)
 
-    def _draw(self, state: Any, block: int) -> None:
+    def _draw(self, context: Any, state: Any, block: int) -> None:
         drawn: _Block = state.get_mutable_abstract_state(self._drawn).get_mutable_value()
-        if drawn.index != block:
-            drawn.index, drawn.rows = block, self._with_last(block)
+        draw = self._draw_of(context)
+        if (drawn.index, drawn.draw) != (block, draw):
+            drawn.index, drawn.draw, drawn.rows = block, draw, self._with_last(block, draw)
 
-    def _with_last(self, block: int) -> FloatArray:
+    def _with_last(self, block: int, draw: float) -> FloatArray:
         """(1 + BLOCK, ...) the last row before a block, which the updates of that tick still read, and the block's."""
-        return np.concatenate([self._rows(max(block - 1, 0))[-1:], self._rows(block)])
+        return np.concatenate([self._rows(max(block - 1, 0), draw)[-1:], self._rows(block, draw)])
 
     def _start(self, context: Any, values: DiscreteValues) -> None:
         """Count from the start time, and fill what is empty of the delay line."""
         new: Any = values
-        first = self._first_row(context.get_discrete_state(self._now).value()[TICK], context.get_time())
+        tick = context.get_discrete_state(self._now).value()[TICK]
+        first = self._first_row(tick, context.get_time(), self._draw_of(context))
         if first is not None:
             new.set_value(self._now, first)
         if self._length:
@@ -245,6 +263,8 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
 
 class Sensor(SensorBase):
     """n channels: `truth` (n) to `reading` (n). See `SensorBase` for the recursion, `SensorSpec` for the equation."""
+
+    is_drawn = False
 
     def __init__(
         self, size: int, spec: SensorSpec, dt: float, faults: Sequence[SensorFault] = (), seed: int = 0

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import LinearSystem
 
 from drake_tc.config.keys import Keys, key, one_of
 from drake_tc.config.records import record_keys, validated
@@ -15,7 +16,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.body_sensors import ForceTorque, Imu, add_imu, force_torque_spec
 from drake_tc.sensing.joint_sensors import Encoder, JointTorque, add_encoder
+from drake_tc.sensing.on_arrays import DRAW
 from drake_tc.sensing.spec import SensorFault, SensorSpec
+from drake_tc.types import FloatArray
 
 SENSORS = ("encoder", "imu", "force_torque", "joint_torque")
 """Names under which a scenario gives faults."""
@@ -157,6 +160,33 @@ class SensorSuite:
         return Readings(*map(reading, (self.encoder, self.imu, self.force_torque, self.joint_torque)))
 
 
+class RandomDraw(LinearSystem):
+    """A number that `SetRandomContext` draws from N(0, 1), and that is 0 in the default context; it stays what it is.
+
+    Output: y0 (1), by which sensors are other samples of their kind.
+    """
+
+    graph_stage = "logging"  # pictures leave it out, as logs
+
+    def __init__(self, dt: float) -> None:
+        """Declare the state.
+
+        Args:
+            dt: Period [s].
+        """
+        one: Any = np.eye(1)
+        nothing: Any = np.zeros((1, 0))
+        super().__init__(one, nothing, one, nothing, dt)
+        self.configure_random_state(one)
+
+    def coordinates(self, context: Context) -> FloatArray:
+        """(0,): what never changes is no state of the loop (`drake_tc.analysis`)."""
+        return np.zeros(0)
+
+    def set_coordinates(self, context: Context, x: FloatArray) -> None:
+        """Nothing to set."""
+
+
 def sensor_seed(seed: int, name: str) -> int:
     """A sensor's own seed from the scenario's: streams of different names are independent."""
     return int(np.random.SeedSequence([seed, zlib.crc32(name.encode())]).generate_state(1, np.uint64)[0] >> 1)
@@ -221,4 +251,10 @@ def add_sensors(
     joint_torque = JointTorque(plant, robot, suite.joint_torque, *rest("joint_torque"))
     builder.AddNamedSystem("joint_torque", joint_torque)
     builder.Connect(reactions, joint_torque.GetInputPort("reaction_forces"))
+    if not builder.HasSubsystemNamed("random_draw"):
+        builder.AddNamedSystem("random_draw", RandomDraw(dt))
+    draw = builder.GetSubsystemByName("random_draw").get_output_port(0)
+    for sensor in (encoder, imu, force_torque, joint_torque):
+        if sensor is not None:
+            builder.Connect(draw, sensor.GetInputPort(DRAW))
     return SensorSuite(encoder, imu, force_torque, joint_torque)
