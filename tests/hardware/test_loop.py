@@ -10,7 +10,6 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.diagrams.hardware_loop import ROBOT, SPEC, SWING, TIMES, controller, robot
@@ -91,8 +90,7 @@ def test_controller_and_simulated_robot_are_the_torque_loop():
     for joint, position in zip(described.joints, described.posture, strict=True):
         plant.GetJointByName(joint).set_default_angle(position)
     motion = knot_trajectory(TIMES, described.posture + SWING[[0, 1, 0, 1]])
-    gains = TorqueGains.from_servo(models, k6=1.0, k7=0.01, kp=2.0, kf=np.zeros(6))
-    loop = add_torque_loop(builder, plant, described, models, motion, SPEC, gains=gains)
+    loop = add_torque_loop(builder, plant, described, models, motion, SPEC)
     log = loop.add_log(builder, "encoder", "imu", "force_torque", "command")
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(1.3)
