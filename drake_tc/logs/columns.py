@@ -343,16 +343,21 @@ def _valid(table: pd.DataFrame, rig: Rig, path: Path) -> BoolArray:
     return holds
 
 
+def _stated_in_file(canonical: str, name: str, table: pd.DataFrame) -> tuple[str, str, str]:
+    """What the file states in the name of a column, what below it, and the unit that this is; empty where none."""
+    suffix = canonical.rpartition("/")[2]
+    below = str(table.attrs.get("units", {}).get(name, ""))
+    in_name = "" if name == canonical else stated_unit(name, suffix)
+    return in_name, below, in_name or unit_named(below, suffix)
+
+
 def _unit_of_file(canonical: str, name: str, table: pd.DataFrame, path: Path) -> str:
     """The SI unit that the file states for a column of which the rig file states none; empty if it states none.
 
     Raises:
         LogError: It states another one: names the column and the unit.
     """
-    suffix = canonical.rpartition("/")[2]
-    below = str(table.attrs.get("units", {}).get(name, ""))
-    in_name = "" if name == canonical else stated_unit(name, suffix)
-    unit = in_name or unit_named(below, suffix)
+    in_name, below, unit = _stated_in_file(canonical, name, table)
     where, stated = ("its name", in_name) if in_name else ("line 2 of the file", below)
     scale = parse_unit(canonical, unit) if unit else None
     if stated and (scale.factor != 1.0 or scale.offset != 0.0 if scale else is_unit(stated)):
@@ -406,7 +411,10 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
             except ValueError as error:
                 raise LogError(f"{path}: {error}") from None
         scale = scale_of(canonical, rig.units)
-        if not scale.stated:
+        if scale.stated and not {canonical, canonical.rpartition("/")[2]} & set(rig.units):
+            unit = _stated_in_file(canonical, name, table)[2]  # goes before that of the joint's position
+            scale, stated = (parse_unit(canonical, unit), stated | {canonical: unit}) if unit else (scale, stated)
+        elif not scale.stated:
             unit = _unit_of_file(canonical, name, table, path)
             stated |= {canonical: unit} if unit else {}
         if scale.factor != 1.0 or scale.offset != 0.0:

@@ -118,8 +118,13 @@ def test_names_keep_their_degree_sign(tmp_path, encoding):
 
 
 @pytest.mark.parametrize(("above", "lines"), [("recorder\n", "line 1"), ("Recorder\nMotor;XY\n\n", "lines 1 to 3")])
-def test_lines_above_the_names_are_refused_with_their_numbers(tmp_path, above, lines):
+def test_lines_above_the_names_are_skipped_or_refused_with_their_numbers(tmp_path, above, lines):
     (tmp_path / "run.csv").write_text(above + mine().to_csv(index=False, sep=";"))
+    table = read_table(tmp_path / "run.csv")
+    assert_allclose(table["angle"], mine()["angle"], rtol=1e-15)
+    assert any("above the names" in note and "skipped" in note for note in table.attrs["notes"])
+    # no row of numbers alone shows where the names are
+    (tmp_path / "run.csv").write_text(above + mine().assign(target="moving").to_csv(index=False, sep=";"))
     with pytest.raises(LogError, match=rf"4 cells: remove {lines}, so that the names come first"):
         read_table(tmp_path / "run.csv")
 

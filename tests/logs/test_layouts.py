@@ -57,6 +57,45 @@ def pairs(path: Path) -> Path:
     return path
 
 
+def named_times(path: Path) -> Path:
+    """Each channel beside a time that has a name of its own, as data loggers export several inputs."""
+    own = {"pos [deg]": POSITION * DEG, "cur [mA]": CURRENT * 1e3, "load [Nm]": TORQUE}
+    columns = {
+        name: values for key, series in own.items() for name, values in ((f"t_{key[:3]} [s]", TIME), (key, series))
+    }
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
+def units_of_pairs(path: Path) -> Path:
+    """Names over the times, and below them a line of units in place of X and Y."""
+    values = np.column_stack([TIME, POSITION * DEG, TIME, CURRENT * 1e3, TIME, TORQUE])
+    rows = "\n".join(",".join(f"{value:.9f}" for value in row) for row in values)
+    path.write_text("Position,,Current,,Torque,\ns,deg,s,mA,s,Nm\n" + rows + "\n")
+    return path
+
+
+def device_above(path: Path) -> Path:
+    own = table(time="Time [s]", position="Actual Position [deg]", current="Actual Current [mA]", torque="Load [Nm]")
+    text = (own * [1.0, DEG, 1e3, 1.0]).to_csv(index=False)
+    path.write_text(f"Device,EPOS\nDate,2026-01-02\n\n{text}")
+    return path
+
+
+def decimal_commas(path: Path) -> Path:
+    own = table(time="Zeit", position="Winkel", current="Strom", torque="Drehmoment") * [1.0, DEG, 1e3, 1.0]
+    names, rows = own.to_csv(index=False, sep=";", decimal=",").split("\n", 1)
+    path.write_text(f"{names}\ns;°;mA;Nm\n{rows}", encoding="utf-8")
+    return path
+
+
+def two_units_of_angles(path: Path) -> Path:
+    """What the name of the command states goes before the unit of the position."""
+    own = table(position="position (deg)", position_command="position_command (rad)", torque="torque (N·mm)")
+    (own * [1.0, DEG, 1.0, 1e3]).to_csv(path, index=False)
+    return path
+
+
 def clocks(path: Path) -> Path:
     """Each channel after a time of its own; the last two are sampled later than the first."""
     late = TIME + 0.001
@@ -147,6 +186,11 @@ LAYOUTS = {
     "numpy.savetxt": lambda folder: savetxt(folder / "run.csv"),
     "pairs": lambda folder: pairs(folder / "run.csv"),
     "clocks": lambda folder: clocks(folder / "run.csv"),
+    "named times": lambda folder: named_times(folder / "run.csv"),
+    "units of pairs": lambda folder: units_of_pairs(folder / "run.csv"),
+    "device above": lambda folder: device_above(folder / "run.csv"),
+    "decimal commas": lambda folder: decimal_commas(folder / "run.csv"),
+    "two units of angles": lambda folder: two_units_of_angles(folder / "run.csv"),
     "units below": lambda folder: units_below(folder / "run.csv"),
     "units in names": lambda folder: units_in_names(folder / "run.csv"),
     "units at the end": lambda folder: units_at_the_end(folder / "run.csv"),
@@ -248,3 +292,25 @@ def test_a_joint_of_the_rig_finds_its_columns_behind_a_dot(tmp_path):
     run = load_run(path, parse_rig(rig))
     assert_allclose(run.columns["knee_joint/current"], CURRENT, rtol=0, atol=1e-9)
     same_signals(run, "knee_joint")
+
+
+@pytest.mark.parametrize("columns", ["time [s],position [rad],loop [s],current [A]", "t [s],t_sys [s],q [rad],i [A]"])
+def test_a_second_time_makes_no_pairs(tmp_path, columns):
+    """A duration beside the clock, and two clocks of all rows."""
+    second = 1e-3 + 1e-5 * NOISE.normal(size=TIME.size) if "loop" in columns else TIME + 5.0
+    rows = (TIME, POSITION, second, CURRENT) if "loop" in columns else (TIME, second, POSITION, CURRENT)
+    path = tmp_path / "run.csv"
+    pd.DataFrame(dict(zip(columns.split(","), rows, strict=True))).to_csv(path, index=False)
+    found = inspect_log(path)
+    assert not any("its own time column" in note for note in found.notes)
+    same = load_run(path, parse_rig(dict(found.rig))).columns["joint/current"]
+    assert_allclose(same, CURRENT, rtol=0, atol=1e-9)
+
+
+def test_counts_in_brackets_are_no_joint_and_no_degrees(tmp_path):
+    path = tmp_path / "run.csv"
+    counts = POSITION * 4096 / (2.0 * np.pi)
+    for values in (counts, np.round(counts)):
+        pd.DataFrame({"time": TIME, "Position [inc]": values, "Current [mA]": CURRENT * 1e3}).to_csv(path, index=False)
+        found = next(each for each in inspect_log(path).columns if each.name == "Position [inc]")
+        assert found.canonical == "joint/position" and found.unit != "deg"

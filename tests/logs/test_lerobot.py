@@ -127,3 +127,11 @@ def test_an_episode_that_is_not_there_and_one_given_twice(tmp_path):
     with pytest.raises(LogError, match=r"set#1: .*set is also given and has all episodes"):
         require_different_files([folder], [Path(f"{folder}#1")])
     require_different_files([Path(f"{folder}#0")], [Path(f"{folder}#1")])
+
+
+def test_positions_within_a_hundred_may_be_shares_of_a_range(tmp_path):
+    """LeRobot normalises positions; positions in rad are no shares."""
+    path = data_set(tmp_path / "shares").parents[2]
+    assert any("share of each joint's calibrated range" in note for note in inspect_log(path).notes)
+    small = written(tmp_path / "rad", version=3, names=MOTORS)
+    assert not any("share of each joint" in note for note in inspect_log(small).notes)

@@ -10,7 +10,7 @@ What the messages of one topic hold: rows of numbers with the sender's and the r
 
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -91,9 +91,13 @@ class Stream:
 
 
 def complete(streams: Sequence[Stream]) -> list[Stream]:
-    """The streams, where those of one topic's measurements that share columns are one; what a message lacks is NaN."""
+    """The streams, where those of one topic's measurements that share columns are one; what a message lacks is NaN.
+
+    Where two nodes send joint states of the same joints on one topic, each has a stream of its own: the topic's name
+    with `#1` and `#2`, or, for the sender of fewer quantities, with `#2`.
+    """
     result: list[Stream] = []
-    for stream in streams:
+    for stream in (part for each in _by_quantities(streams) for part in _senders(each)):
         alike = [
             s for s in result if (s.topic, s.kind) == (stream.topic, Kind.measured) and set(s.names) & set(stream.names)
         ]
@@ -112,6 +116,82 @@ def complete(streams: Sequence[Stream]) -> list[Stream]:
         result = [s for s in result if not any(s is each for each in alike)]
         result.append(whole)
     return result
+
+
+SENDER = "#"
+"""Before the number of a sender, where several use one topic."""
+LEAST_SHARE = 0.1
+"""Share of a topic's messages from which those with fewer quantities are another sender's."""
+TURNS = 0.3
+"""Step of the positions over two messages, relative to that over one, below which two senders take turns."""
+MOST_ROWS, LEAST_ROWS = 20_000, 100
+
+
+def _by_quantities(streams: Sequence[Stream]) -> list[Stream]:
+    """The streams; one whose messages lack a quantity that others of its topic have of the same joints gets a name.
+
+    Its positions are others, too: by more than those of the topic change from one message to the next.
+    """
+    result = []
+    for stream in streams:
+        richer = [
+            other
+            for other in streams
+            if other.topic == stream.topic and other.kind is stream.kind is Kind.measured and _has_more(other, stream)
+        ]
+        most = max(richer, key=len, default=None)
+        apart = most is not None and len(stream) > LEAST_SHARE * len(most) and _is_elsewhere(stream, most)
+        result.append(replace(stream, topic=f"{stream.topic}{SENDER}2") if apart else stream)
+    return result
+
+
+def _is_elsewhere(stream: Stream, other: Stream) -> bool:
+    """Whether its positions are not those of another stream at its times."""
+    shared = [name for name in stream.names if name.endswith("/position") and name in other.names]
+    mine, theirs = (each.columns() for each in (stream, other))
+    stamped = all(each.stamps[-1] != 0 for each in (stream, other))
+    at, known = (
+        np.frombuffer(each.stamps if stamped else each.received, dtype=np.int64).astype(np.float64)
+        for each in (stream, other)
+    )
+    order = np.argsort(known, kind="stable")
+    apart = sum(np.abs(mine[name] - np.interp(at, known[order], theirs[name][order])) for name in shared)
+    step = sum(np.abs(np.diff(theirs[name][order], prepend=theirs[name][order[0]])) for name in shared)
+    return float(np.median(apart)) > float(np.median(step))
+
+
+def _has_more(other: Stream, stream: Stream) -> bool:
+    positions = [name for name in stream.names if name.endswith("/position") and name in other.names]
+    of_shared = {name.rpartition("/")[0] for name in positions}
+
+    def quantities(each: Stream) -> set[str]:
+        return {suffix for joint, _, suffix in (name.rpartition("/") for name in each.names) if joint in of_shared}
+
+    return bool(positions) and quantities(other) > quantities(stream)
+
+
+def _senders(stream: Stream) -> list[Stream]:
+    """The stream, or two where messages with other positions alternate with its own."""
+    places = [i for i, name in enumerate(stream.names) if name.endswith("/position")]
+    if stream.kind is not Kind.measured or not places or len(stream) < LEAST_ROWS:
+        return [stream]
+    table = stream.table()[:, places]
+    some = table[:MOST_ROWS]
+    one, two = (np.abs(some[k:] - some[:-k]).sum(axis=1) for k in (1, 2))
+    if not 0.0 < float(np.median(two)) < TURNS * float(np.median(one)):
+        return [stream]
+    last, parts = [table[0], table[1]], [replace(stream, **_nothing()), replace(stream, **_nothing())]
+    width, values = len(stream.names), stream.values
+    for row in range(len(stream)):
+        nearest = int(np.abs(table[row] - last[1]).sum() < np.abs(table[row] - last[0]).sum())
+        last[nearest] = table[row]
+        own = values[row * width : (row + 1) * width]
+        parts[nearest].add(stream.stamps[row], stream.received[row], own)
+    return [replace(part, topic=f"{stream.topic}{SENDER}{number}") for number, part in enumerate(parts, 1)]
+
+
+def _nothing() -> dict[str, Any]:
+    return {"stamps": array("q"), "received": array("q"), "values": array("d")}
 
 
 def is_command(topic: str) -> bool:

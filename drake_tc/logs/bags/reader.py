@@ -15,7 +15,7 @@ from drake_tc.config.files import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.cut import is_cut, whole_bag
 from drake_tc.logs.bags.joined import joined
-from drake_tc.logs.bags.messages import EXTRACT, Kind, Row, Stream, complete
+from drake_tc.logs.bags.messages import EXTRACT, SENDER, Kind, Row, Stream, complete
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 """Files that hold bags; a folder with `metadata.yaml` is one, too."""
@@ -52,6 +52,8 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
         LogError: no bag, damaged, without joint states; or the package that reads bags is missing.
     """
     streams, told = complete(list(read_streams(path).values())), _told_of_files(path)
+    shared = dict.fromkeys(s.topic.partition(SENDER)[0] for s in streams if SENDER in s.topic)
+    told += [f"Two nodes send joint states of the same joints on {topic}." for topic in shared]
     try:
         table = joined(streams, path, needed)
     except LogError as error:

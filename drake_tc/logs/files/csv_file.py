@@ -11,10 +11,12 @@ X,Y,X,Y,                       or      0.000,0.10,0.0000,0.5
 
 import csv
 import io
+import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, NamedTuple
 
 import numpy as np
@@ -35,9 +37,11 @@ from drake_tc.logs.files.csv_header import (
     comments_above,
     decoded,
     is_comment,
+    lines_above_names,
     stated_units,
 )
 from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.units import TIME
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
 
@@ -74,6 +78,9 @@ def with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
     return table
 
 
+_IN_BRACKETS = re.compile(r".*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*")
+FIRST_ROWS = 20
+"""Lines in which a layout shows."""
 X_NAMES = ("x", "t", "time")
 """Small letters of what a line below the names calls the times."""
 
@@ -85,11 +92,13 @@ class Pairs(NamedTuple):
         time: Name of the time.
         channels: By channel, its name, the place of its times, and its own place.
         lines: Lines above the first row of data.
+        units: By channel, what a line below the names states.
     """
 
     time: str
     channels: tuple[tuple[str, int, int], ...]
     lines: int
+    units: Mapping[str, str] = MappingProxyType({})
 
 
 def pairs_of(rows: Sequence[Sequence[str]]) -> Pairs | None:
@@ -100,23 +109,54 @@ def pairs_of(rows: Sequence[Sequence[str]]) -> Pairs | None:
     """
     if not rows:
         return None
-    return _with_a_line_of_axes(rows) or _with_repeated_times(rows[0])
+    return _with_a_line_of_axes(rows) or _with_repeated_times(rows[0]) or _with_named_times(rows)
 
 
 def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> Pairs | None:
     """Names over every second column, and below them `X, Y, X, Y`."""
     if len(rows) < 2:
         return None
-    axes = [cell.lower() for cell in rows[1]]
-    while axes and not axes[-1]:
-        axes.pop()
-    x, y = (axes[0], axes[1]) if len(axes) > 1 else ("", "")
-    if len(axes) % 2 or x not in X_NAMES or x == y or axes != [x, y] * (len(axes) // 2):
+    below = [cell.strip("[]() ") for cell in rows[1]]
+    while below and not below[-1]:
+        below.pop()
+    axes = [cell.lower() for cell in below]
+    x, others = axes[0] if axes else "", set(axes[1::2])
+    of_times = (x in X_NAMES and len(others) == 1) or (x in TIME and not others & {*TIME, ""})
+    if len(axes) < 2 or len(axes) % 2 or set(axes[::2]) != {x} or x in others or not of_times:
         return None
     names = [*rows[0], *[""] * (len(axes) - len(rows[0]))]
-    named = [names[i] or names[i + 1] for i in range(0, len(axes), 2)]
-    channels = tuple((name, 2 * i, 2 * i + 1) for i, name in enumerate(named) if name)
-    return Pairs("time", channels, 2) if channels else None
+    named = [(names[i], names[i + 1]) for i in range(0, len(axes), 2)]
+    if x in TIME and all(time and name for time, name in named):
+        return None  # a name over each column: a line of units, which `_with_named_times` reads
+    channels = tuple((time or name, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
+    units = {name: below[at] for name, _, at in channels} if x in TIME else {}
+    time = f"time [{x}]" if x in TIME else "time"
+    return Pairs(time, channels, 2, units) if channels else None
+
+
+def _with_named_times(rows: Sequence[Sequence[str]]) -> Pairs | None:
+    """Names of all columns, each second one of which states that it is a time: `t_pos [s],pos,t_cur [s],current`.
+
+    The unit of all times is the same, and all of them increase in the first rows.
+    """
+    names, units = list(rows[0]), stated_units(rows)
+    stated = [_IN_BRACKETS.fullmatch(name) for name in names]
+    told = [found[1] if found else units.get(name, "") for name, found in zip(names, stated, strict=True)]
+    times, others = told[::2], told[1::2]
+    if len(names) < 4 or len(names) % 2 or len(set(times)) != 1 or times[0].lower() not in TIME:
+        return None
+    if any(each.lower() in TIME for each in others) or not all(names):
+        return None
+    lines = 2 if units else 1
+    data = [[_number_of(cell) for cell in row[: len(names) : 2]] for row in rows[lines:] if len(row) >= len(names)]
+    if len(data) < 2 or not np.all(np.diff(np.array(data), axis=0) > 0.0):
+        return None
+    channels = tuple((names[at], at - 1, at) for at in range(1, len(names), 2))
+    return Pairs(f"time [{times[0]}]", channels, lines, {name: units[name] for name, *_ in channels if name in units})
+
+
+def _number_of(cell: str) -> float:
+    return float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell.replace(".", ",")) else math.nan
 
 
 def _with_repeated_times(names: Sequence[str]) -> Pairs | None:
@@ -156,6 +196,8 @@ def of_pairs(cells: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     else:
         joined = pd.concat(series, axis=1, sort=True)
         table = joined.reset_index(names=pairs.time)
+    if pairs.units:
+        table.attrs["units"] = dict(pairs.units)
     table.attrs["notes"] = [
         f"Each of the {len(series)} channels has its own time column; the rows are the times of all channels."
     ]
@@ -193,14 +235,24 @@ def _content(path: Path) -> _Content:
     below = content[sum(map(len, above)) :]
     within = [line for line in below.splitlines(keepends=True) if is_comment(line)] if _may_hold_comments(below) else []
     if not above and not within:
-        return _Content(opened, 0, ())
+        return _without_preamble(_Content(opened, 0, ()))
     if within:
         below = b"".join(line for line in below.splitlines(keepends=True) if not is_comment(line) or not line.strip())
     names = commented_names(above, below[:LONGEST_LINE].splitlines()[0])
     whole = names.encode() + b"\n" + below if names else below
     left_out = len(above) - bool(names) + sum(1 for line in within if line.strip())
     notes = (f"{left_out} comment lines or empty lines were skipped.",) if left_out else ()
-    return _Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes)
+    return _without_preamble(_Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes))
+
+
+def _without_preamble(content: _Content) -> _Content:
+    """The content without lines above the names that say something else."""
+    lines = lines_above_names(content.opened)
+    if not lines:
+        return content
+    which = f"{lines} lines above the names of the columns were" if lines > 1 else "The line above the names was"
+    note = f"{which} skipped."
+    return _Content(_without_lines(content.opened, lines), content.above + lines, (*content.notes, note))
 
 
 def _may_hold_comments(content: bytes) -> bool:
@@ -212,7 +264,7 @@ def first_line(path: Path) -> int:
     content = _content(path)
     separator = _separator(content.opened)
     with content.opened() as file:
-        rows = cells(file, separator, 3)
+        rows = cells(file, separator, FIRST_ROWS)
     pairs = pairs_of(rows)
     return content.above + (pairs.lines + 1 if pairs else 3 if stated_units(rows) else 2)
 
@@ -299,7 +351,7 @@ def read_csv(path: Path) -> pd.DataFrame:
     opened, above, notes = _content(path)
     separator = _separator(opened)
     with opened() as file:
-        pairs = pairs_of(cells(file, separator, 3))
+        pairs = pairs_of(cells(file, separator, FIRST_ROWS))
     if pairs is None:
         table = with_decimal_points(_cells(path, opened, separator, above), separator)
     else:

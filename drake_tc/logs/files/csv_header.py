@@ -97,9 +97,9 @@ def stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
     """
     if len(rows) < 3:
         return {}
-    names, second, third = rows
+    names, second, third = rows[:3]
     filled = {name: cell.strip("[]()") for name, cell in zip(names, second, strict=False) if cell}
-    if not filled or any(map(_is_number, filled.values())) or not any(map(_is_number, third)):
+    if not filled or any(map(_is_number, filled.values())) or not any(map(_is_decimal, third)):
         return {}
     known = sum(is_unit(cell) or is_known(cell) for cell in filled.values())
     return filled if 2 * known >= len(filled) else {}
@@ -140,6 +140,31 @@ def check_names_are_words(path: Path, names: Sequence[str]) -> None:
             f"{path}: expected the names of the columns in line 1, got numbers ({quoted(filled[0])} first);"
             " add a header line, such as time,<joint>/position"
         )
+
+
+def _is_decimal(text: str) -> bool:
+    """Whether a cell is a number, its decimal sign a point or a comma."""
+    return _is_number(text.replace(",", ".", 1))
+
+
+def lines_above_names(opened: Callable[[], IO[bytes]]) -> int:
+    """How many lines above the names say something else, such as the date and the device.
+
+    The names are the line above the first row of numbers, or above a line of units, if they have as many cells.
+    """
+    with opened() as file:
+        lines = [decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
+    for separator in (mark for mark in SEPARATORS if any(mark in line for line in lines)):
+        rows = [[cell.strip() for cell in line.strip().split(separator)] for line in lines]
+        numbers = (i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_decimal, row)))
+        first = next(numbers, 0)
+        names = first - 2 if first > 1 and stated_units(rows[first - 2 : first + 1]) else first - 1
+        own = rows[names] if names > 0 else []
+        if len(set(own)) < len(own) == len(rows[names - 1]):  # X, Y, X, Y below the names
+            return names - 1
+        if len(own) == len(rows[first]) and all(own) and not any(map(_is_decimal, own)):
+            return names
+    return 0
 
 
 def _is_number(text: str) -> bool:

@@ -24,6 +24,12 @@ from drake_tc.logs.inspection.names import meaning
 INFO = Path("meta") / "info.json"
 """Of a data set, relative to its folder."""
 TIME, EPISODE = "timestamp", "episode_index"
+NORMALISED, MOST_RADIANS = 100.0, 4.0 * np.pi
+"""LeRobot's normalised positions lie within the first; those in rad within the second."""
+SHARES_HINT = (
+    "All positions lie within ±100. LeRobot writes the positions of many arms as a share of each joint's calibrated"
+    " range, from -100 to 100, unless degrees were asked for: write the factor to rad of each joint under `units:`."
+)
 PICTURES = ("image", "video")
 """Types of features that are no signals."""
 
@@ -46,7 +52,12 @@ def read_data_set(source: Source) -> pd.DataFrame:
         named = [file for file in files if file.stem == f"episode_{source.episode:06d}"]
         files = named or files
     tables = [_frames(file) for file in files]
-    return _of_episodes(pd.concat(tables, ignore_index=True) if len(tables) > 1 else tables[0], source)
+    table = _of_episodes(pd.concat(tables, ignore_index=True) if len(tables) > 1 else tables[0], source)
+    positions = [name for name in table.columns if str(name).endswith(("/pos", "/position"))]
+    largest = float(table[positions].abs().to_numpy().max(initial=0.0)) if positions else 0.0
+    if MOST_RADIANS < largest <= NORMALISED:
+        table.attrs["hints"] = [*table.attrs.get("hints", ()), SHARES_HINT]
+    return table
 
 
 def _frames(path: Path) -> pd.DataFrame:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.columns import seconds_of_dates
-from drake_tc.logs.inspection.names import DUTY_CYCLE, Meaning
+from drake_tc.logs.inspection.names import COUNTS, DUTY_CYCLE, Meaning
 from drake_tc.logs.units import SENSOR_SUFFIXES
 from drake_tc.types import FloatArray
 
@@ -97,7 +97,7 @@ def describe(
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.unit:
         unit, why = told.unit, f"{told.unit_by} states {told.unit}"
-    elif told.unknown_unit:
+    elif told.unknown_unit and not (whole and told.unknown_unit.lower() in COUNTS):
         unit, why = "", f"{told.unit_by} states {told.unknown_unit}, which is no unit of it that a rig file may name"
     elif told.by in DUTY_CYCLE:
         unit, why = "", "a duty cycle: its unit is the voltage [V] of one step of it, 0.12 for percent of 12 V"

@@ -14,7 +14,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "position": (
             *("position", "pos", "q", "qpos", "angle", "ang", "theta", "actual_q", "present_position", "encoder"),
             *("joint_position", "joint_pos", "q_actual", "q_meas", "measured_position", "state_position", "phi"),
-            *("present_pos", "actual_pos", "enc", "encoder_position", "encoder_pos", "encoder_angle", "posn"),
+            *("present_pos", "actual_pos", "enc", "encoder_position", "encoder_pos", "encoder_angle", "posn", "winkel"),
         ),
         "position_command": (
             *(
@@ -51,15 +51,15 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "current": (
             *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
-            *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i", "curr", "q_axis", "q_axis_current"),
+            *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i", "curr", "q_axis", "q_axis_current", "strom"),
         ),
         "voltage": (
-            *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor"),
+            *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor", "spannung"),
             *DUTY_CYCLE,
         ),
         "torque": (
             *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
-            *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured"),
+            *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured", "drehmoment"),
             *("force", "load_cell", "loadcell", "force_sensor", "measured_force", "load_force", "axial_force"),
         ),
         "torque_command": (
@@ -79,7 +79,20 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
             *("v_bat", "v_bus", "v_supply", "vsupply"),
         ),
-        "time": ("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
+        "time": (
+            "time",
+            "t",
+            "timestamp",
+            "stamp",
+            "time_s",
+            "secs",
+            "seconds",
+            "time_ms",
+            "t_s",
+            "time_stamp",
+            "ts",
+            "zeit",
+        ),
     }
 )
 """Quantity to the words, joined by '_' in small letters, that columns of it are called."""
@@ -114,6 +127,11 @@ _D_AXIS = ("d_axis", "i_d", "id")
 """Names of the current that makes no torque."""
 _BY_UNIT = ("current", "voltage", "torque", "velocity", "position", "temperature")
 """Quantities that a unit may tell where the name does not, or tells another one."""
+COUNTS = (
+    *("inc", "incs", "increment", "increments", "tick", "ticks", "count", "counts", "cnt", "cnts", "qc"),
+    *("pulse", "pulses", "step", "steps", "lsb", "digit", "digits"),
+)
+"""What names state in brackets where a unit would be: numbers of a register, whose unit the file does not say."""
 _IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
 _AT_THE_END = at_the_end()
 
@@ -162,6 +180,8 @@ def meaning(name: str) -> Meaning | None:
         unit = "" if told is None else _unit(found[3], told.quantity)
         if told is not None and unit:
             return replace(told, unit=unit)
+        if told is not None and found[3].lower() in COUNTS:
+            return replace(told, unknown_unit=found[3])
         if found[2] == "[" or is_unit(found[3]):
             by_unit = _of_unit(found[1], told, found[3])
             if by_unit is not None:

@@ -164,6 +164,9 @@ def suggested_rig(
     if time:
         stated = {"time": time} | stated
     units = {name: _factor(each.unit) for name, each in stated.items() if each.unit not in ("", *PLAIN)}
+    turned = {name.rpartition("/")[0] for name in units if name.endswith("/position")}
+    # the unit of a joint's position would be that of its other angles
+    units |= {name: "rad" for name, each in stated.items() if each.unit == "rad" and name.rpartition("/")[0] in turned}
     document |= ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
     return document, "" if chosen is None else comment_on(*chosen)
 

@@ -114,3 +114,49 @@ def test_rows_of_other_joints_add_no_samples(tmp_path, topics):
     run = load_run(path, parse_rig(TORQUE_DRIVE))
     assert_allclose(run.columns["knee/position"], MEASURED, rtol=0, atol=1e-9)
     assert len(read_table(path)) >= often.size
+
+
+def test_goals_on_the_topic_of_the_measurements_are_not_taken_for_some(tmp_path):
+    """Two nodes use one topic; the goals are positions alone, between the messages of the driver."""
+    goal = np.sin(3.0 * (TIME + 0.05))
+    states = (MEASURED, VELOCITY, EFFORT)
+    path = bag(
+        tmp_path / "bag",
+        joint_states("/joint_states", TIME, {"knee": states}),
+        joint_states("/joint_states", TIME + 0.002, {"knee": (goal,)}),
+    )
+    run = load_run(path, parse_rig(TORQUE_DRIVE))
+    assert_allclose(run.columns["knee/position"], MEASURED, rtol=0, atol=1e-9)
+    assert "Two nodes send joint states of the same joints on /joint_states." in run.hints
+    entry = {"position": "joint_states#2/<joint>/position"}
+    run = load_run(path, parse_rig(TORQUE_DRIVE | {"columns": TORQUE_DRIVE["columns"] | entry}))
+    assert_allclose(run.columns["knee/position"], goal, rtol=0, atol=1e-9)  # the rows are those of the goals then
+
+
+def test_two_senders_of_the_same_quantities_are_told_apart_and_none_is_taken(tmp_path):
+    """A copy that is 0.5 rad away alternates with the driver; a few of its messages are lost."""
+    kept = np.flatnonzero(np.arange(TIME.size) % 97 != 5)
+    other = [values[kept] for values in (MEASURED + 0.5, VELOCITY, EFFORT)]
+    path = bag(
+        tmp_path / "bag",
+        joint_states("/joint_states", TIME, {"knee": (MEASURED, VELOCITY, EFFORT)}),
+        joint_states("/joint_states", TIME[kept] + 0.002, {"knee": other}),
+    )
+    with pytest.raises(LogError, match=r"may come from the topics /joint_states#1, /joint_states#2"):
+        load_run(path, parse_rig(TORQUE_DRIVE))
+    columns = {"position": "joint_states#1/<joint>/position", "torque_command": "joint_states#1/<joint>/effort"}
+    run = load_run(path, parse_rig(TORQUE_DRIVE | {"columns": columns}))
+    assert_allclose(run.columns["knee/position"], MEASURED, rtol=0, atol=1e-9)
+
+
+def test_one_driver_whose_encoder_flickers_is_one_sender(tmp_path):
+    """A step forth and back at rest, and parts of a robot in turn, are no second node."""
+    flicker = 1e-3 * (np.arange(TIME.size) % 2) + np.where(np.arange(TIME.size) % 100 < 40, 0.0, MEASURED)
+    path = bag(
+        tmp_path / "bag",
+        joint_states("/joint_states", TIME, {"knee": (flicker, VELOCITY, EFFORT)}),
+        joint_states("/joint_states", TIME + 0.001, {"hip": (2.0 * MEASURED, VELOCITY, EFFORT)}),
+    )
+    run = load_run(path, parse_rig(TORQUE_DRIVE))
+    assert not any("Two nodes" in hint for hint in run.hints)
+    assert len(run) == TIME.size
