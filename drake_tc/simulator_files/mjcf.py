@@ -153,7 +153,7 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
     joints = joints_of(root)
     gears = gears_of(joints, degrees=degrees)
     made = _compiled_by_mujoco(joints, path)
-    outside, flags = _couplings(root), _disabled(root)
+    outside, flags, everywhere = _couplings(root), _disabled(root), _beside_joints(root)
     found = {}
     for name, joint in joints.items():
         if name in gears:
@@ -161,7 +161,9 @@ def mjcf_joints(root: ET.Element, path: Path | None = None) -> dict[str, ReadJoi
         read = _driven(_passive(joint, degrees=degrees, flags=flags), joint, flags, made)
         for other in (each for each, driven in gears.items() if driven == name):
             read = _with_gear(read, joints[other], degrees=degrees, flags=flags)
-        found[name] = _in_effect(read, joint, flags, made).also_unused(*outside.get(name, ()), *_of_body(joint))
+        found[name] = _in_effect(read, joint, flags, made).also_unused(
+            *outside.get(name, ()), *_of_body(joint), *everywhere
+        )
     return found
 
 
@@ -448,6 +450,10 @@ def _disabled(root: ET.Element) -> set[str]:
 def _couplings(root: ET.Element) -> dict[str, list[str]]:
     """By joint, what couples it to others: equalities and tendons."""
     found: dict[str, list[str]] = {}
+    pulling: dict[str, list[str]] = {}
+    for each in root.iterfind("actuator/*"):
+        if each.get("tendon"):
+            pulling.setdefault(each.get("tendon", ""), []).append(f"its actuator {place(each)}")
     for group in root.findall("equality"):
         for each in group.findall("joint"):
             for name in (each.get("joint1", ""), each.get("joint2", "")):
@@ -456,7 +462,20 @@ def _couplings(root: ET.Element) -> dict[str, list[str]]:
         for each in group.findall("fixed"):
             for part in each.findall("joint"):
                 found.setdefault(part.get("joint", ""), []).append(f"its tendon {place(each)}")
+                found[part.get("joint", "")] += pulling.get(each.get("name", ""), ())
     return found
+
+
+def _beside_joints(root: ET.Element) -> list[str]:
+    """What acts on bodies, and so on any joint: air and water, closed loops, spatial tendons."""
+    found = [
+        f"{name} of {place(each)}"
+        for each in root.findall("option")
+        for name in ("density", "viscosity", "wind")
+        if any(finite(each, name, each.get(name, "")))
+    ]
+    found += [place(each) for each in root.iterfind("equality/*") if each.tag in ("connect", "weld", "tendon")]
+    return found + [place(each) for each in root.iterfind("tendon/spatial")]
 
 
 def _of_body(joint: MjcfJoint) -> list[str]:

@@ -77,6 +77,30 @@ def test_what_is_not_used_is_listed_with_its_line(tmp_path):
         assert words in told, words
 
 
+def test_what_acts_on_bodies_is_listed_at_their_joints(tmp_path):
+    """MuJoCo applies drag, closed loops and tendons; an actuator may pull at a tendon of the joint."""
+    joint = read_one(
+        tmp_path,
+        options='<option density="1.2" viscosity="0"/>',
+        more='<site name="s"/>',
+        actuators='<motor name="pull" tendon="t"/>',
+        rest='<worldbody><site name="w"/></worldbody><tendon><fixed name="t"><joint joint="a" coef="1"/></fixed>'
+        '<spatial name="rope" stiffness="2"><site site="s"/><site site="w"/></spatial></tendon>'
+        '<equality><connect site1="s" site2="w"/></equality>',
+    )
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml")).opt.density == 1.2
+    told = "; ".join(joint.unused)
+    for words in (
+        "density of <option>",
+        "<connect> in line 1",
+        "<spatial name='rope'>",
+        "its actuator <motor name='pull'>",
+    ):
+        assert words in told, words
+    assert "viscosity" not in told
+
+
 def test_an_include_is_followed_and_one_that_is_missing_is_named(tmp_path):
     (tmp_path / "drives.xml").write_text(
         '<mujoco><actuator><position joint="a" kp="7"/></actuator></mujoco>', encoding="utf-8"
