@@ -9,9 +9,9 @@ GIVE_WAY on the joints are damped alone. In between a <= 1 is the largest with w
 
     tau . v <= (1 - u) max(tau_tick . v, 0),  u = min(w/NO_POWER, 1),
 
-so that it is not positive from 2 ms after START on. D is the law's `fallback_damping`, less where that would be more than a tick can damp: the largest eigenvalue of period M^-1 D stays
-below STABLE, M^-1 the joints' block of the inverse mass matrix. While s > 0 a contact that moves carries nothing and
-is dropped from the tick.
+so that it is not positive from 2 ms after START on. D is the law's `fallback_damping`, less where that would be more
+than a tick can damp: the largest eigenvalue of period M^-1 D stays below STABLE, M^-1 the joints' block of the inverse
+mass matrix. While s > 0 a contact that moves carries nothing and is dropped from the tick.
 """
 
 from typing import NamedTuple

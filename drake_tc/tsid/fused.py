@@ -123,6 +123,13 @@ class FusedProblem:
             sum(rows.relaxed for rows in limits),
         )
 
+    def task_sizes(self, contacts: ActiveContacts, written: WrittenRows) -> list[int]:
+        """Rows of each task; arguments as `arguments` takes them."""
+        tables = self.tables(contacts)
+        tasks = _sized(tables, written)[0] if self.asks else tables.tasks
+        sizes: list[int] = tasks[:, ROWS].tolist()
+        return sizes
+
     def arguments(self, contacts: ActiveContacts, written: WrittenRows) -> tuple[Any, ...]:
         """Of the compiled call, after the state and the references; each set of contacts' is made once.
 

@@ -259,8 +259,8 @@ class Law:
 
     @cached_property
     def fused(self) -> FusedProblem | None:
-        """The problem of a tick as one compiled call; None where the solver or priorities need what is between."""
-        if isinstance(self.solver, ProgramSolver) or self.priorities is not None:
+        """The problem of a tick as one compiled call; None where the solver needs what is between."""
+        if isinstance(self.solver, ProgramSolver):
             return None
         terms = self.starting_terms()
         order = order_of([limit.rows(terms) for limit in self.limits])
@@ -270,7 +270,7 @@ class Law:
     @cached_property
     def warm(self) -> WarmTick | None:
         """A whole tick as one compiled call; None where the formulation solves more than one program in a tick."""
-        if self.fused is None or not WarmTick.solves(self.formulation):
+        if self.fused is None or self.priorities is not None or not WarmTick.solves(self.formulation):
             return None
         return WarmTick(self.fused, self.formulation, self.model, LARGEST)
 

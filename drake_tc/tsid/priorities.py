@@ -12,25 +12,29 @@ bend it, so level k is a problem over y, tau = tau_(k-1) + T y, T an orthonormal
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot import fields
-from drake_tc.tsid.assembly import Reduced, cost_of
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
 from drake_tc.tsid.robust.convex import Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
 from drake_tc.tsid.robust.options import Options, TorqueError
-from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, nothing, null_basis, p_ind, scaled
-from drake_tc.tsid.rows import LeastSquares, Polytope, TaskRows
-from drake_tc.types import FloatArray
+from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, ScaledRows, nothing, null_basis, scaled
+from drake_tc.tsid.rows import LeastSquares, Polytope
+from drake_tc.types import FloatArray, IntArray
 
 BENT = 1e-9
 """Curvature of -log Phi below which a side counts as out of sight: levels below robustness may move along it."""
 
+_SOLVE_LEVELS = Kernel("levels", "solve_levels")
+_EVALUATED = Kernel("scaling", "evaluated")
 EXACT = Options(accuracy=1e-9)
 
 
@@ -89,15 +93,26 @@ def hierarchy(
     """
     if not levels or sum(isinstance(level, Robustness) for level in levels) > 1:
         raise ParamsError(f"levels: expected one or more, robustness at most once, got {len(levels)}")
-    n = error.joints
-    problem = scaled(nothing(n), polytope, error)
+    problem = scaled(nothing(error.joints), polytope, error)
     means = SolverMeans(qp, options.accuracy, options.budget.started())
-    x = np.zeros(n) if torque is None else torque / problem.scale
-    basis = np.eye(n)
+    over = [
+        level if isinstance(level, Robustness) else LeastSquares(level.matrix * problem.scale, level.target)
+        for level in levels
+    ]
+    return _descended(over, problem, None if torque is None else torque / problem.scale, means)
+
+
+def _descended(
+    levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None, means: SolverMeans
+) -> HierarchySolution:
+    """The levels, their costs over x with tau = scale x, from `x` on."""
+    n = len(problem.scale)
+    x = np.zeros(n) if x is None else x
+    basis: FloatArray | None = None  # of everything
     freedom: list[int] = []
     steps, programs, outcome, converged = 0, 0, Outcome.SOLVED, True
-    for level in levels:
-        freedom.append(basis.shape[1])
+    for number, level in enumerate(levels):
+        freedom.append(n if basis is None else basis.shape[1])
         if not freedom[-1] and steps:
             continue
         found, fixed = _solve(level, problem, x, basis, means)
@@ -105,41 +120,70 @@ def hierarchy(
         if found.outcome is not Outcome.SOLVED:
             outcome = found.outcome
             break
-        x = x + basis @ found.x
-        basis = basis @ null_basis(fixed)
+        x = x + (found.x if basis is None else basis @ found.x)
+        if number < len(levels) - 1:
+            left = null_basis(fixed)
+            basis = left if basis is None else basis @ left
     torque = x * problem.scale
     if not np.isfinite(torque).all():
-        torque, outcome = np.zeros(n), Outcome.FAILED
-    values = tuple(_value(level, torque, problem) for level in levels)
+        torque, x, outcome = np.zeros(n), np.zeros(n), Outcome.FAILED
+    values = tuple(_value(level, x, problem) for level in levels)
     return HierarchySolution(torque, values, tuple(freedom), outcome, converged, steps, programs)
 
 
+def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None) -> HierarchySolution | None:
+    """The solution where no level is held by a limit and none has two minima; None elsewhere."""
+    costs = [level for level in levels if isinstance(level, LeastSquares)]
+    if len(costs) < len(levels) and not isinstance(levels[-1], Robustness):
+        return None
+    x = np.zeros(len(problem.scale)) if x is None else x.copy()
+    limits = problem.limits
+    ends = np.cumsum([0, *(cost.target.size for cost in costs)])
+    matrix = np.concatenate([cost.matrix for cost in costs])
+    target = np.concatenate([cost.target for cost in costs])
+    if _SOLVE_LEVELS(matrix, target, ends, limits.matrix, limits.lower, limits.upper, x) != 0:
+        return None
+    values = (0.0,) * len(costs)
+    if len(costs) < len(levels):
+        values = (*values, _risk_at(problem, x).risk)
+    return HierarchySolution(x * problem.scale, values, (), Outcome.SOLVED, True, len(costs), 0)
+
+
 def _solve(
-    level: Level, problem: ScaledProblem, x: FloatArray, basis: FloatArray, means: SolverMeans
+    level: Level, problem: ScaledProblem, x: FloatArray, basis: FloatArray | None, means: SolverMeans
 ) -> tuple[ProgramResult, FloatArray]:
     """The level's minimum over y, tau / scale = x + T y, and the rows over y that its minimisers share."""
-    guess = Guess(np.zeros(basis.shape[1]))
+    guess = Guess(np.zeros(len(x) if basis is None else basis.shape[1]))
     if isinstance(level, LeastSquares):
-        priced = problem._replace(cost=LeastSquares(level.matrix * problem.scale, level.target))
-        inside = _free(priced.along(x, basis), priced)
+        inside = _along(problem._replace(cost=level), x, basis)
+        if basis is not None:
+            inside = _free(inside, level)
         return least_cost(inside, guess, means), inside.cost.matrix
-    inside = problem.along(x, basis)
+    inside = _along(problem, x, basis)
     found = individual(inside, 1.0, guess, means)
     return found, inside.limits.matrix[_risk_at(inside, found.x).bend > BENT]
 
 
-def _free(inside: ScaledProblem, whole: ScaledProblem) -> ScaledProblem:
+def _along(problem: ScaledProblem, x: FloatArray, basis: FloatArray | None) -> ScaledProblem:
+    """The problem over y."""
+    if basis is not None:
+        return problem.along(x, basis)
+    cost, limits = problem.cost, problem.limits
+    shift = limits.matrix @ x
+    moved = ScaledRows(limits.matrix, limits.lower - shift, limits.upper - shift)
+    return problem._replace(cost=LeastSquares(cost.matrix, cost.target - cost.matrix @ x), limits=moved)
+
+
+def _free(inside: ScaledProblem, whole: LeastSquares) -> ScaledProblem:
     """Without what rounding leaves of rows that the levels above decide."""
     matrix = inside.cost.matrix
-    left, length = (np.einsum("ij,ij->i", rows, rows) for rows in (matrix, whole.cost.matrix))
+    left, length = (np.einsum("ij,ij->i", rows, rows) for rows in (matrix, whole.matrix))
     decided = left <= RANK * RANK * length
     return inside._replace(cost=LeastSquares(np.where(decided[:, None], 0.0, matrix), inside.cost.target))
 
 
-def _value(level: Level, torque: FloatArray, problem: ScaledProblem) -> float:
-    if isinstance(level, LeastSquares):
-        return level(torque)
-    return _risk_at(problem, torque / problem.scale).risk
+def _value(level: Level, x: FloatArray, problem: ScaledProblem) -> float:
+    return level(x) if isinstance(level, LeastSquares) else _risk_at(problem, x).risk
 
 
 def _risk_at(problem: ScaledProblem, x: FloatArray) -> Value:
@@ -150,6 +194,24 @@ def _risk_at(problem: ScaledProblem, x: FloatArray) -> Value:
 KEY = "priority"
 _BY_WEIGHT = ("use", "weight", "minimum")
 """Keys of a formulation that choose how much robustness may cost; a level of its own says that already."""
+
+
+@lru_cache(maxsize=64)
+def _places(
+    tasks: tuple[int, ...], robustness: int | None, sizes: tuple[int, ...]
+) -> tuple[slice | IntArray | None, ...]:
+    """Where the rows of each level stand among those of all tasks, from the highest on; None for robustness."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    rows = [np.arange(first, end) for first, end in pairwise(ends)]
+    found: list[slice | IntArray | None] = []
+    for number in sorted({*tasks, *(() if robustness is None else (robustness,))}):
+        if number == robustness:
+            found.append(None)
+            continue
+        own = np.concatenate([part for part, of in zip(rows, tasks, strict=True) if of == number])
+        together = own.size and own[-1] - own[0] + 1 == own.size
+        found.append(slice(int(own[0]), int(own[-1]) + 1) if together else own)
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -176,26 +238,20 @@ class Priorities:
                 f"priority: expected a level of its own for robustness, unlike those of tasks, got {self.robustness}"
             )
 
-    def levels(self, tasks: Sequence[TaskRows], reduced: Reduced) -> list[Level]:
+    def levels(self, cost: LeastSquares, sizes: Sequence[int]) -> list[Level]:
         """From the highest to the lowest.
 
         Args:
-            tasks: One for each of `tasks`.
-            reduced: Of the same state.
+            cost: Rows of all tasks, one below the other.
+            sizes: How many of each task.
         """
-        numbers = {*self.tasks, *(() if self.robustness is None else (self.robustness,))}
-        return [
-            Robustness()
-            if number == self.robustness
-            else cost_of([rows for rows, of in zip(tasks, self.tasks, strict=True) if of == number], reduced.causes)
-            for number in sorted(numbers)
-        ]
+        places = _places(self.tasks, self.robustness, tuple(sizes))
+        return [Robustness() if own is None else LeastSquares(cost.matrix[own], cost.target[own]) for own in places]
 
     def solve(
         self,
-        tasks: Sequence[TaskRows],
-        reduced: Reduced,
-        error: TorqueError,
+        problem: ScaledProblem,
+        sizes: Sequence[int],
         qp: QpSolver,
         options: Options,
         start: Start | None = None,
@@ -203,36 +259,27 @@ class Priorities:
         """The torque; never raises on numbers.
 
         Args:
-            tasks: Rows of each task.
-            reduced: Of the same state.
-            error: Of the torques.
+            problem: Of all tasks and limits.
+            sizes: How many rows each task has.
             qp: Solver of the steps whose active rows cannot be guessed.
             options: Accuracy of each level, budget of all.
             start: Of the last tick's solution.
         """
-        polytope, n = reduced.polytope, error.joints
-        torque = start.torque if start is not None and start.torque.size == n else None
-        levels = self.levels(tasks, reduced)
+        n, limits, cost = len(problem.scale), problem.limits, problem.cost
+        first = start.torque / problem.scale if start is not None and start.torque.size == n else None
+        means = SolverMeans(qp, options.accuracy, options.budget.started())
+        levels = self.levels(cost, sizes)
         try:
-            found = hierarchy(levels, polytope, error, qp, torque=torque, options=options)
+            found = _unheld(levels, problem, first) or _descended(levels, problem, first, means)
         except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
-            nothing = np.zeros(len(polytope.lower), dtype=np.int64)
-            return RobustSolution(np.zeros(n), math.inf, 0.0, math.inf, nothing, Outcome.FAILED, False, 0, 0, None)
-        value = polytope.matrix @ found.torque
-        active = (value >= polytope.upper).astype(np.int64) - (value <= polytope.lower)
+            active = np.zeros(len(limits.lower), dtype=np.int64)
+            return RobustSolution(np.zeros(n), math.inf, 0.0, math.inf, active, Outcome.FAILED, False, 0, 0, None)
+        rows = limits.matrix, limits.lower, limits.upper, problem.certain, cost.matrix, cost.target
+        _, active, chance, price = _EVALUATED(found.torque / problem.scale, problem.scale, *rows)
         risk = next((v for level, v in zip(levels, found.values, strict=True) if isinstance(level, Robustness)), 0.0)
-        return RobustSolution(
-            found.torque,
-            risk,
-            p_ind(polytope, found.torque, error),
-            reduced.cost(found.torque),
-            active,
-            found.outcome,
-            found.converged,
-            found.iterations,
-            found.programs,
-            Start(found.torque, len(polytope.lower), FREE),
-        )
+        counts = found.iterations, found.programs
+        begin = Start(found.torque, len(active), FREE)
+        return RobustSolution(found.torque, risk, chance, price, active, found.outcome, found.converged, *counts, begin)
 
 
 def read_priorities(

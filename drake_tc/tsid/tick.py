@@ -32,6 +32,7 @@ from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.active_set import RobustSolution, Start
+from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.tsid.tick_memory import PreviousTick
 from drake_tc.types import FloatArray
@@ -206,7 +207,7 @@ def _by_stages(
         _check_rows(problem_at(law, scratch, given[: law.model.nq + law.model.nv], references, active))
         return lost_tick(law, before)
     if found is not None:
-        solution = law.formulation.solve_scaled(found.scaled, law.solver, before.start)
+        solution = _of_scaled(law, scratch.select(active), written, found.scaled, before)
         if solution.outcome not in (Outcome.INFEASIBLE, Outcome.FAILED):
             return _told(law, found.causes, scratch.select(active), solution, found.relaxed)
     problem = problem_at(law, scratch, given[: law.model.nq + law.model.nv], references, active)
@@ -244,8 +245,20 @@ def _solution(law: Law, problem: TickProblem, before: PreviousTick) -> RobustSol
         rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
         return solver.solution(*rows, form, law.error)
     if law.priorities is not None:
-        return law.priorities.solve(problem.tasks, reduced, law.error, solver, form.options, before.start)
+        sizes = [rows.target.size for rows in problem.tasks]
+        whole = scaled(reduced.cost, reduced.polytope, law.error)
+        return law.priorities.solve(whole, sizes, solver, form.options, before.start)
     return form.solve(reduced.cost, reduced.polytope, law.error, solver, before.start)
+
+
+def _of_scaled(
+    law: Law, contacts: ActiveContacts, written: WrittenRows, problem: ScaledProblem, before: PreviousTick
+) -> RobustSolution:
+    """The solution of a problem that one call has made."""
+    form, solver = law.formulation, law.solver
+    if law.priorities is None or law.fused is None or isinstance(solver, ProgramSolver):
+        return form.solve_scaled(problem, solver, before.start)
+    return law.priorities.solve(problem, law.fused.task_sizes(contacts, written), solver, form.options, before.start)
 
 
 def problem_at(

@@ -97,3 +97,45 @@ def test_numbers_that_are_none_are_a_lost_tick():
     references = [task.rest(law.starting_terms()) for task in law.tasks]
     tick = solve_tick(law, law.model.create_scratch(), state, references, BOTH, PreviousTick(np.ones(30), None))
     assert np.isfinite(tick.torque).all() and tick.status[Status.FALLBACK] == 1.0
+
+
+def levels_by_null_spaces(law, problem):
+    """(n,) independent: pseudo-inverses within null spaces from singular values, level by level, without limits."""
+    from scipy.linalg import null_space
+
+    from drake_tc.tsid.assembly import cost_of
+
+    tau, free = np.zeros(law.model.n), np.eye(law.model.n)
+    for level in sorted(set(law.priorities.tasks)):
+        own = [rows for rows, of in zip(problem.tasks, law.priorities.tasks, strict=True) if of == level]
+        cost = cost_of(own, problem.reduced.causes)
+        inside = cost.matrix @ free
+        tau = tau + free @ np.linalg.lstsq(inside, cost.target - cost.matrix @ tau, rcond=1e-10)[0]
+        free = free @ null_space(inside, rcond=1e-10)
+    assert free.shape[1] == 0
+    return tau
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_levels_that_no_limit_holds_are_those_of_null_spaces(seed):
+    """One call solves them; where a limit holds one, the programs of the levels do, and go on as before."""
+    law = law_of({"com": 1, "posture": 2, "force": 3})
+    rng = np.random.default_rng(seed)
+    references = [task.rest(law.starting_terms()) for task in law.tasks]
+    state = np.concatenate((law.model.start, 1e-3 * rng.normal(size=law.model.nv)))
+    scratch, before = law.model.create_scratch(), PreviousTick(np.zeros(law.model.n), None)
+    problem = problem_at(law, scratch, state, references, BOTH)
+    expected = levels_by_null_spaces(law, problem)
+    limits = problem.reduced.polytope
+    value = limits.matrix @ expected
+    assert (limits.lower <= value).all() and (value <= limits.upper).all()
+    tick = solve_tick(law, scratch, state, references, BOTH, before)
+    assert_allclose(tick.torque, expected, atol=1e-6)
+    far = [*references]
+    far[0] = references[0].copy()
+    far[0][1] += 0.3  # the centre of mass is asked beyond what the soles can push
+    held = solve_tick(law, scratch, state, far, BOTH, before)
+    assert held.status[Status.OUTCOME] == Outcome.SOLVED
+    polytope = problem_at(law, scratch, state, far, BOTH).reduced.polytope
+    moved = polytope.matrix @ held.torque
+    assert max((polytope.lower - moved).max(), (moved - polytope.upper).max()) < 1e-6

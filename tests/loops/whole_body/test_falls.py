@@ -58,13 +58,14 @@ def test_no_push_makes_the_joints_add_energy(robot, force, degrees):
     assert power[damped].max(initial=0.0) <= 1e-9
     kinetic, potential = energies(run)
     whole = kinetic + potential
-    ends = round(0.5 / run.law.period)  # of the push
+    ends = min(round(0.5 / run.law.period), power.size - 2)  # of the push, or of the run
     if damped.any():
         first = max(int(np.argmax(damped)), ends)
         assert whole[first:].max() <= whole[: first + 1].max() + 1.0
-    assert (
-        kinetic[ends:].max() <= kinetic[: ends + 1].max() + potential[: ends + 1].max() - potential[ends:].min() + 1.0
-    )
+    solved = (run.status(Status.OUTCOME) == 0.0) & ~damped  # a law that has a solution may work to catch itself
+    work = run.law.period * np.cumsum(np.where(solved, np.maximum(power, 0.0), 0.0))
+    most = whole[: ends + 1].max() + work[ends:] - work[ends]
+    assert (whole[ends:] <= most + 1.0).all()
 
 
 def energies(run):
