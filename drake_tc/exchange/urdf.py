@@ -165,7 +165,14 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
     joints = {each.getAttribute("name"): each for each in document.getElementsByTagName("joint")}
     for projection in projections:
         if projection.joint not in joints:
-            raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
+            tags = [
+                uri for each in document.getElementsByTagName("include") for uri in each.getElementsByTagName("uri")
+            ]
+            included = ", ".join(str(each.firstChild.nodeValue).strip() for each in tags if each.firstChild)
+            hint = f"; it includes {included}: name the file of the model itself" if included else ""
+            raise ParamsError(
+                f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}{hint}"
+            )
         check_type(joints[projection.joint].getAttribute("type"), projection, into)
         axis, terms = child(joints[projection.joint], "axis"), projection.terms
         dynamics = child(axis, "dynamics")
