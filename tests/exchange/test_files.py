@@ -403,5 +403,5 @@ def test_a_joint_of_an_included_model_is_not_written_into_the_world(tmp_path):
     world = tmp_path / "world.sdf"
     include = "<include><uri>arm.sdf</uri></include>"
     world.write_text(f'<sdf version="1.9"><world name="w">{include}</world></sdf>', encoding="utf-8")
-    with pytest.raises(ParamsError, match="joints: none; it includes arm.sdf: name the file of the model itself"):
+    with pytest.raises(ParamsError, match=r"joints: none; it includes arm\.sdf: name the file of the model itself"):
         to_sdf(exported("sdf"), world)
