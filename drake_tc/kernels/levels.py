@@ -50,11 +50,11 @@ def _mirror(row: FloatArray, v: FloatArray, first: int, last: int) -> bool:
 @helper
 def _triangular(rows: FloatArray, free: FloatArray, f: int) -> int:
     """Reflect rows (m, f) and T (n, f) until the rows have zeros behind their first k columns; k, their rank."""
-    m, n = rows.shape[0], free.shape[0]
+    m, n, most = rows.shape[0], free.shape[0], int(min(rows.shape[0], f))
     used = np.zeros(m, dtype=np.bool_)
     v = np.empty(rows.shape[1])
     longest = 0.0
-    for step in range(min(m, f)):
+    for step in range(most):
         pivot, best = -1, 0.0
         for i in range(m):
             if used[i]:
@@ -75,7 +75,7 @@ def _triangular(rows: FloatArray, free: FloatArray, f: int) -> int:
                 _reflect(rows[i], v, step, f)
         for i in range(n):
             _reflect(free[i], v, step, f)
-    return min(m, f)
+    return most
 
 
 @helper

@@ -11,7 +11,7 @@ bend it, so level k is a problem over y, tau = tau_(k-1) + T y, T an orthonormal
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -99,7 +99,8 @@ def hierarchy(
         level if isinstance(level, Robustness) else LeastSquares(level.matrix * problem.scale, level.target)
         for level in levels
     ]
-    return _descended(over, problem, None if torque is None else torque / problem.scale, means)
+    found = _descended(over, problem, None if torque is None else torque / problem.scale, means)
+    return replace(found, values=tuple(_value(level, found.torque / problem.scale, problem) for level in over))
 
 
 def _descended(
@@ -126,9 +127,8 @@ def _descended(
             basis = left if basis is None else basis @ left
     torque = x * problem.scale
     if not np.isfinite(torque).all():
-        torque, x, outcome = np.zeros(n), np.zeros(n), Outcome.FAILED
-    values = tuple(_value(level, x, problem) for level in levels)
-    return HierarchySolution(torque, values, tuple(freedom), outcome, converged, steps, programs)
+        torque, outcome = np.zeros(n), Outcome.FAILED
+    return HierarchySolution(torque, (), tuple(freedom), outcome, converged, steps, programs)
 
 
 def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None) -> HierarchySolution | None:
@@ -143,10 +143,7 @@ def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | Non
     target = np.concatenate([cost.target for cost in costs])
     if _SOLVE_LEVELS(matrix, target, ends, limits.matrix, limits.lower, limits.upper, x) != 0:
         return None
-    values = (0.0,) * len(costs)
-    if len(costs) < len(levels):
-        values = (*values, _risk_at(problem, x).risk)
-    return HierarchySolution(x * problem.scale, values, (), Outcome.SOLVED, True, len(costs), 0)
+    return HierarchySolution(x * problem.scale, (), (), Outcome.SOLVED, True, len(costs), 0)
 
 
 def _solve(
@@ -276,7 +273,7 @@ class Priorities:
             return RobustSolution(np.zeros(n), math.inf, 0.0, math.inf, active, Outcome.FAILED, False, 0, 0, None)
         rows = limits.matrix, limits.lower, limits.upper, problem.certain, cost.matrix, cost.target
         _, active, chance, price = _EVALUATED(found.torque / problem.scale, problem.scale, *rows)
-        risk = next((v for level, v in zip(levels, found.values, strict=True) if isinstance(level, Robustness)), 0.0)
+        risk = 0.0 if self.robustness is None else _risk_at(problem, found.torque / problem.scale).risk
         counts = found.iterations, found.programs
         begin = Start(found.torque, len(active), FREE)
         return RobustSolution(found.torque, risk, chance, price, active, found.outcome, found.converged, *counts, begin)
