@@ -1,4 +1,6 @@
-"""A page for each effect: equation, parameters, its plot, what it looks like in a log, and its neighbours."""
+"""A gallery of the effects by where they act, and a page for each: equation, parameters, plots and neighbours."""
+
+from functools import cache
 
 import numpy as np
 
@@ -6,13 +8,15 @@ from drake_tc.config.page import table
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import BUILT_IN, LIBRARY, UNCOMMON
 from drake_tc.report.equation import symbolic_equations
+from drake_tc.report.sentences.experiments import isolating
 from drake_tc.types import FloatArray
 from site_pages import traces
 from site_pages.plots import BACKWARD, FORWARD, INK, Series, plot
 from site_pages.traces import Trace
 
-SHOWN, DRAWN = 0.5, 600
-"""Least share of a neighbour's imitation that is listed; points that are drawn."""
+SHOWN, LISTED, DRAWN = 0.5, 3, 600
+"""Least share of a neighbour's imitation that is listed; neighbours in the gallery; points that are drawn."""
+ALWAYS_FITTED = ("viscous", "coulomb")
 LABELS = {
     "position": "position q [rad]",
     "velocity": "velocity [rad/s]",
@@ -27,18 +31,20 @@ LABELS = {
     "supply_voltage": "supply voltage [V]",
     "motor_position": "motor position [rad]",
 }
-KINDS = {
-    "friction": "Friction",
-    "load": "Load",
-    "drive": "Drive",
-    "transmission": "Transmission",
-    "sensor": "Sensor",
+GROUPS = {
+    "friction": ("friction", "Friction", "Torques that oppose the motion of the joint."),
+    "drive": ("drive", "Drive", "What stands between the command and the torque of the motor."),
+    "transmission": ("gear", "Gear", "What stands between the angle of the motor and the angle of the link."),
+    "load": ("load", "Load", "Torques of masses, springs and cables on the link, and of the rotor's inertia."),
+    "sensor": ("sensor", "Sensor", "Errors of what was recorded. The joint itself moves as it would without them."),
 }
+"""Kind of an effect to the name, the title and the first sentence of its group's page."""
 
 
 def pages() -> dict[str, str]:
-    """Page to its text."""
-    return {"effects/index.md": _overview()} | {f"effects/{effect.key}.md": _page(effect) for effect in _listed()}
+    """Page to its text: the overview, the gallery of each group, and the details of each effect."""
+    galleries = {f"effects/{name}.md": _gallery(kind) for kind, (name, _, _) in GROUPS.items()}
+    return {"effects/index.md": _overview()} | galleries | {f"effects/{e.key}.md": _page(e) for e in _listed()}
 
 
 def _listed() -> list[Effect]:
@@ -49,16 +55,75 @@ def _listed() -> list[Effect]:
     return list(families.values())
 
 
+def _of_kind(kind: str) -> list[Effect]:
+    return [effect for effect in _listed() if effect.kind == kind]
+
+
 def _overview() -> str:
     parts = [_HEAD]
-    for kind, title in KINDS.items():
+    for kind, (name, title, about) in GROUPS.items():
         rows = [
-            (f"[{_title(effect)}]({effect.key}.md)", f"`{effect.key}`", effect.signature.look_for)
-            for effect in _listed()
-            if effect.kind == kind
+            (f"[{_title(each)}]({name}.md#{_anchor(each)})", f"`{each.key}`", each.signature.look_for)
+            for each in _of_kind(kind)
         ]
-        parts += [f"## {title}", table(("effect", "id", "what to look for in the residual"), rows)]
+        parts += [f"## [{title}]({name}.md)", about]
+        parts.append(table(("effect", "id", "what to look for in the residual"), rows))
     return "\n\n".join(parts) + "\n"
+
+
+def _gallery(kind: str) -> str:
+    _, title, about = GROUPS[kind]
+    shown = [_shown(effect) for effect in _of_kind(kind)]
+    return "\n\n".join([f"# {title}", f"{about} {_HOW_TO_READ}", *shown]) + "\n"
+
+
+_HOW_TO_READ = (
+    "The plots show the residual of a simulated log, after viscous and Coulomb friction were fitted (blue: forward,"
+    " orange: backward). The percentage behind a neighbour is the share of this residual that it alone explains."
+    " [Symbols](index.md)."
+)
+
+
+def _shown(effect: Effect) -> str:
+    """An effect's section of the gallery."""
+    seen = traces.trace(effect)
+    parts = [f'## {_title(effect)} {{ id="{_anchor(effect)}" }}', _equation(effect)]
+    if seen is not None:
+        parts.append(f'<div class="plot">{_signature(seen)}</div>')
+    facts = [f"**In a log:** {effect.signature.look_for}."]
+    if effect.key in ALWAYS_FITTED:
+        facts.append("**Taken for:** nothing, because it is part of every declared model and always fitted.")
+    elif found := _other_causes(effect)[:LISTED]:
+        names = "; ".join(f"{_link(other)} ({100 * share:.0f} %)" for other, share in found)
+        facts.append(f"**Taken for:** {names}.")
+    facts += [f"**Told apart:** {isolating(effect.id)}.", f"[Parameters and details]({effect.key}.md)"]
+    return "\n\n".join([part for part in parts if part] + ["\n".join(f"- {fact}" for fact in facts)])
+
+
+def _anchor(effect: Effect) -> str:
+    return effect.key.replace(".", "-")
+
+
+def _link(effect: Effect) -> str:
+    """Link to an effect's section of the gallery."""
+    return f"[{_title(effect)}]({GROUPS[effect.kind][0]}.md#{_anchor(effect)})"
+
+
+def _other_causes(effect: Effect) -> list[tuple[Effect, float]]:
+    """The imitators of other ids, the best form of each."""
+    best: dict[str, tuple[Effect, float]] = {}
+    for other, share in _imitators(effect):
+        if other.id != effect.id:
+            best.setdefault(other.id, (other, share))
+    return list(best.values())
+
+
+@cache
+def _imitators(effect: Effect) -> list[tuple[Effect, float]]:
+    """Effects with the share of the residual of this one that each explains, without those that are always fitted."""
+    seen = traces.trace(effect)
+    found = traces.neighbours(seen, LIBRARY, SHOWN, 6) if seen is not None else []
+    return [(other, share) for other, share in found if other.key not in ALWAYS_FITTED]
 
 
 _HEAD = """# Effects
@@ -75,9 +140,10 @@ on the link's side of the gear, and the inertia J of the rotor, reflected to tha
 def _page(effect: Effect) -> str:
     searched, uncommon = (any(effect.key == each.key for each in among) for among in (LIBRARY, UNCOMMON))
     seen = traces.trace(effect)
-    parts = [f"# {_title(effect)}", f"`{effect.key}` · {KINDS[effect.kind].lower()}", _summary(effect)]
+    name, title, _ = GROUPS[effect.kind]
+    parts = [f"# {_title(effect)}", f"`{effect.key}` · [{title}]({name}.md#{_anchor(effect)})", _summary(effect)]
     if effect.equation:
-        parts += ["## Equation", f'<div class="equation">{"".join(symbolic_equations(effect))}</div>', _SYMBOLS]
+        parts += ["## Equation", _equation(effect), _SYMBOLS]
     if effect.parameters:
         parts += ["## Parameters", _parameters(effect)]
     parts += ["## What it looks like", f"Look for {effect.signature.look_for}."]
@@ -92,6 +158,11 @@ def _page(effect: Effect) -> str:
         parts.append("A model may list this effect, but `close-loop` does not look for it in every log.")
     parts += ["## What separates it from its neighbours", _neighbours(effect, seen)]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _equation(effect: Effect) -> str:
+    equations = "".join(symbolic_equations(effect))
+    return f'<div class="equation">{equations}</div>' if equations else ""
 
 
 _SYMBOLS = (
@@ -170,33 +241,23 @@ def _kept(size: int) -> FloatArray:
 
 
 def _neighbours(effect: Effect, seen: Trace | None) -> str:
-    parts = []
-    if effect.isolated_by:
-        parts.append(f"**The experiment that shows it alone:** {effect.isolated_by}.")
-    found = traces.neighbours(seen, LIBRARY, SHOWN, 6) if seen is not None else []
-    found = [(other, share) for other, share in found if other.key not in ("viscous", "coulomb")]
-    if effect.key in ("viscous", "coulomb"):
+    parts = [f"**The experiment that shows it alone:** {isolating(effect.id)}."]
+    found = _imitators(effect)
+    if effect.key in ALWAYS_FITTED:
         parts.append("It is part of every declared model, and always fitted.")
-        return "\n\n".join(parts)
-    if seen is None:
+    elif seen is None:
         parts.append("On one log, the drive gain and the friction, always fitted, explain all of its residual.")
-        return "\n\n".join(parts)
-    if not found:
+    elif not found:
         parts.append("No other effect of the library explains half of the power of the residual in the plots above.")
-        return "\n\n".join(parts)
-    rows = [
-        (
-            f"[{_title(other)}]({other.key}.md)",
-            f"{100 * share:.0f} %",
-            other.signature.look_for,
-            other.isolated_by or "–",
+    else:
+        rows = [
+            (_link(other), f"{100 * share:.0f} %", other.signature.look_for, isolating(other.id))
+            for other, share in found
+        ]
+        parts.append(
+            "Each of these effects alone explains the given share of the power of the residual in the plots above. A"
+            " motion that excites both effects in different ways separates them. The experiment in the last column"
+            " shows the neighbour alone."
         )
-        for other, share in found
-    ]
-    parts.append(
-        "Each of these effects alone explains the given share of the power of the residual in the plots above. A motion"
-        " that excites both effects in different ways separates them. The experiment in the last column shows the"
-        " neighbour alone."
-    )
-    parts.append(table(("neighbour", "explains", "it shows as", "experiment"), rows))
+        parts.append(table(("neighbour", "explains", "it shows as", "experiment"), rows))
     return "\n\n".join(parts)
