@@ -15,6 +15,7 @@ from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law
+from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.robust.formulation import MeasureName, Use
 from drake_tc.tsid.tick import advance_tick, problem_at
 from drake_tc.types import FloatArray
@@ -49,10 +50,26 @@ def tick_timings(scenario: TsidScenario, progress: Progress) -> list[FigureRow]:
             progress(f"a tick, {name}", (1 + number) / (2 + len(FORMS)))
             formulation = replace(recording.law.formulation, measure=measure, use=use)
             rows += _ticks(name, replace(recording.law, formulation=formulation), recording, references)
+        progress("ticks with strict priorities", 0.9)
+        for name, law in strict_laws(recording.law):
+            rows += _ticks(name, law, recording, references)
         progress("the diagram", 1.0 - 1.0 / (2 + len(FORMS)))
         rows += part_timings(recording, references, REPEATS)
         rows.append(diagram_timing(scenario))
     return rows
+
+
+def strict_laws(law: Law) -> list[tuple[str, Law]]:
+    """The law with each task on a level of its own, and robustness below them, nowhere, or under the first."""
+    count = len(law.tasks)
+    levels = tuple(range(1, count + 1))
+    classic = replace(law.formulation, measure="classic", use="trade_off")
+    middle = Priorities((1, *(each + 1 for each in levels[1:])), robustness=2)
+    return [
+        ("strict levels, robustness lowest", replace(law, priorities=Priorities(levels, robustness=count + 1))),
+        ("strict levels, classic", replace(law, formulation=classic, priorities=Priorities(levels))),
+        ("strict levels, robustness second", replace(law, priorities=middle)),
+    ]
 
 
 def _references(recording: TsidRecording) -> list[list[FloatArray]]:
