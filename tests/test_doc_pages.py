@@ -14,7 +14,7 @@ from optional import skip_without_robots
 import drake_tc
 
 ROOT = Path(drake_tc.__file__).parents[1]
-PAGES = ("your_own_robot", "your_own_diagram", "your_own_controller")
+PAGES = ("your_own_robot", "your_own_diagram", "diagram_commands", "random_contexts", "your_own_controller")
 MAIN = "from drake_tc.cli.entry import main; main()"
 
 
@@ -92,6 +92,13 @@ def test_changes_of_the_diagram_run(folder):
     assert lower == pytest.approx(30.0, abs=2.0)
 
 
+def test_contexts_are_random_and_the_plant_is_optimised_over(folder):
+    draws, optimised = scripts("random_contexts")
+    sag = json.loads(ran(folder, "-c", draws).replace("'", '"'))
+    assert len(sag) == 4 and len(set(sag)) > 1
+    assert ran(folder, "-c", optimised).strip() == "True"
+
+
 def commands(page: str) -> list[list[str]]:
     """The page's indented `drake-tc` commands."""
     text = (ROOT / "docs" / f"{page}.md").read_text("utf-8")
@@ -100,7 +107,7 @@ def commands(page: str) -> list[list[str]]:
 
 def test_commands_take_the_diagrams_of_the_page(folder):
     """The arm with a short filter window is stable; the response to its command falls from 1 to 20 Hz."""
-    said = {words[0]: ran(folder, "-c", MAIN, *words) for words in commands("your_own_diagram")}
+    said = {words[0]: ran(folder, "-c", MAIN, *words) for words in commands("diagram_commands")}
     assert set(said) == {"graph", "simulate", "stability", "bode", "tune"}
     assert (folder / "loop.svg").exists() and (folder / "out" / "log.csv").exists()
     assert "verdict: stable" in said["stability"]
@@ -110,7 +117,7 @@ def test_commands_take_the_diagrams_of_the_page(folder):
 
 def test_the_loop_of_a_function_is_tuned_and_simulated(folder):
     """The tuned joint tracks better in the simulation too; a function that returns its diagram alone is refused."""
-    words = next(words for words in commands("your_own_diagram") if words[0] == "tune")
+    words = next(words for words in commands("diagram_commands") if words[0] == "tune")
     found = json.loads(ran(folder, "-c", MAIN, *words, "--json"))
     before, after = (found["simulated"][side] for side in ("before", "after"))
     joint = found["simulated"]["joints"].index("panda_joint2")

@@ -37,6 +37,8 @@ TREE: list[Entry] = [
             ("Torque control in C", "in_c.md"),
             ("My task and limit", "your_own_task.md"),
             ("My diagram", "your_own_diagram.md"),
+            ("My diagram in the commands", "diagram_commands.md"),
+            ("Random contexts and scalar types", "random_contexts.md"),
             ("Torque control of a leg", "torque_control.md"),
             ("Whole-body control", "whole_body.md"),
         ],

@@ -38,6 +38,6 @@ def test_nothing_of_it_is_known_where_it_is_not_installed():
 
 
 def test_the_page_shows_the_entry_points_of_the_package():
-    page = (ROOT / "docs" / "your_own_diagram.md").read_text("utf-8")
+    page = (ROOT / "docs" / "diagram_commands.md").read_text("utf-8")
     (shown,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     assert shown in (PACKAGE / "pyproject.toml").read_text("utf-8")
