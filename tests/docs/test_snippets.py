@@ -99,9 +99,9 @@ def test_a_controller_reads_the_torque_uncertainty(knee):
     document = {"schema": 1, "unit": "N*m", "joints": ["knee"], "covariance": [[0.04]]}
     path = knee / "out" / "knee" / "torque_uncertainty.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
-    (block,) = blocks("docs/report.md", "python")
+    (block,) = blocks("docs/report_parts.md", "python")
     names: dict[str, object] = {}
-    exec(compile(block.text, "docs/report.md", "exec"), names)
+    exec(compile(block.text, "docs/report_parts.md", "exec"), names)
     np.testing.assert_allclose(names["sigma"], [[0.04]], rtol=1e-12)
 
 
@@ -133,8 +133,8 @@ def test_the_page_of_the_whole_body_controller_builds_a_diagram(tmp_path, monkey
     assert len(names["diagram"].GetSystems()) >= 2
 
 
-def test_the_page_of_simulators_exports_and_reads(knee):
-    """Every command of the page, in a folder with the reader's files."""
+def test_the_pages_of_simulators_export_and_read(knee):
+    """Every command of the pages, in a folder with the reader's files."""
     model, terms = load_models(knee / "out" / "knee" / "model_after.yaml"), ("armature", "damping", "frictionloss")
     (knee / "robot.xml").write_text(to_mjcf([project(model["knee"], TARGETS["mjcf"])]), encoding="utf-8")
     time = np.arange(0.0, 20.0, 0.002)
@@ -147,11 +147,12 @@ def test_the_page_of_simulators_exports_and_reads(knee):
         noise = np.random.default_rng(seed).standard_normal((2, time.size))
         table = np.column_stack([time, q + 1e-5 * noise[0], q + 2e-4 * effort, load + 0.01 * noise[1]])
         np.savetxt(name, table, delimiter=",", header=",".join(names), comments="")
-    (rig,) = blocks("docs/your_own_simulator.md", "yaml")
+    (rig,) = blocks("docs/declared_model.md", "yaml")
     (knee / "rig.yaml").write_text(rig.text, encoding="utf-8")
     assert load_rig(knee / "rig.yaml").declared["knee"] == {"rotor_inertia": 0.31, "viscous": 2.0, "coulomb": 4.0}
-    page = (ROOT / "docs" / "your_own_simulator.md").read_text("utf-8")
-    lines = [line.strip() for line in page.splitlines() if line.startswith("    drake-tc ")]
+    names = ("your_own_simulator", "simulator_notes", "declared_model")
+    pages = [(ROOT / "docs" / f"{name}.md").read_text("utf-8") for name in names]
+    lines = [line.strip() for page in pages for line in page.splitlines() if line.startswith("    drake-tc ")]
     servo = ActuatorModel("knee", Drive("voltage", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
     save_models({"knee": servo}, knee / "model_after.yaml")
     assert len(lines) == 5

@@ -117,7 +117,7 @@ def test_a_file_that_cannot_have_a_dcmotor_says_so(tmp_path: Path, monkeypatch, 
 
 
 def test_the_page_has_the_same_versions():
-    page = (Path(__file__).parents[2] / "docs" / "your_own_simulator.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "simulator_notes.md").read_text(encoding="utf-8")
     polynomial = "`damping` as a polynomial of the speed"
     names = ("`dcmotor` without input", "`pid`", polynomial, "`dcmotor`", "`delay` of an actuator")
     for name, (major, minor) in zip(names, SINCE.values(), strict=True):
