@@ -60,7 +60,7 @@ def _of_kind(kind: str) -> list[Effect]:
 
 
 def _overview() -> str:
-    parts = [_HEAD]
+    parts = [_HEAD, _SYMBOLS]
     for kind, (name, title, about) in GROUPS.items():
         rows = [
             (f"[{_title(each)}]({name}.md#{_anchor(each)})", f"`{each.key}`", each.signature.look_for)
@@ -89,14 +89,16 @@ def _shown(effect: Effect) -> str:
     seen = traces.trace(effect)
     parts = [f'## {_title(effect)} {{ id="{_anchor(effect)}" }}', _equation(effect)]
     if seen is not None:
-        parts.append(f'<div class="plot">{_signature(seen)}</div>')
+        parts.append(f'<div class="plot small">{_signature(seen)}</div>')
     facts = [f"**In a log:** {effect.signature.look_for}."]
     if effect.key in ALWAYS_FITTED:
-        facts.append("**Taken for:** nothing, because it is part of every declared model and always fitted.")
+        facts.append("**Always fitted:** it is part of every declared model.")
     elif found := _other_causes(effect)[:LISTED]:
         names = "; ".join(f"{_link(other)} ({100 * share:.0f} %)" for other, share in found)
         facts.append(f"**Taken for:** {names}.")
-    facts += [f"**Told apart:** {isolating(effect.id)}.", f"[Parameters and details]({effect.key}.md)"]
+    if effect.key not in ALWAYS_FITTED:
+        facts.append(f"**Told apart:** {isolating(effect.id)}.")
+    facts.append(f"[Parameters and details]({effect.key}.md)")
     return "\n\n".join([part for part in parts if part] + ["\n".join(f"- {fact}" for fact in facts)])
 
 
@@ -241,11 +243,11 @@ def _kept(size: int) -> FloatArray:
 
 
 def _neighbours(effect: Effect, seen: Trace | None) -> str:
+    if effect.key in ALWAYS_FITTED:
+        return "It is part of every declared model, and always fitted."
     parts = [f"**The experiment that shows it alone:** {isolating(effect.id)}."]
     found = _imitators(effect)
-    if effect.key in ALWAYS_FITTED:
-        parts.append("It is part of every declared model, and always fitted.")
-    elif seen is None:
+    if seen is None:
         parts.append("On one log, the drive gain and the friction, always fitted, explain all of its residual.")
     elif not found:
         parts.append("No other effect of the library explains half of the power of the residual in the plots above.")
