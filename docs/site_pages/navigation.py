@@ -31,6 +31,7 @@ TREE: list[Entry] = [
             ("Log files", "log_files.md"),
             ("My robot", "your_own_robot.md"),
             ("An arm with uncertain links", "whole_arm.md"),
+            ("Gain and friction without a diagnosis", "identify.md"),
             ("My effect", "your_own_effect.md"),
             ("My simulator", "your_own_simulator.md"),
             ("Notes on simulators", "simulator_notes.md"),

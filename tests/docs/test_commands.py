@@ -1,9 +1,12 @@
-"""The reference of the commands: every option has an example, and every example is a line that the command takes."""
+"""Every option of a command has an example; examples, and commands on pages, are lines that the program takes."""
+
+import re
 
 import pytest
 
-from .conftest import DOCS  # noqa: F401 - puts docs/ on the path
+from .conftest import ROOT
 
+FOLDERS = ("docs", "drake_tc", "diagrams", "models", "tests")
 site_pages = pytest.importorskip("site_pages.commands")
 COMMANDS, EXAMPLES = site_pages.commands(), site_pages.examples()
 LINES = [(name, example["run"]) for name, shown in EXAMPLES.items() for example in shown]
@@ -57,3 +60,20 @@ def test_scripts_can_hand_a_seed_and_json_to_every_command(name):
     options = {option for parameter in COMMANDS[name].params for option in parameter.opts}
     assert "--seed" in options
     assert "--json" in options or name == "schema"  # a schema is JSON without being asked
+
+
+def written() -> list[tuple[str, str]]:
+    """(page, line) of each `drake-tc` command that stands on a line of its own in a page of the repository."""
+    paths = sorted({*ROOT.glob("*.md"), *(p for top in FOLDERS for p in (ROOT / top).rglob("*.md"))})
+    found = []
+    for path in paths:
+        text = path.read_text("utf-8").replace("\\\n", " ")
+        lines = re.findall(r"^(?:    |\$ )(drake-tc .*)$", text, re.M)
+        found += [(path.relative_to(ROOT).as_posix(), line) for line in lines]
+    return found
+
+
+@pytest.mark.parametrize(("page", "line"), written())
+def test_a_command_of_a_page_is_taken(page, line):
+    words = site_pages.arguments_of(line)
+    COMMANDS[words[0]].make_context(words[0], words[1:])

@@ -204,7 +204,7 @@ def test_a_sensor_that_comes_a_little_late_does_no_harm(situation, sensor, age):
 
 @pytest.mark.slow
 def test_a_late_force_that_no_flag_tells():
-    """A monitor that told this fault would make this test fail; see diagrams/README.md."""
+    """A monitor that told this fault would make this test fail; see diagrams/limits.md."""
     contact = outcome("contact", FaultCase("force_torque", LATE, 0.02))
     assert contact.flagged_after == np.inf and contact.finite
     assert np.abs(contact.recording["joint_torque"]).max() == pytest.approx(94.0, rel=0.2)
