@@ -8,8 +8,8 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, mode, posterior
-from drake_tc.diagnosis.model import Block, JointModel, RunSpread, Split, drives, starts_unknown
-from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
+from drake_tc.diagnosis.model import OTHER_CLOCKS, Block, JointModel, RunSpread, Split, drives, starts_unknown
+from drake_tc.diagnosis.noise import SEED, NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
@@ -90,6 +90,13 @@ class Evidence:
     def _log_determinant(self) -> float:
         rows = self.model.train.rows
         return rows.whitened(np.zeros((rows.samples.rows.size, 1)), self.noise)[1]
+
+    @cached_property
+    def white_gain(self) -> float:
+        """Mean square of white noise of unit variance in the rows after the whitening."""
+        rows = self.model.train.rows
+        noise = np.random.default_rng(SEED).standard_normal((rows.samples.rows.size, 1))
+        return float(np.mean(rows.whitened(noise, self.noise)[0] ** 2))
 
     def design(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[FloatArray, Prior]:
         """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior; `spread` of the runs."""
@@ -331,9 +338,11 @@ class Evidence:
         return found
 
     def ages(self, scored: Scored) -> dict[str, float]:
-        """Ages of the channels [s] of a set."""
+        """Ages of the channels against the position [s] of a set."""
         at = scored.coefficients + scored.shapes
         out = {channel: float(scored.posterior.beta[at + i]) for i, channel in enumerate(self.model.ages)}
+        older = out.pop("position")
+        out = {channel: age - older * (channel in OTHER_CLOCKS) for channel, age in out.items()}
         for term, theta in coefficients_by_term(scored.terms, scored.beta):
             for channel, share in term.effect.ages_of.items() if theta.size else ():
                 out[channel] += share * float(theta[0])

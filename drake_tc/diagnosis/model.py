@@ -8,7 +8,7 @@ and load. A drive effect without memory maps the recorded effort to u, and its J
 of the effort (delay, lag) enters by its inverse, computed on w, which has no noise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -42,6 +42,9 @@ from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
+
+OTHER_CLOCKS = ("command", "effort", "torque")
+"""Channels that are earlier than the position by its own age; what is inside a servo acts, and is not recorded."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,12 @@ class Split:
             slope = self.gain * self.samples.signals.acceleration if rate else self.slope_of(channel)
             self._kept["age", channel] = self.samples.reduce(_inside(slope, self.samples) if rate else slope)
         return np.asarray(self._kept["age", channel])
+
+    def age_columns(self, channels: Iterable[str], viscous: float) -> FloatArray:
+        """(N, a) what a second of age of each channel does, for a viscous friction [N m s/rad]."""
+        own = {c: self.reduced_slope(c) * (viscous if c == "rate" else 1.0) for c in channels if c != "position"}
+        older = -sum(own[c] for c in OTHER_CLOCKS if c in own)
+        return np.stack([older if c == "position" else own[c] for c in channels], axis=1)
 
     def of(self, term: Term) -> FloatArray:
         """(N, k) columns [N m] of a term; of ages of channels, where these are linearised."""
@@ -446,21 +455,21 @@ class JointModel:
             out = {"effort": (mean + lag, float(np.hypot(spread, unknown)))}
         if self.context.load == "torque":
             out["torque"] = (0.0, UNIFORM * samples.torque_period)
+        out["position"] = (0.0, UNIFORM * samples.signals.period)
         return out
 
     def held_ages(self, terms: Sequence[Term]) -> frozenset[int]:
         """Numbers of the ages that are held at 0, see `stands_for`."""
         held = stands_for(terms)
+        held = held | {"position"} if held else held
         return frozenset(number for number, channel in enumerate(self.ages) if channel in held)
 
     def nuisances(self, split: Split) -> list[Block]:
         """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
-        out = []
-        for channel, (mean, deviation) in self.ages.items():
-            values = split.reduced_slope(channel)
-            values = self.viscous * values if channel == "rate" else values
+        out, columns = [], split.age_columns(self.ages, self.viscous)
+        for number, (mean, deviation) in enumerate(self.ages.values()):
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
-            out.append(Block(values[:, None], prior))
+            out.append(Block(columns[:, [number]], prior))
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
             out.append(Block(one, Prior(np.zeros(1), np.array([CONTRIBUTION * self.scale]), np.zeros(1, dtype=bool))))
@@ -471,12 +480,8 @@ class JointModel:
 
     def noise_of_ages(self, number: int) -> FloatArray:
         """(N, a) noise of a channel in the columns of the ages."""
-        sizes = np.array([self.viscous if channel == "rate" else 1.0 for channel in self.ages])
-        noisy, own = (
-            np.stack([split.reduced_slope(channel) for channel in self.ages], axis=1)
-            for split in (self.train.noisy[number], self.train)
-        )
-        return np.asarray((noisy - own) * sizes)
+        own, noisy = self.train, self.train.noisy[number]
+        return noisy.age_columns(self.ages, self.viscous) - own.age_columns(self.ages, self.viscous)
 
     def of_runs(self, split: Split, spread: "RunSpread") -> list[Block]:
         """Columns of what differs from run to run: Coulomb and viscous friction, and the zero of the effort."""

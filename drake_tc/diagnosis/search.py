@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
@@ -211,15 +212,17 @@ def _pool(sets: Sets, best: Scored) -> list[Scored]:
 def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.inf) -> list[tuple[Evidence, Scored]]:
     """The sets with the odds that they have if noise in the columns of all is as loud as in the loudest.
 
-    A set whose columns have no noise leaves less than the true one whose columns have some. `least`: log odds from
-    which a set counts among the loud ones.
+    A set whose columns have no noise leaves less than the true one whose columns have some. Sets with noise models of
+    their own are compared by the white noise that they tell. `least`: log odds from which a set counts among the
+    loud ones.
     """
-    noise = [s.passed * s.posterior.variance for _, s in sets]
+    left = [s.posterior.variance / evidence.white_gain for evidence, s in sets]
+    noise = [s.passed * variance for variance, (_, s) in zip(left, sets, strict=True)]
     loudest = max((n for n, (_, s) in zip(noise, sets, strict=True) if s.log_odds > least), default=0.0)
     out = []
-    for own, (evidence, s) in zip(noise, sets, strict=True):
+    for own, variance, (evidence, s) in zip(noise, left, sets, strict=True):
         rows = evidence.noise.share * evidence.model.train.rows.index.size
-        less = 0.5 * rows * np.log1p(max(loudest - own, 0.0) / s.posterior.variance)
+        less = 0.5 * rows * np.log1p(max(loudest - own, 0.0) / variance)
         out.append((evidence, replace(s, log_odds=float(s.log_odds - less))))
     return out
 
@@ -290,9 +293,15 @@ def _alike(evidence: Evidence, effects: Sequence[Effect], best: Scored) -> tuple
 
 
 def settled(evidence: Evidence, scored: Scored) -> tuple[Evidence, Scored]:
-    """The evidence under the noise and the latent effort that a set means, and the set under it."""
+    """The evidence under the noise and the latent effort that a set means, and the set under it.
+
+    The model is linearised at the coefficients that noise does not bias, if these are possible. In the others, columns
+    without noise, such as the age of a command, take over a part of noisy ones, at ages that the log does not have.
+    """
     for _ in range(SETTLING):
-        evidence = Evidence(evidence.relinearised(scored), evidence.noise, evidence.spread).heard(scored.terms)
+        true = corrected(evidence, scored)
+        at = true if true.b[0] > evidence.model.least_gain and possible(evidence, true) else scored
+        evidence = Evidence(evidence.relinearised(at), evidence.noise, evidence.spread).heard(scored.terms)
         scored = evidence.refined(evidence.score(scored.terms))
     return evidence, scored
 

@@ -320,6 +320,7 @@ AGES = {
     "rate": "rate in the servo",
     "effort": "effort",
     "torque": "torque",
+    "position": "position",
 }
 """Channels in words."""
 

@@ -1,4 +1,5 @@
-/* Measured and modelled signals over time: one plot of values above one of errors, per section that has data. */
+/* Measured and modelled signals over time: one plot of values above one of errors, per section that has data.
+   The measured line is thin and drawn last, above those of the models. */
 (function () {
   "use strict";
   const LEVELS = 65534, BREAK = -32768, HEIGHTS = [260, 170], STEP = 0.2;
@@ -23,7 +24,7 @@
       const errors = ["before", "after", "refined"].filter((name) => name in run).map((name) => ({ name, values: line(run[name]) }));
       const modelled = errors.map((e) => e.values.map((v, i) =>
         v === null || measured[i] === null ? null : measured[i] + v * plot.valuePerError));
-      run.lines = { errors, values: [time, measured, ...modelled], misses: [time, ...errors.map((e) => e.values)] };
+      run.lines = { errors, values: [time, ...modelled, measured], misses: [time, ...errors.map((e) => e.values)] };
     }
     return run.lines;
   }
@@ -50,7 +51,7 @@
         { label: "time", value: shown("s") },
         ...names.map((name) => ({
           label: name === "measured" ? "measured" : "model " + name,
-          stroke: () => colour(COLOURS[name]), width: name === "measured" ? 1.8 : 1.3,
+          stroke: () => colour(COLOURS[name]), width: name === "measured" || last ? 1.1 : 2.2,
           dash: DASHES[name], value: shown(unit), points: { show: false },
         })),
       ],
@@ -106,7 +107,7 @@
       charts = [];
       busy = true;
       const made = [
-        new uPlot(options(["measured", ...names], plot.quantity, plot.unit, width, HEIGHTS[0], key, false, follow),
+        new uPlot(options([...names, "measured"], plot.quantity, plot.unit, width, HEIGHTS[0], key, false, follow),
           lines.values, host),
         new uPlot(options(names, "error", plot.errorUnit, width, HEIGHTS[1], key, true, follow), lines.misses, host),
       ];

@@ -89,7 +89,8 @@ CASES: dict[str, Case] = {
     "delay.command": Case("position_servo", {"delay": 0.012}, width=0.45),
     "delay.loop": Case("current", {"delay": 0.012}, width=0.3),
     "delay.torque_sensor": Case("current", {"delay": 0.006}, width=0.4),
-    "delay.position_sensor": Case("current", {"delay": 0.006}, width=0.4),
+    # the instants of position, effort and torque within their period: 1.96 sqrt(3) 2 ms/sqrt(12) = 2 ms at most
+    "delay.position_sensor": Case("current", {"delay": 0.006}, width=2.0 / 3.0),
     "current_lag": Case("voltage", {"lag": 0.015}),
     "payload": Case("current", {"payload_moment": 2.0, "payload_inertia": 0.08}, loads=(BENCH, LIGHTER)),
     "payload.sliding": Case(

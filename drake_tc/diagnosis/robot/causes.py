@@ -57,10 +57,8 @@ class Causes:
             model = joint.evidence.model
             columns = model.train.gain * joint.columns[0]
             most = np.maximum(most, np.sqrt(np.mean(columns**2, axis=0)) / model.scale)
-            known = (
-                spread for channel, (_, spread) in model.ages.items() if channel in ("command", "effort", "inside")
-            )
-            age = max(age, float(np.linalg.norm(list(known))))
+            known = [spread for channel, (_, spread) in model.ages.items() if channel not in ("torque", "rate")]
+            age = max(age, float(np.linalg.norm(known)))
             squares.append(columns.T @ columns / max(len(columns), 1) / joint.prepared.floor**2)
         wide = CAUSE_CONTRIBUTION / np.where(most > 0.0, most, np.inf)
         for cause in fit.runs.every_cause:

@@ -222,16 +222,16 @@ def _picture(trace: Trace, quantity: str, name: str, value: Scale, error: Scale)
 
 
 def _draw(figure: Figure, trace: Trace, quantity: str, value: Scale, error: Scale) -> tuple[Any, Any]:
-    """Draw values above and errors below; returns both frames."""
+    """Draw values above and errors below; returns both frames. The measured line lies above those of the models."""
     looks = {"before": (BEFORE, (0, (4, 2))), "after": (AFTER, "solid"), "refined": (REFINED, (0, (1, 1)))}
     grid = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
     top: Any = figure.add_subplot(grid[0])
     bottom: Any = figure.add_subplot(grid[1], sharex=top)
-    top.plot(trace.time, trace.measured * value.factor, color=INK, linewidth=1.6, label="measured")
+    top.plot(trace.time, trace.measured * value.factor, color=INK, linewidth=0.9, label="measured", zorder=3)
     for key, line in trace.errors.items():
         colour, dash = looks[key]
         modelled = (trace.measured + line) * value.factor
-        top.plot(trace.time, modelled, color=colour, linestyle=dash, linewidth=1.1, label=f"model {key}")
+        top.plot(trace.time, modelled, color=colour, linestyle=dash, linewidth=2.0, label=f"model {key}")
         bottom.plot(trace.time, line * error.factor, color=colour, linestyle=dash, linewidth=1.0, label=key)
     top.tick_params(labelbottom=False)
     top.set_ylabel(f"{quantity} [{value.unit}]")
