@@ -26,8 +26,8 @@ def dot(picture: View) -> str:
     """The DOT text; blocks are b0, b1, …, their ports i<index> and o<index>."""
     lines = [
         "digraph block_graph {",
-        f"  graph [label={_quoted(picture.title)}, labelloc=t, rankdir=LR, newrank=true, splines=spline, bgcolor=white, "
-        'fontname="Helvetica", nodesep=0.35, ranksep=0.9]',
+        f"  graph [label={_quoted(picture.title)}, labelloc=t, rankdir=LR, newrank=true, splines=spline, "
+        'bgcolor=white, fontname="Helvetica", nodesep=0.35, ranksep=0.9]',
         '  node [shape=record, fontname="Helvetica", fontsize=10, style=filled, fillcolor=white]',
         '  edge [fontname="Helvetica", fontsize=9]',
     ]
