@@ -18,7 +18,7 @@ from drake_tc.report.numbers import percent, pretty_unit, scale_for, significant
 from drake_tc.report.plots.svg import AFTER, BEFORE, INK, MUTED, SHADE, new_figure, page_style, to_svg
 from drake_tc.types import FloatArray
 
-SIZE = (6.4, 2.6)
+SIZE = (8.2, 2.6)
 BANDS_PER_OCTAVE = 12
 LEAST_GAIN = 0.05
 """Amplitude that the filters pass at the upper end of the frequencies shown."""
