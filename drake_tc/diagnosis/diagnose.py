@@ -14,7 +14,7 @@ from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
 from drake_tc.diagnosis.left import visible_share
-from drake_tc.diagnosis.model import JointModel, Split, with_needed
+from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import ALTERNATIVE, CANNOT_TELL, DECLARED_CONTRIBUTION, DISTORTED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
@@ -35,6 +35,7 @@ from drake_tc.diagnosis.result.joint_result import (
     Withdrawal,
 )
 from drake_tc.diagnosis.search import Found, Progress, Sets, find, possible, pruned, settled
+from drake_tc.diagnosis.split import Split, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.library import looked_for, uncommon
 from drake_tc.effects.obstacle import Obstacle

@@ -8,11 +8,12 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, mode, posterior
-from drake_tc.diagnosis.model import OTHER_CLOCKS, Block, JointModel, RunSpread, Split, drives, starts_unknown
+from drake_tc.diagnosis.model import Block, JointModel, RunSpread, starts_unknown
 from drake_tc.diagnosis.noise import SEED, NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
+from drake_tc.diagnosis.split import Split, drives
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray, IntArray
@@ -337,12 +338,16 @@ class Evidence:
             found = Evidence(found.model, noise, found.spread)
         return found
 
+    def places_of_ages(self, scored: Scored) -> slice:
+        """Of the ages in a posterior."""
+        at = scored.coefficients + scored.shapes
+        return slice(at, at + len(self.model.ages))
+
     def ages(self, scored: Scored) -> dict[str, float]:
         """Ages of the channels against the position [s] of a set."""
-        at = scored.coefficients + scored.shapes
-        out = {channel: float(scored.posterior.beta[at + i]) for i, channel in enumerate(self.model.ages)}
-        older = out.pop("position")
-        out = {channel: age - older * (channel in OTHER_CLOCKS) for channel, age in out.items()}
+        own = scored.posterior.beta[self.places_of_ages(scored)]
+        channels = [channel for channel in self.model.ages if channel != "position"]
+        out = {channel: float(self.model.against_position(channel) @ own) for channel in channels}
         for term, theta in coefficients_by_term(scored.terms, scored.beta):
             for channel, share in term.effect.ages_of.items() if theta.size else ():
                 out[channel] += share * float(theta[0])

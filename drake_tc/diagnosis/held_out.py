@@ -7,9 +7,10 @@ from itertools import combinations
 import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.model import RunSpread, is_filter
+from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import FALLS
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.split import is_filter
 from drake_tc.types import FloatArray
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.model import RunSpread, stands_for
+from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import RUN_SPREADS
 from drake_tc.diagnosis.problem.parameters import (
     Correlation,
@@ -18,6 +18,7 @@ from drake_tc.diagnosis.problem.parameters import (
     shape_places,
 )
 from drake_tc.diagnosis.search import as_fit
+from drake_tc.diagnosis.split import stands_for
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 

@@ -8,20 +8,14 @@ and load. A drive effect without memory maps the recorded effort to u, and its J
 of the effort (delay, lag) enters by its inverse, computed on w, which has no noise.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from types import MappingProxyType
-from typing import Any, cast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from drake_tc.diagnosis.data.preparation import SLOWER
-from drake_tc.diagnosis.data.samples import Samples, rms
-from drake_tc.diagnosis.latent import filtered, latent_shares
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Prior
-from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
 from drake_tc.diagnosis.priors import (
     AGE_PERIODS,
     CONTRIBUTION,
@@ -29,22 +23,17 @@ from drake_tc.diagnosis.priors import (
     DRIVE_LAG_S,
     HELD_GAIN,
     LEAST_GAIN,
-    PASSED_ON,
     SERVO_LAG_S,
     UNIFORM,
 )
-from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
-from drake_tc.effects.base import Context, DriveEffect, Effect
-from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.split import OTHER_CLOCKS, Split, drives, stands_for, with_clean, with_needed
+from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance
-from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
-
-OTHER_CLOCKS = ("command", "effort", "torque")
-"""Channels that are earlier than the position by its own age; what is inside a servo acts, and is not recorded."""
 
 
 @dataclass(frozen=True)
@@ -55,299 +44,16 @@ class Block:
     prior: Prior
 
 
-@dataclass(frozen=True, eq=False)
-class Split:
-    """The rows of the training or of the held-out runs.
-
-    Attributes:
-        recorded: Columns computed from the recorded effort: the target.
-        clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
-        needed: (T,) w, the effort that the model needs [effort]. modelled: the same before the filters of the fit that
-            computed it, as it would be recorded.
-        share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.latent_shares`).
-        of_load: (m,) taps of the filter m by which the load takes up the residual.
-        gain: K of the fit that computed w [effort/(N m)].
-        ages: By channel, the age at which what it does is linearised [s].
-        fit: Terms and [1/K, theta ...] that computed w.
-        measured: Whether a sensor tells the load torque.
-    """
-
-    recorded: Columns
-    clean: Columns
-    needed: FloatArray
-    modelled: FloatArray
-    share: FloatArray
-    of_load: FloatArray
-    gain: float
-    ages: Mapping[str, float] = field(default_factory=dict)
-    fit: tuple[Sequence[Term], FloatArray] = ((), np.ones(1))
-    measured: bool = False
-
-    @property
-    def samples(self) -> Samples:
-        """Filtered signals and rows."""
-        return self.recorded.samples
-
-    @cached_property
-    def latent(self) -> FloatArray:
-        """(T,) x, see `latent` [effort]."""
-        return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
-
-    @cached_property
-    def load(self) -> FloatArray:
-        """(T,) the most probable load torque of a recorded one [N m]."""
-        s = self.samples.signals
-        return np.asarray(s.load_torque + filtered(self.samples, self.of_load, s.effort - self.modelled) / self.gain)
-
-    def _followed(self, values: FloatArray) -> FloatArray:
-        """(T,) values through the filter l, stretch by stretch."""
-        return filtered(self.samples, self.share, values)
-
-    @cached_property
-    def noisy(self) -> "tuple[Split, ...]":
-        """This split with the noise of each channel drawn once more, and passed through all that it passes."""
-        out, s = [], self.samples.signals
-        for drawn in drawn_noise(self.samples, measured=self.measured):
-            noise = s.rotor_inertia * (drawn.signals.acceleration - s.acceleration)
-            if not self.samples.load_unknown:
-                noise = noise + drawn.signals.load_torque - s.load_torque
-            target = self.recorded.target + self.samples.reduce(noise)
-            recorded = self.recorded.changed(samples=drawn, target=target)
-            shares = self.share, self.of_load
-            out.append(with_needed(recorded, *self.fit, measured=self.measured, ages=self.ages, shares=shares))
-        return tuple(out)
-
-    @cached_property
-    def rows(self) -> Rows:
-        """The rows that count."""
-        return Rows(self.samples)
-
-    def target(self, terms: Sequence[Term]) -> FloatArray:
-        """(N,) the recorded effort after the drive effects without memory, less what filters add to w."""
-        acting = drives(terms)
-        out = self.recorded.effort([t for t in acting if not is_filter(t)])
-        for term in acting:
-            if is_filter(term):
-                out = out - self._offset(term)
-        for channel, aged in self._aged.items():
-            if channel not in stands_for(acting):
-                out = out - aged
-        return out
-
-    @cached_property
-    def channels(self) -> Mapping[str, "Aged"]:
-        """What the age of each channel does, but that of the rate in a servo."""
-        s = self.samples.signals
-        slow = self.gain * self.clean.samples.signals.slow_torque
-        return {
-            "command": Aged(s.command, -1.0),
-            "inside": Aged(self.latent, -1.0),
-            "effort": Aged(-self.latent, 1.0),
-            "torque": Aged(slow, 1.0),
-        }
-
-    def slope_of(self, channel: str) -> FloatArray:
-        """(T,) df/da at the age at which the channel is linearised."""
-        return self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
-
-    def reduced_slope(self, channel: str) -> FloatArray:
-        """(N,) the same on the rows; of the rate in a servo for a viscous friction of 1 N m s/rad."""
-        if ("age", channel) not in self._kept:
-            rate = channel == "rate"
-            slope = self.gain * self.samples.signals.acceleration if rate else self.slope_of(channel)
-            self._kept["age", channel] = self.samples.reduce(_inside(slope, self.samples) if rate else slope)
-        return np.asarray(self._kept["age", channel])
-
-    def age_columns(self, channels: Iterable[str], viscous: float) -> FloatArray:
-        """(N, a) what a second of age of each channel does, for a viscous friction [N m s/rad]."""
-        own = {c: self.reduced_slope(c) * (viscous if c == "rate" else 1.0) for c in channels if c != "position"}
-        older = -sum(own[c] for c in OTHER_CLOCKS if c in own)
-        return np.stack([older if c == "position" else own[c] for c in channels], axis=1)
-
-    def of(self, term: Term) -> FloatArray:
-        """(N, k) columns [N m] of a term; of ages of channels, where these are linearised."""
-        if term.effect.coefficients and term.effect.ages_of:
-            slopes = [share * self.reduced_slope(channel) for channel, share in term.effect.ages_of.items()]
-            return np.asarray(np.sum(slopes, axis=0)[:, None] / self.gain)
-        return self.clean.of(term)
-
-    @cached_property
-    def run_columns(self) -> tuple[FloatArray, ...]:
-        """(N, r) direction, speed and 1, each in its run."""
-        s = self.samples
-        each = s.reduce(s.signals.direction, fresh=True), s.reduce(s.signals.velocity), np.ones(s.rows.size)
-        inside = s.run[:, None] == np.arange(len(s.runs))
-        return tuple(np.where(inside, values[:, None], 0.0) for values in each)
-
-    def curvature(self, channel: str, age: float) -> float:
-        """RMS over the rows of f(a) - a df/da(0) of a channel [effort]."""
-        aged = self.channels[channel]
-        off = aged.change(self.samples, age) - age * aged.slope(self.samples, 0.0)
-        return rms(self.samples.reduce(_inside(off, self.samples)))
-
-    @cached_property
-    def _aged(self) -> dict[str, FloatArray]:
-        """(N,) f(a) - a df/da of each channel at its age a."""
-        return {
-            channel: self.samples.reduce(
-                _inside(self.channels[channel].change(self.samples, age) - age * self.slope_of(channel), self.samples)
-            )
-            for channel, age in self.ages.items()
-        }
-
-    @cached_property
-    def _kept(self) -> dict[tuple[object, ...], Any]:
-        return {}
-
-    def _offset(self, term: Term) -> FloatArray:
-        """(N,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
-        if term.cache_key not in self._kept:
-            u, w = self.samples.signals.effort, self.needed
-            act = partial(self.clean.samples.by_segment, term.effect, term.shape)
-            needed = act(w, undo=True) - w
-            self._kept[term.cache_key] = self.samples.reduce(needed + self._followed(u - act(u) - needed))
-        return np.asarray(self._kept[term.cache_key])
-
-    def log_jacobian(self, terms: Sequence[Term], deviation: float, b: FloatArray) -> float:
-        """Sum over the rows that count of log |dr/du|, r = u* - sum b_k phi_k; b (k,) of the terms.
-
-        At least as much as noise of this deviation tells: where the drive does not pass the effort on, u is known up to
-        its own range and nothing else. A filter counts by the share of the residual's noise that it passes, and a
-        column of the effort by the share of it that the latent effort follows.
-        """
-        scaled, at = np.ones(self.rows.index.size), 0
-        for term in terms:
-            size = len(term.effect.coefficients)
-            if term.shape.get(SCALED_AT, 0.0) > 0.0:
-                scaled = scaled - self._by_effort(term) @ b[at : at + size]
-            at += size
-        of_columns = float(np.sum(np.log(np.maximum(np.abs(scaled), PASSED_ON))))
-        return of_columns + self._of_drives(terms, deviation)
-
-    def _by_effort(self, term: Term) -> FloatArray:
-        """(n, k) dphi/du of a term's columns on the rows that count."""
-        key = ("by effort", *term.cache_key)
-        if key not in self._kept:
-            samples = self.clean.samples
-            step = 1e-3 * max(rms(samples.signals.effort[samples.rows]), 1e-12)
-            signals = replace(samples.signals, effort=samples.signals.effort + step)
-            moved = replace(samples, signals=signals).by_segment(term.effect, term.shape)
-            change = (moved - samples.by_segment(term.effect, term.shape)) / step
-            self._kept[key] = change[samples.rows][self.rows.index] * float(np.mean(self._follows()))
-        return np.asarray(self._kept[key])
-
-    def _follows(self) -> FloatArray:
-        """(F,) share of the residual that the latent effort follows, at the frequencies of the rows."""
-        pulse, _ = self.samples.pulse()
-        inside = np.fft.rfftfreq(2 * pulse.size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
-        return np.asarray(np.abs(np.fft.rfft(self.share, 2 * pulse.size))[inside])
-
-    def _of_drives(self, terms: Sequence[Term], deviation: float) -> float:
-        filters = [t for t in drives(terms) if isinstance(t.effect, DriveEffect) and t.effect.filters]
-        passed = 0.5 * self.rows.index.size * sum(self._passed(t) for t in filters)
-        static = [t for t in drives(terms) if not is_filter(t)]
-        if not static:
-            return float(passed)
-        key = ("slope", *(k for t in static for k in t.cache_key))
-        if key not in self._kept:
-            self._kept[key] = self._slope(static)[self.rows.index]
-        slope = self._kept[key]
-        span = float(np.ptp(self.samples.signals.effort[self.samples.rows]))
-        least = min(deviation * np.sqrt(2.0 * np.pi) / max(span, 1e-300), 1.0)
-        return float(passed + np.sum(np.log(np.clip(slope, least, 1.0))))
-
-    def _passed(self, term: Term) -> float:
-        """Mean logarithm over the rows' frequencies of the residual's power that passes a filter T.
-
-        With l the share of the residual that the latent effort follows, its noise is the recorded effort's to 1 - l,
-        which passes 1 - l (1 - T), and the needed effort's to l, which passes 1 - (1 - l) (1 - 1/T).
-        """
-        key = ("passed", *term.cache_key)
-        if key not in self._kept:
-            pulse, piece = self.samples.pulse()
-            size, effect = pulse.size, cast(DriveEffect, term.effect)
-            inside = np.fft.rfftfreq(2 * size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
-            noise, late, early = (
-                np.fft.rfft(each, 2 * size)[inside]
-                for each in (pulse, effect.transform(pulse, piece, term.shape), effect.undone(pulse, piece, term.shape))
-            )
-            follows = self._follows()
-            of_effort = (1.0 - follows) * np.abs(1.0 - follows * (1.0 - late / noise)) ** 2
-            of_need = follows * np.abs(1.0 - (1.0 - follows) * (1.0 - early / noise)) ** 2
-            self._kept[key] = float(np.mean(np.log(of_effort + of_need)))
-        return float(self._kept[key])
-
-    def as_recorded(self, terms: Sequence[Term], residual: FloatArray) -> FloatArray:
-        """(N,) error [recorded effort] that is an error of the effort on which the drive acts, (du*/du)^-1 of it.
-
-        Where the drive does not pass the effort on, a dead zone or a limit, every effort within is as good, and the
-        acting effort's own error is kept.
-        """
-        static = [t for t in drives(terms) if not is_filter(t)]
-        if not static:
-            return residual
-        slope = self._slope(static)
-        return np.asarray(residual / np.where(slope > PASSED_ON, slope, 1.0))
-
-    def _slope(self, static: Sequence[Term]) -> FloatArray:
-        """(N,) |du*/du| of drive effects without memory on all rows."""
-        step = 1e-3 * max(rms(self.samples.signals.effort[self.samples.rows]), 1e-12)
-        up, down = (self.recorded.acting_effort(static, sign * step) for sign in (1.0, -1.0))
-        return np.asarray(np.abs(((up - down) / (2.0 * step))[self.samples.rows]))
-
-
 @dataclass(frozen=True)
-class Aged:
-    """What the age a of a channel does to the recorded effort: f(a) = d (x(t + d a) - x(t)), d = 1 or -1.
+class RunSpread:
+    """Standard deviations from run to run: of each friction over its mean, of the effort's zero over its RMS."""
 
-    Attributes:
-        values: (T,) x [effort].
-        way: d, -1 where the drive acts on what is older than its record.
-    """
+    friction: float = 0.0
+    zero: float = 0.0
 
-    values: FloatArray
-    way: float
-
-    def change(self, samples: Samples, age: float) -> FloatArray:
-        """(T,) f(a)."""
-        return np.asarray(self.way * (moved(self.values, samples, self.way * age) - self.values))
-
-    def slope(self, samples: Samples, age: float) -> FloatArray:
-        """(T,) df/da."""
-        return rate_inside(moved(self.values, samples, self.way * age), samples)
-
-
-def moved(values: FloatArray, samples: Samples, by: float) -> FloatArray:
-    """(T,) x(t + by) of values x (T,), stretch by stretch, by cubic splines; the ends of a stretch are held."""
-    if by == 0.0:
-        return values
-    out, step = np.empty_like(values), by / samples.signals.period
-    for s in samples.segments:
-        at = np.arange(s.stop - s.start, dtype=np.float64)
-        if at.size < 4:
-            out[s] = values[s]
-            continue
-        out[s] = CubicSpline(at, values[s])(np.clip(at + step, 0.0, at[-1]))
-    return out
-
-
-def stands_for(terms: Sequence[Term]) -> frozenset[str]:
-    """Channels for whose ages a delay among the terms stands: those of the effort, or a single one.
-
-    The logs tell the sum of both. A delay that an age undoes to first order alone would smooth the noise away.
-    """
-    stand = [t.effect.ages_of for t in terms if t in drives(terms) or len(t.effect.ages_of) == 1]
-    return frozenset().union(*stand)
-
-
-def drives(terms: Sequence[Term]) -> list[Term]:
-    """Those that change the effort itself."""
-    return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
-
-
-def is_filter(term: Term) -> bool:
-    """Whether the term is a linear filter of the effort, or of the command within it."""
-    return isinstance(term.effect, DriveEffect) and (term.effect.filters or term.effect.acts_on == "command")
+    def of(self, terms: Sequence[Term]) -> "RunSpread":
+        """With terms that begin each run in an unknown state: the zero of a run is then any."""
+        return replace(self, zero=CONTRIBUTION) if starts_unknown(terms) else self
 
 
 @dataclass(frozen=True, eq=False)
@@ -458,6 +164,11 @@ class JointModel:
         out["position"] = (0.0, UNIFORM * samples.signals.period)
         return out
 
+    def against_position(self, channel: str) -> FloatArray:
+        """(a,) weights of the ages in the age of a channel against the position."""
+        position = -1.0 if channel in OTHER_CLOCKS else 0.0
+        return np.array([{channel: 1.0, "position": position}.get(name, 0.0) for name in self.ages])
+
     def held_ages(self, terms: Sequence[Term]) -> frozenset[int]:
         """Numbers of the ages that are held at 0, see `stands_for`."""
         held = stands_for(terms)
@@ -527,81 +238,6 @@ class JointModel:
         return replace(self, train=train, held=held)
 
 
-@dataclass(frozen=True)
-class RunSpread:
-    """Standard deviations from run to run: of each friction over its mean, of the effort's zero over its RMS."""
-
-    friction: float = 0.0
-    zero: float = 0.0
-
-    def of(self, terms: Sequence[Term]) -> "RunSpread":
-        """With terms that begin each run in an unknown state: the zero of a run is then any."""
-        return replace(self, zero=CONTRIBUTION) if starts_unknown(terms) else self
-
-
 def starts_unknown(terms: Sequence[Term]) -> bool:
     """Whether a term begins each run in a state that no channel tells."""
     return any(t.effect.unknown_start for t in terms)
-
-
-def rate_inside(values: FloatArray, samples: Samples) -> FloatArray:
-    """Time derivative (T,) of values (T,) without the jumps between stretches."""
-    return _inside(np.gradient(values, samples.signals.period), samples)
-
-
-def _inside(values: FloatArray, samples: Samples) -> FloatArray:
-    """Values (T,) without the jumps that a difference quotient leaves where two stretches meet."""
-    out = values.copy()
-    for s in samples.segments:
-        out[s.start : s.start + 2] = out[min(s.start + 2, s.stop - 1)]
-        out[max(s.stop - 2, s.start) : s.stop] = out[max(s.stop - 3, s.start)]
-    return out
-
-
-def with_needed(
-    recorded: Columns,
-    terms: Sequence[Term],
-    beta: FloatArray,
-    *,
-    measured: bool,
-    ages: Mapping[str, float] = MappingProxyType({}),
-    shares: tuple[FloatArray, FloatArray] | None = None,
-) -> Split:
-    """A split whose needed effort is w = (tau + J qddot + known + sum_k theta_k phi_k)/beta_0 of a fit, at ages [s].
-
-    `shares`: taps of the filters l and m; None computes them.
-    """
-    samples = recorded.samples
-    s = samples.signals
-    torque = s.rotor_inertia * s.acceleration + s.known_torque
-    if not samples.load_unknown:  # else the load is among the terms
-        torque = torque + s.load_torque
-    for term, theta in coefficients_by_term(terms, beta):
-        if theta.size and not term.effect.ages_of.keys() & ages.keys():
-            torque = torque + samples.by_segment(term.effect, term.shape) @ theta
-    gain = 1.0 / float(beta[0])
-    modelled = gain * torque
-    for term in reversed(drives(terms)):
-        if is_filter(term):
-            modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
-    modelled = moved(modelled, samples, ages.get("inside", 0.0) - ages.get("effort", 0.0))
-    modelled = modelled + Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
-    modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
-    shares = shares or latent_shares(samples, s.effort - modelled, gain)
-    return with_clean(
-        Split(recorded, recorded, gain * torque, modelled, *shares, gain, ages, (tuple(terms), beta), measured)
-    )
-
-
-def with_clean(first: Split) -> Split:
-    """The split with its columns computed from the most probable effort and, if it is `measured`, load (`latent`)."""
-    samples = first.samples
-    s = samples.signals
-    command = first.latent + s.position if samples.floor.servo else first.latent
-    load = first.load if first.measured else s.load_torque
-    slow = s.slow_torque
-    if first.measured:
-        slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
-    stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
-    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow, stiffness=stiffness)
-    return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))

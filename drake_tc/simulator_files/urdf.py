@@ -23,13 +23,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from xml.parsers.expat import ExpatError
 
 from drake_tc.config.files import is_file
 from drake_tc.config.quoted import located
 from drake_tc.errors import ParamsError
 from drake_tc.simulator_files.terms import ReadJoint, Terms
-from drake_tc.simulator_files.xml_tree import DRAKE, PREFIX, finite, place, xml_tree
+from drake_tc.simulator_files.xml_tree import DRAKE, PREFIX, finite, included_tree, place
 
 MOVING = ("revolute", "continuous", "prismatic")
 SIMPLE = "SimpleTransmission"
@@ -241,10 +240,7 @@ def _included(include: ET.Element, found: Path, inside: tuple[Path, ...]) -> dic
         raise ValueError(f"{place(changed)}: an include whose model is changed is not read; write out the whole model")
     if found.resolve() in inside:
         raise ValueError(f"{place(include)}: {found} includes itself")
-    try:
-        root = xml_tree(found.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ExpatError) as problem:
-        raise ValueError(f"{place(include)}: {found}: not XML: {problem}") from None
+    root = included_tree(found, include)
     if root.tag not in ("sdf", "robot"):
         raise ValueError(f"{place(include)}: {found}: expected <sdf> or <robot>, got <{root.tag}>")
     try:

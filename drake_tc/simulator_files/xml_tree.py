@@ -55,6 +55,18 @@ def xml_tree(text: str) -> ET.Element:
     return builder.close()
 
 
+def included_tree(path: Path, include: ET.Element) -> ET.Element:
+    """The root of a file that an element includes.
+
+    Raises:
+        ValueError: it cannot be read, or is no XML; names the element.
+    """
+    try:
+        return xml_tree(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ExpatError) as problem:
+        raise ValueError(f"{place(include)}: {path}: not XML: {problem}") from None
+
+
 def place(element: ET.Element) -> str:
     """The element and its line, for people: `<joint name='knee'> in line 7`."""
     name, tag = element.get("name"), element.tag.replace(DRAKE, PREFIX)
@@ -127,10 +139,7 @@ def with_includes(root: ET.Element, path: Path) -> ET.Element:
                 raise ValueError(f"{place(each)}: file {name!r}: no such file in {folders[0]}")
             if found.resolve() in inside:
                 raise ValueError(f"{place(each)}: file {name!r} includes itself")
-            try:
-                other = xml_tree(found.read_text(encoding="utf-8"))
-            except (OSError, UnicodeDecodeError, ExpatError) as problem:
-                raise ValueError(f"{place(each)}: {found}: not XML: {problem}") from None
+            other = included_tree(found, each)
             expand(other, (*folders, found.parent), (*inside, found.resolve()))
             made += list(other)
         element[:] = made

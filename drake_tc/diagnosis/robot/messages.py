@@ -22,7 +22,7 @@ import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored, placed
 from drake_tc.diagnosis.linear import Prior, Products, log_determinant
-from drake_tc.diagnosis.model import Split
+from drake_tc.diagnosis.split import Split
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 

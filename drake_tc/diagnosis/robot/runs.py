@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples
-from drake_tc.diagnosis.model import JointModel, rate_inside
+from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -15,6 +15,7 @@ from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.causes import Cause, CauseColumns
 from drake_tc.diagnosis.shared.columns_of_runs import corrected
 from drake_tc.diagnosis.shared.timing import LinkMomenta
+from drake_tc.diagnosis.split import rate_inside
 from drake_tc.effects.common_delay import CommonDelay
 from drake_tc.effects.delay import DELAY_RANGE
 from drake_tc.estimation.coupled_gears import at_motors

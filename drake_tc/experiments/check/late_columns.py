@@ -7,7 +7,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.channels import channels_of
-from drake_tc.diagnosis.model import OTHER_CLOCKS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.experiments.check.consistency import Finding
@@ -109,11 +108,8 @@ def _finding(name: str, age: Age, text: str) -> Finding:
 def age_of(fitted: FittedJoint, channel: str) -> Age:
     """The age of a channel of the most probable model, by its prior and by a delay for which it stands."""
     evidence, best = fitted.evidence, fitted.best
-    ages = list(evidence.model.ages)
-    parts = [(channel, 1.0), ("position", -1.0)] if channel in OTHER_CLOCKS else [(channel, 1.0)]
-    at = [best.coefficients + best.shapes + ages.index(name) for name, _ in parts]
-    sign = np.array([s for _, s in parts])
-    variance = float(sign @ best.posterior.covariance[np.ix_(at, at)] @ sign)
+    weights, at = evidence.model.against_position(channel), evidence.places_of_ages(best)
+    variance = float(weights @ best.posterior.covariance[at, at] @ weights)
     delays = [t.effect for t in fitted.found if t.effect.ages_of.get(channel) and t.effect.coefficients]
     for effect in delays:
         low, high = fitted.parameters[effect.key]["delay"].ci95

@@ -136,17 +136,17 @@ def wire_torque_loop(
     stages: Mapping[str, System] | None = None,
     between: Mapping[str, System] | None = None,
 ) -> TorqueLoop:
-    """As `add_torque_loop`, of a design, whose margins nobody looks at.
+    """Add the loop of a design, which says drives, gains and window, without a look at its margins.
 
     Args:
         builder: Holds `plant`.
         plant: Finalized plant with live ports.
         design: What to wire.
-        reference: As in `add_torque_loop`.
-        force_reference: The same.
-        free: The same.
-        stages: The same.
-        between: The same.
+        reference: What the joints shall do.
+        force_reference: (6k) of the contacts at the F/T sensors [N, N m].
+        free: Whether nothing may touch the robot.
+        stages: Stage to a system in its place.
+        between: "stage.port" to a system behind that port.
 
     Raises:
         ParamsError: as `add_torque_loop`.
