@@ -184,6 +184,7 @@ def joint_result(
         baseline_parameters=parameters_of(evidence, declared),
         final_parameters=parameters,
         correlation=correlation,
+        run_spread=evidence.spread.friction,
         noise_floor=floor,
         before=Errors(rms(splits[0].before), rms(splits[1].before), None),
         after=Errors(rms(splits[0].after), rms(splits[1].after), None),

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
 from drake_tc.config.files import utf8_name
@@ -12,6 +14,8 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 
 MODEL_FILE = "model_refined.yaml"
 """File of the model that was refined on free runs."""
+REFERENCE = "reference"
+"""Entry of the provenance that a later comparison reads, see `reference_of`."""
 
 
 def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
@@ -47,7 +51,8 @@ def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
     for name, final in (("model_before.yaml", False), ("model_after.yaml", True)):
         models = {j.joint: model_of(j, final=final) for j in result.joints.values()}
         provenance = _provenance(result) | {
-            "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()}
+            "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
+            REFERENCE: {j.joint: reference_of(j, final=final) for j in result.joints.values()},
         }
         shared = [shared_entry(cause) for cause in result.shared] if final else []
         links = None if result.links is None or not final else links_entry(result.links)
@@ -115,6 +120,24 @@ def links_entry(links: FittedLinks) -> dict[str, dict[str, float]]:
     out: dict[str, dict[str, float]] = {}
     for p in links.parameters:
         out.setdefault(p.link, {})[p.name] = float(f"{p.estimate.value:.6g}")
+    return out
+
+
+def reference_of(joint: JointResult, *, final: bool) -> dict[str, object]:
+    """What a later comparison needs of a joint beside its model.
+
+    `gain_ci95`: 95 % interval of the drive gain; `run_spread`: standard deviation of each friction from run to run over
+    its mean; `temperature`: smallest, mean and largest value of the training rows [°C], where it was recorded.
+    """
+    parameters = joint.final_parameters if final else joint.baseline_parameters
+    out: dict[str, object] = {
+        "gain_ci95": [float(bound) for bound in parameters["drive"]["gain"].ci95],
+        "run_spread": float(joint.run_spread),
+    }
+    samples = joint.train.samples
+    if samples.signals.has("temperature"):
+        warm = samples.signals.temperature[samples.rows]
+        out["temperature"] = [round(float(each), 2) for each in (np.nanmin(warm), np.nanmean(warm), np.nanmax(warm))]
     return out
 
 
