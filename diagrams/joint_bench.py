@@ -4,8 +4,8 @@
                              ^---------------- state --------|------ reaction torque ----------> torque sensor
     applied (table) ------------ torque on the link -------->|
 
-`drake_tc.loops.joint_bench.recording.record_bench` runs it as a rig that is being measured, and
-`python -m drake_tc.diagrams.joint_bench` writes such a record. `drake_tc.loops.joint_bench.recording` drives the same
+`drake_tc.loops.joint_bench.record_bench` runs it as a rig that is being measured, and
+`python -m drake_tc.diagrams.joint_bench` writes such a record. `drake_tc.loops.joint_bench` drives the same
 diagram with a record.
 """
 
@@ -19,8 +19,7 @@ import pandas as pd
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.errors import DrakeTcError
-from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+from drake_tc.loops.joint_bench import BenchScenario, Table, record_bench
 
 SCENARIO_FILE = Path(__file__).with_name("joint_bench.scenario.yaml")
 

@@ -42,16 +42,13 @@ if TYPE_CHECKING:
     from drake_tc.logs.rig import Rig, load_rig
     from drake_tc.loops.fused.fuse import fuse
     from drake_tc.loops.plant import add_robot_plant
-    from drake_tc.loops.scenarios.parts import FilterSpec
-    from drake_tc.loops.series_elastic.controller import series_elastic_controller
+    from drake_tc.loops.scenarios import FilterSpec
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
-    from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
-    from drake_tc.loops.torque.controller import torque_controller
+    from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop, series_elastic_controller
     from drake_tc.loops.torque.scenario import TorqueLoopSpec
-    from drake_tc.loops.torque.wiring import add_torque_loop
-    from drake_tc.loops.whole_body.controller import whole_body_controller
+    from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
     from drake_tc.loops.whole_body.scenario import WholeBodySpec
-    from drake_tc.loops.whole_body.wiring import add_whole_body_loop
+    from drake_tc.loops.whole_body.wiring import add_whole_body_loop, whole_body_controller
     from drake_tc.report.block_graph.graph import block_graph
     from drake_tc.robot.plant import add_robot, joint_limits
     from drake_tc.robot.robot import Robot, load_robot
@@ -163,7 +160,7 @@ _HOMES = {
     "Drive": "actuation.model",
     "EffectValue": "actuation.model",
     "FaultMonitor": "sensor_validation.fault_monitor",
-    "FilterSpec": "loops.scenarios.parts",
+    "FilterSpec": "loops.scenarios",
     "GuardSpec": "control.guard",
     "InverseDynamics": "control.inverse_dynamics",
     "JointTorqueEstimator": "estimation.joint_torque",
@@ -224,14 +221,14 @@ _HOMES = {
     "register_limit": "tsid.kinds",
     "register_task": "tsid.kinds",
     "save_models": "actuation.model_file",
-    "series_elastic_controller": "loops.series_elastic.controller",
+    "series_elastic_controller": "loops.series_elastic.wiring",
     "simulated_inertia": "actuation.free_run",
     "sinusoid_trajectory": "control.trajectories",
     "sliding": "actuation.wiring",
     "swept_sine": "analysis.frequency_response",
     "to_c": "exchange.c_code.writer",
-    "torque_controller": "loops.torque.controller",
-    "whole_body_controller": "loops.whole_body.controller",
+    "torque_controller": "loops.torque.wiring",
+    "whole_body_controller": "loops.whole_body.wiring",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

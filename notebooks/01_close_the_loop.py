@@ -34,8 +34,7 @@ from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.cli.close_loop_command import write_results
 from drake_tc.cli.demo import GRAVITY_MOMENT, JOINT, LIMITS, LINK_INERTIA, DemoLength, demo_model, record_demo
 from drake_tc.identification import growing_sinusoid
-from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench, rig_free_run
+from drake_tc.loops.joint_bench import BenchScenario, Table, record_bench, rig_free_run
 
 folder = Path(tempfile.mkdtemp())
 

@@ -32,22 +32,20 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from drake_tc.analysis.sampled import linearise
-from drake_tc.analysis.settings import assess, default_goals, with_setting
 from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.torque_loop.one_joint import one_joint_loop
-from drake_tc.analysis.torque_loop.tuned import tuned_fields, tuned_scenario
-from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
+from drake_tc.analysis.torque_loop.tuned import joint_tasks, tuned_fields, tuned_scenario
 from drake_tc.analysis.tracking_error import filtered_task, predicted_error
-from drake_tc.analysis.tuning import SearchSpace, draw_fronts, tune
+from drake_tc.analysis.tuning import SearchSpace, assess, default_goals, draw_fronts, tune, with_setting
 from drake_tc.control.joint_loop import with_values
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
 from drake_tc.diagrams.papers.delprete2016.stability import BEGIN, LASTS, WATCHED, Released, pushed
 from drake_tc.diagrams.papers.delprete2016.tuning import BEGIN as SWING_BEGINS
 from drake_tc.diagrams.papers.delprete2016.tuning import IDENTIFIED
-from drake_tc.loops.scenarios.parts import PushSpec
-from drake_tc.loops.torque.joint_loops import joint_loops
-from drake_tc.loops.torque.parts import sliding_scenario
+from drake_tc.loops.scenarios import PushSpec
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.stages import sliding_scenario
 from drake_tc.registry import diagram_entry
 
 folder = Path(tempfile.mkdtemp())

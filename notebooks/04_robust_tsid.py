@@ -45,7 +45,7 @@ from drake_tc.loops.whole_body.running import contact_misses, simulate_tsid, tas
 from drake_tc.registry import tsid_entry
 from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.infeasible import diagnose
+from drake_tc.tsid.fallbacks import diagnose
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.formulation import Formulation

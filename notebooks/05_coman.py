@@ -49,7 +49,7 @@ from drake_tc.diagrams.papers.faraji2015.sea_held import friction_at, hand_torqu
 from drake_tc.diagrams.papers.faraji2015.sea_laws import MOMENTUM, OBSERVER, PI, PREDICTED, margins_of, with_law
 from drake_tc.diagrams.papers.faraji2015.sea_motor import data_sheet, true_motor
 from drake_tc.identification.motor_prior import UNKNOWNS, identify_motor
-from drake_tc.loops.series_elastic.running import simulate_sea
+from drake_tc.loops.series_elastic.loop import simulate_sea
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.registry import sea_entry

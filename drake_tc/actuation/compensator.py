@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, model_list
 from drake_tc.actuation.model import ActuatorModel, split_parts, term_tables
 from drake_tc.effects.base import DriveEffect, Signals, plain_signals
 from drake_tc.effects.kernel import EquationKernel

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import JointActuator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Selector, SelectorParams
 
-from drake_tc.actuation.joint_values import JointValues, Models, joint_values, models_by_joint
+from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, models_by_joint
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.errors import ParamsError

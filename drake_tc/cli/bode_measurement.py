@@ -16,8 +16,8 @@ from drake_tc.analysis.frequency_response import (
     continuous_phase,
     swept_sine,
 )
+from drake_tc.analysis.release import settled_at
 from drake_tc.analysis.sampled import linearise
-from drake_tc.analysis.settled import settled_at
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import DrakeTcError
 from drake_tc.types import FloatArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar
@@ -33,7 +33,7 @@ FILES = (
 )
 """What the command writes; the refined model only where refining made free runs better, others with their options."""
 LOADED_BY_WORKERS = (
-    "drake_tc.loops.joint_bench.recording",
+    "drake_tc.loops.joint_bench",
     "drake_tc.identification.output_error",
     "drake_tc.diagnosis.diagnose",
     "drake_tc.diagnosis.residual.structure",
@@ -125,7 +125,7 @@ def close_loop_command(
         from drake_tc.cli.close_loop_summary import print_summary
         from drake_tc.diagnosis.options import DiagnosisOptions
         from drake_tc.diagnosis.run import close_loop
-        from drake_tc.loops.joint_bench.recording import rig_free_run
+        from drake_tc.loops.joint_bench import rig_free_run
         from drake_tc.report.report_json import result_json
         from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
 

@@ -16,7 +16,7 @@ import pandas as pd
 
 from drake_tc.actuation.free_run import model_to_simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 from drake_tc.identification.excitation import (
     Motion,
     MotionLimits,
@@ -145,8 +145,7 @@ def demo_run(model: ActuatorModel, name: str, seed: int, length: DemoLength, rng
         length: Of the run.
         rng: Of the sensors' noise.
     """
-    from drake_tc.loops.joint_bench.diagram import Table
-    from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+    from drake_tc.loops.joint_bench import BenchScenario, Table, record_bench
 
     motion, push = demo_excitation(seed, length)[name]
     scenario = BenchScenario(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import print_wide, progress_bar
@@ -96,7 +96,7 @@ def design_command(
     are hung on the joint, and how long each. If no motion can separate two effects, the command ends
     with an error that states the identity between them.
     """
-    from drake_tc.experiments.design.load_output import LOAD_FILES
+    from drake_tc.experiments.design.load_design import LOAD_FILES
     from drake_tc.experiments.design.output import FILES, robot_json, write_robot_design
 
     _require(basis, criterion, duration, rate, distance)
@@ -114,7 +114,7 @@ def design_command(
         result_folder(out, "--out", names=(*FILES, *LOAD_FILES), inputs=read, force=force, error=ParamsError) as folder,
         progress_bar("design", quiet=as_json) as progress,
     ):
-        from drake_tc.experiments.design.known_loads import parse_loads
+        from drake_tc.experiments.design.known import parse_loads
         from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
         from drake_tc.experiments.design.robot import RobotOptions
         from drake_tc.experiments.design.run import DesignOptions
@@ -160,7 +160,7 @@ def _designed_joints(
     progress: "Progress",
 ) -> tuple[dict[str, Any], list[str]]:
     """Write the design of each joint; (design.json, lines for the console)."""
-    from drake_tc.experiments.design.load_output import LoadDesign, LoadExperiment
+    from drake_tc.experiments.design.load_design import LoadDesign, LoadExperiment
     from drake_tc.experiments.design.output import design_json, write_design
     from drake_tc.experiments.design.request import designed, designed_with_loads
 
@@ -241,8 +241,7 @@ def rehearse_command(
     Motions, loads, sensors and noise are those of the logs. The result is the rate of detection over the effect's size,
     and the effects that were named in its place.
     """
-    from drake_tc.experiments.rehearsal.output import FILES, rehearsal_json, rehearsal_page
-    from drake_tc.experiments.rehearsal.run import parse_effect, rehearse
+    from drake_tc.experiments.rehearsal.run import FILES, parse_effect, rehearsal_json, rehearsal_page, rehearse
     from drake_tc.experiments.rehearsal.twin import twin_of
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
@@ -285,7 +284,7 @@ def _joint(joints: tuple[str, ...], asked: str | None) -> str:
 
 def print_rehearsal(found: "Rehearsal") -> None:
     """The power curve as a table."""
-    from drake_tc.experiments.rehearsal.output import summary
+    from drake_tc.experiments.rehearsal.run import summary
 
     print(summary(found))
     rows = [

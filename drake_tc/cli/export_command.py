@@ -133,9 +133,9 @@ def export_command(
     from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.applications import ExportTrial
     from drake_tc.exchange.comparison import RUNS, changes
-    from drake_tc.exchange.dc_motor import with_torque_constant
     from drake_tc.exchange.isaaclab import limited_by_supply, to_isaaclab_bam
     from drake_tc.exchange.links import with_links
+    from drake_tc.exchange.mjcf_actuator import with_torque_constant
     from drake_tc.exchange.projection import project
     from drake_tc.exchange.targets import TARGETS, vocabulary
     from drake_tc.exchange.trial import export_page, sentences

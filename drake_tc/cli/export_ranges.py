@@ -14,7 +14,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.exchange.ranges.posterior import Posterior
-    from drake_tc.exchange.ranges.terms import Recorded, TermRanges
+    from drake_tc.exchange.ranges.program import Recorded, TermRanges
 
 TARGETS_OF_RANGES = ("mjlab", "isaaclab", "playground", "parquet")
 PROJECTED = 600
@@ -86,7 +86,7 @@ def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list
     from drake_tc.exchange.ranges.isaaclab import to_isaaclab_events
     from drake_tc.exchange.ranges.mjlab import to_mjlab
     from drake_tc.exchange.ranges.playground import to_playground
-    from drake_tc.exchange.ranges.terms import term_ranges
+    from drake_tc.exchange.ranges.program import term_ranges
 
     ranges = term_ranges(posterior, request.to, PROJECTED, request.seed, request.recorded, request.torque_constant)
     writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]

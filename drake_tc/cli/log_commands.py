@@ -24,8 +24,8 @@ from drake_tc.config.quoted import json_value
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
+    from drake_tc.experiments.check.effects import Reasons
     from drake_tc.experiments.check.run import CheckResult
-    from drake_tc.experiments.check.visibility import Reasons
     from drake_tc.logs.inspection.inspect import Inspection
 
 
@@ -179,8 +179,7 @@ def check_command(
     It fits these runs as `close-loop` does, and judges every effect by that fit. `close-loop` on the same runs decides
     with runs that are held out.
     """
-    from drake_tc.experiments.check.output import check_json
-    from drake_tc.experiments.check.run import check_rig
+    from drake_tc.experiments.check.run import check_json, check_rig
 
     tell_declared("check", rig, declared)
     read = [rig, *log, *([] if declared is None else [declared])]
@@ -204,7 +203,7 @@ def check_command(
 
 def write_check(result: "CheckResult", folder: Path) -> None:
     """check.json and check.html in a folder."""
-    from drake_tc.experiments.check.output import check_json, check_page
+    from drake_tc.experiments.check.run import check_json, check_page
 
     (folder / "check.json").write_text(json.dumps(check_json(result), indent=1) + "\n", encoding="utf-8")
     (folder / "check.html").write_text(check_page(result), encoding="utf-8")
@@ -212,7 +211,7 @@ def write_check(result: "CheckResult", folder: Path) -> None:
 
 def print_check(result: "CheckResult") -> None:
     """Findings and the table of effects of every joint; what no joint can show comes once, at the end."""
-    from drake_tc.experiments.check.visibility import shared_and_own
+    from drake_tc.experiments.check.effects import shared_and_own
 
     shared, own = shared_and_own({n: j.effects.effects for n, j in result.joints.items() if j.effects is not None})
     for run in result.runs:

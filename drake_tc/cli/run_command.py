@@ -126,8 +126,8 @@ def _controller(text: str) -> "Controller":
 
 def _of_diagram(name: str, scenario: str | None, file: Path | None, text: str | None) -> "Controller":
     """The controller of a diagram's scenario."""
-    from drake_tc.loops.torque.controller import scenario_controller as torque
-    from drake_tc.loops.whole_body.controller import scenario_controller as whole_body
+    from drake_tc.loops.torque.wiring import scenario_controller as torque
+    from drake_tc.loops.whole_body.wiring import scenario_controller as whole_body
     from drake_tc.registry import runnable
 
     entry = runnable(name).naming(file, text)

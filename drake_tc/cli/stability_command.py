@@ -122,7 +122,7 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
         ParamsError: a direction, where the drives of the diagram cannot be told to slide in one.
     """
     if entry.kind == "torque":
-        from drake_tc.loops.torque.parts import sliding_scenario
+        from drake_tc.loops.torque.stages import sliding_scenario
 
         return sliding_scenario(scenario, folder, direction)
     if direction != 0.0:
@@ -140,9 +140,8 @@ def _analyse(
     progress: Any,
 ) -> tuple[str, _Found]:
     from drake_tc.analysis.frequency_response import channel
-    from drake_tc.analysis.release import release
+    from drake_tc.analysis.release import release, settled_at, speed_states
     from drake_tc.analysis.sampled import loop_margins, open_loop
-    from drake_tc.analysis.settled import settled_at, speed_states
     from drake_tc.control.stability_margins import frequency_grid
 
     progress("to the operating point", 0.0)
@@ -306,7 +305,7 @@ def stability_map_command(
     All other parameters are those of the scenario. K6 and K7 stay when Kp changes.
     """
     from drake_tc.analysis.stability_map import Axis, draw_map, stability_map
-    from drake_tc.loops.torque.joint_loops import joint_loops
+    from drake_tc.loops.torque.default_gains import joint_loops
 
     across, up = Axis.parse(x), Axis.parse(y)
     loops = joint_loops(_torque_loop(diagram, scenario_name, scenario_file, scenario_text))

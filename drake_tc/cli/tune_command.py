@@ -79,11 +79,8 @@ def tune_command(
     The tracking error is that of the scenario's motion. The stiffness K6 stays. Without --margin and --delay-margin, no
     joint gets smaller margins than it has.
     """
-    from drake_tc.analysis.settings import default_goals
-    from drake_tc.analysis.torque_loop.function_tuning import confirm_function, function_tasks
-    from drake_tc.analysis.torque_loop.tuned import confirm
-    from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
-    from drake_tc.analysis.tuning import SearchSpace, tune
+    from drake_tc.analysis.torque_loop.tuned import confirm, confirm_function, function_tasks, joint_tasks
+    from drake_tc.analysis.tuning import SearchSpace, default_goals, tune
     from drake_tc.loops.function_diagram import FunctionEntry
     from drake_tc.loops.torque.running import SETTLED
     from drake_tc.registry import diagram_entry, runnable

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, model_list
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 

@@ -17,7 +17,7 @@ from pydrake.systems.framework import (
 )
 
 from drake_tc.actuation.compensator import Compensator
-from drake_tc.actuation.joint_values import JointValues, Models, joint_values, model_list
+from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, model_list
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.torque_law import SOLUTION, CompensationSpec, TorqueLaw

@@ -43,7 +43,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.model import split_parts
 from drake_tc.array_stage import PortMethods
 from drake_tc.errors import ParamsError

@@ -28,7 +28,7 @@ from drake_tc.exchange.xml_text import read_xml, to_text, top
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.loops.joint_bench.recording import rig_free_run
+from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.simulator_files.read import ANY_JOINT, joints_of_text, read_joints
 from drake_tc.simulator_files.terms import ReadJoint, Terms
 from drake_tc.types import FloatArray

@@ -51,7 +51,7 @@ from pathlib import Path
 from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import bam_friction, voltage_motor
-from drake_tc.exchange.dc_motor import dc_motor
+from drake_tc.exchange.mjcf_actuator import dc_motor
 from drake_tc.exchange.projection import Loss, Projection
 from drake_tc.exchange.targets import PHYSICS_STEP
 from drake_tc.exchange.xml_text import number

@@ -21,9 +21,8 @@ from pathlib import Path
 
 from drake_tc.config.joint_units import in_units_of
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.dc_motor import DcMotor, dc_motor
 from drake_tc.exchange.isaaclab import decimal
-from drake_tc.exchange.mjcf_actuator import cogging_of, lugre_of
+from drake_tc.exchange.mjcf_actuator import DcMotor, cogging_of, dc_motor, lugre_of
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.targets import PHYSICS_STEP
 from drake_tc.exchange.xml_text import number

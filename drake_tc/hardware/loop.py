@@ -14,12 +14,17 @@ import numpy as np
 
 from drake_tc.control.guard import GuardLaw, GuardMode, GuardSpec
 from drake_tc.errors import ParamsError
-from drake_tc.hardware.clock import Clock, WallClock
-from drake_tc.hardware.link import Message, RobotLink
-from drake_tc.hardware.process import paused_garbage_collection, real_time_priority, stopping_signals
-from drake_tc.hardware.readings import LatestReadings
+from drake_tc.hardware.link import (
+    Clock,
+    Message,
+    RobotLink,
+    WallClock,
+    paused_garbage_collection,
+    real_time_priority,
+    stopping_signals,
+)
 from drake_tc.hardware.report import Counts, Ending, RunReport
-from drake_tc.hardware.stepper import ControllerStepper
+from drake_tc.hardware.stepper import ControllerStepper, LatestReadings
 from drake_tc.loops.boundary import Controller
 from drake_tc.types import FloatArray
 

@@ -14,17 +14,15 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.wiring import add_actuators
-from drake_tc.hardware.clock import WallClock
 from drake_tc.hardware.lcm_link import URL, LcmRobot
-from drake_tc.hardware.link import Message
-from drake_tc.hardware.process import real_time_priority
+from drake_tc.hardware.link import Message, WallClock, real_time_priority
 from drake_tc.loops.boundary import add_input
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.controller import INPUTS
 from drake_tc.loops.torque.scenario import TorqueLoopSpec, sensor_suite
+from drake_tc.loops.torque.wiring import INPUTS
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.suite import add_sensors
 from drake_tc.types import FloatArray

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares as nonlinear_least_squares
 
-from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.actuation.plant import VoltageMotor
 from drake_tc.config.records import read_record
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import IdentificationError, ParamsError

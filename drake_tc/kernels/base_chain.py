@@ -76,7 +76,7 @@ def tick(
 
     Args:
         state: (s,) before it, see `base_state`.
-        q: Sample, and so on to `switch`, see `drake_tc.estimation.base.state.Sample`.
+        q: Sample, and so on to `switch`, see `drake_tc.estimation.base.kinematics.Sample`.
         qd: The same.
         imu: The same.
         tilt: The same.

@@ -21,7 +21,7 @@ TRANSFORM, WEIGHT = 36, 54
 
 
 SAMPLE = (VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-"""Types of a sample's parts, see `drake_tc.estimation.base.state.Sample`."""
+"""Types of a sample's parts, see `drake_tc.estimation.base.kinematics.Sample`."""
 ROBOT = (MATRIX, TABLE, MATRIX, MATRIX, INDEX)
 """Types of a robot's tables: between (k, 54), see `external_wrench`; places (n, 4) and constants (n, 26) of its tree,
 see `drake_tc.kernels.dynamics`; frames (k + 1, 12) of the contacts and the IMU, and rows (k + 1,) of their bodies."""

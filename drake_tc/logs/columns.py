@@ -19,7 +19,7 @@ from drake_tc.logs.bags.roles import undecided_topics
 from drake_tc.logs.files.csv_file import ENDINGS, first_line
 from drake_tc.logs.inspection.names import meaning, stated_unit
 from drake_tc.logs.rig import Rig
-from drake_tc.logs.rig_document.joint_types import require_own_unit
+from drake_tc.logs.rig_document.declared import require_own_unit
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, is_unit, parse_unit, scale_of, unit_named
 from drake_tc.types import BoolArray, FloatArray
 

@@ -1,5 +1,12 @@
-"""Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, a model, or unknown."""
+"""Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, a model, or unknown.
 
+What a rig's owner knows of its sensors: noise and tolerances of the joints' own, tolerances of F/T sensors and IMUs.
+
+Noise replaces what is estimated from the log. A tolerance is the standard deviation of an error that stays the same
+over all runs; errors within a few of them are expected of any sensor of its kind and are estimated along, not reported.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Literal, TypeAlias
@@ -128,3 +135,112 @@ def unknown_form(load: Load) -> UnknownForm | None:
     if isinstance(load, UnknownLoad):
         return load.form
     return "pendulum" if load == "unknown" else None
+
+
+@dataclass(frozen=True)
+class JointSensors:
+    """Declared noise and tolerances of one joint's own sensors; None where nothing is declared.
+
+    Noise that is not declared is estimated from the log. A sensor without a tolerance has no error in the model before.
+
+    Attributes:
+        torque_noise: Standard deviation of one raw sample of the torque, before any filter [N m] (N of a slider).
+        torque_correlation_time: Time over which that noise is correlated, 0 for white noise [s].
+        encoder_step: Step between different positions [rad] (m).
+        position_noise: Standard deviation of one raw position besides the steps [rad] (m).
+        torque_bias: Tolerance of the torque sensor's constant error [N m] (N).
+        torque_gain: Tolerance of its relative error of scale [-].
+        encoder_offset: Tolerance of the encoder's zero [rad] (m).
+        current_bias, voltage_bias, torque_command_bias: Tolerance of the effort's zero [A, V, N m (N)]; that of the
+            joint's drive counts.
+    """
+
+    torque_noise: float | None = None
+    torque_correlation_time: float | None = None
+    encoder_step: float | None = None
+    position_noise: float | None = None
+    torque_bias: float | None = None
+    torque_gain: float | None = None
+    encoder_offset: float | None = None
+    current_bias: float | None = None
+    voltage_bias: float | None = None
+    torque_command_bias: float | None = None
+
+    def tolerances(self, drive: str, drive_gain: float) -> dict[str, float]:
+        """The tolerances above 0, by the id of the effect that a larger error is; those of torques in N m.
+
+        Args:
+            drive: Kind of drive.
+            drive_gain: K [effort/(N m)], which turns the effort's tolerance into one of the torque.
+        """
+        efforts = {"current": self.current_bias, "voltage": self.voltage_bias, "torque": self.torque_command_bias}
+        known = {
+            "torque_sensor_bias": self.torque_bias,
+            "torque_sensor_gain": self.torque_gain,
+            "encoder_offset": self.encoder_offset,
+            "effort_bias": (efforts.get(drive) or 0.0) / drive_gain,
+        }
+        return {name: size for name, size in known.items() if size}
+
+
+@dataclass(frozen=True)
+class ForceTorqueTolerance:
+    """Standard deviations of one F/T sensor's constant errors, alike on all axes; 0 for an error that is not there.
+
+    Attributes:
+        force_bias, torque_bias: [N, N m].
+        gain: Relative error of the scale, one of the forces and one of the torques [-].
+        alignment: Rotation about each axis [rad].
+    """
+
+    force_bias: float
+    torque_bias: float
+    gain: float
+    alignment: float
+
+
+@dataclass(frozen=True)
+class ImuTolerance:
+    """Standard deviations of one IMU's constant errors, alike on all axes; 0 for an error that is not there.
+
+    Attributes:
+        accel_bias, gyro_bias: [m/s^2, rad/s].
+        gain: Relative error of the accelerometer's scale [-].
+        alignment: Rotation about each axis, of accelerometer and gyro together [rad].
+    """
+
+    accel_bias: float
+    gyro_bias: float
+    gain: float
+    alignment: float
+
+
+Tolerance: TypeAlias = ForceTorqueTolerance | ImuTolerance
+
+_G = 9.80665
+_DEG = 0.017453292519943295
+
+FORCE_TORQUE_PARTS: Mapping[str, ForceTorqueTolerance] = {
+    # Assumed of a strain-gauge sensor of some 300 N and 15 N m that was zeroed unloaded: 0.1 % of the range is left,
+    # 1 % of scale, 0.3 degrees of mounting.
+    "typical": ForceTorqueTolerance(0.3, 0.015, 0.01, 0.005),
+}
+"""Common F/T sensors, zeroed unloaded before the runs."""
+
+IMU_PARTS: Mapping[str, ImuTolerance] = {
+    # Assumed of an inertial module that was calibrated in the factory, its gyro zeroed at rest.
+    "typical": ImuTolerance(0.03, 0.005, 0.001, 0.005),
+    # Xsens: gyro's bias within 0.5 deg/s in a year (knowledge base, "Bias repeatability of gyroscopes"); base plate
+    # aligned with the output frame within 0.1 deg (MTi user manual MT0605P.2018.E, section 5.2.1). The accelerometer's
+    # bias and gain are those of "typical".
+    "xsens_mti_30": ImuTolerance(0.03, 0.5 * _DEG, 0.001, 0.1 * _DEG),
+    # InvenSense PS-MPU-6000A-00 revision 3.4, sections 6.1 and 6.2: zero-g output 50 mg (80 mg along z, taken for all
+    # axes), zero-rate output 20 deg/s, sensitivity of the accelerometer 3 %, cross-axis sensitivity 2 %.
+    "mpu_6050": ImuTolerance(0.080 * _G, 20.0 * _DEG, 0.03, 0.02),
+}
+"""Common IMUs, as they leave the factory."""
+
+
+def typical(column: str) -> Tolerance:
+    """What is assumed of a sensor of which the rig file says nothing; `column` as in the log, e.g. `ft_foot`."""
+    return FORCE_TORQUE_PARTS["typical"] if column.startswith("ft_") else IMU_PARTS["typical"]

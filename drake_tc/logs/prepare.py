@@ -24,8 +24,7 @@ from drake_tc.errors import LogError
 from drake_tc.logs import channels
 from drake_tc.logs.checks.clock import GAP_PERIODS, HELD, MIN_ROWS, on_rows_of_positions, rows_in_order, uniform_clock
 from drake_tc.logs.checks.instants import sampling_instants
-from drake_tc.logs.checks.jumps import find_jumps
-from drake_tc.logs.checks.local_motion import stepped_clock
+from drake_tc.logs.checks.jumps import find_jumps, stepped_clock
 from drake_tc.logs.checks.mistaken_columns import check_torque_unit, refuse_exchanged
 from drake_tc.logs.checks.outliers import without_outliers
 from drake_tc.logs.checks.plausible import check_angles, check_speed, check_velocity, lag_notes

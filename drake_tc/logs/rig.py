@@ -20,30 +20,30 @@ from drake_tc.config.keys import check_sizes
 from drake_tc.config.quoted import quoted
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import RigError
-from drake_tc.logs.loads import Load, RobotLoad
-from drake_tc.logs.rig_document.by_joint import values_by_joint
-from drake_tc.logs.rig_document.declared import Declared, declared_of, is_file
-from drake_tc.logs.rig_document.declared_file import with_declared_file
-from drake_tc.logs.rig_document.document import HINT, Condition, DriveKind, RigDocument, read_document
-from drake_tc.logs.rig_document.joint_types import check_sliding_loads, joint_types
-from drake_tc.logs.rig_document.loads import load_of
-from drake_tc.logs.rig_document.robot import (
-    check_joint_tolerances,
-    check_robot_load,
-    check_sensors,
-    parse_robot,
-    robot_joints,
-    robot_sensors,
-)
-from drake_tc.logs.rig_document.sensors import SensorsKeys
-from drake_tc.logs.sensors import (
+from drake_tc.logs.loads import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,
     ForceTorqueTolerance,
     ImuTolerance,
     JointSensors,
+    Load,
+    RobotLoad,
     Tolerance,
 )
+from drake_tc.logs.rig_document.by_joint import values_by_joint
+from drake_tc.logs.rig_document.declared import Declared, check_sliding_loads, declared_of, is_file, joint_types
+from drake_tc.logs.rig_document.declared_file import with_declared_file
+from drake_tc.logs.rig_document.document import HINT, Condition, DriveKind, RigDocument, read_document
+from drake_tc.logs.rig_document.loads import (
+    check_joint_tolerances,
+    check_robot_load,
+    check_sensors,
+    load_of,
+    parse_robot,
+    robot_joints,
+    robot_sensors,
+)
+from drake_tc.logs.rig_document.sensors import SensorsKeys
 
 STATED = ("drive_gain", "torque_constant", "gear_ratio", "proportional_gain", "derivative_gain")
 """Keys of numbers > 0, one for all joints or by joint, that say how strong a drive is."""

@@ -23,16 +23,13 @@ from drake_tc.front_door import front_door
 if TYPE_CHECKING:
     from drake_tc.loops.function_diagram import function_entry
     from drake_tc.loops.plant import add_robot_plant
-    from drake_tc.loops.scenarios.parts import FilterSpec
-    from drake_tc.loops.series_elastic.controller import series_elastic_controller
+    from drake_tc.loops.scenarios import FilterSpec
     from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
-    from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
-    from drake_tc.loops.torque.controller import torque_controller
+    from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop, series_elastic_controller
     from drake_tc.loops.torque.scenario import TorqueLoopSpec
-    from drake_tc.loops.torque.wiring import add_torque_loop
-    from drake_tc.loops.whole_body.controller import whole_body_controller
+    from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
     from drake_tc.loops.whole_body.scenario import WholeBodySpec
-    from drake_tc.loops.whole_body.wiring import add_whole_body_loop
+    from drake_tc.loops.whole_body.wiring import add_whole_body_loop, whole_body_controller
 
 __all__ = [
     "FilterSpec",
@@ -50,7 +47,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "FilterSpec": "scenarios.parts",
+    "FilterSpec": "scenarios",
     "SeriesElasticLoopSpec": "series_elastic.scenario",
     "TorqueLoopSpec": "torque.scenario",
     "WholeBodySpec": "whole_body.scenario",
@@ -59,9 +56,9 @@ _HOMES = {
     "add_torque_loop": "torque.wiring",
     "add_whole_body_loop": "whole_body.wiring",
     "function_entry": "function_diagram",
-    "series_elastic_controller": "series_elastic.controller",
-    "torque_controller": "torque.controller",
-    "whole_body_controller": "whole_body.controller",
+    "series_elastic_controller": "series_elastic.wiring",
+    "torque_controller": "torque.wiring",
+    "whole_body_controller": "whole_body.wiring",
 }
 
 __getattr__, __dir__ = front_door(__name__, _HOMES)

@@ -11,7 +11,7 @@ from typing import Any
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import PassThrough
 
-from drake_tc.loops.fused import StageValues, fuse
+from drake_tc.loops.fused.fuse import StageValues, fuse
 from drake_tc.types import FloatArray
 
 Start = Callable[[StageValues], None]

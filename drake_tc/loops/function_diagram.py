@@ -25,7 +25,7 @@ from drake_tc.loops.motion import FRAMES_PER_SECOND, DiagramPictures
 from drake_tc.loops.plant import start_meshcat
 from drake_tc.loops.recording import NamedSink, Progress, advance, write_log
 from drake_tc.loops.run_panels import RunPlot, TimePanel
-from drake_tc.loops.scenarios.base import ScenarioBase, changes_in
+from drake_tc.loops.scenarios import ScenarioBase, changes_in
 from drake_tc.loops.simulated import Simulated, Tell, speed_line
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import TorqueLoop

@@ -14,8 +14,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.plant import start_meshcat
-from drake_tc.loops.surroundings import add_objects
+from drake_tc.loops.plant import add_objects, start_meshcat
 from drake_tc.loops.torque.running import TorqueRecording
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.whole_body.ground import add_ground

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.loops.recording import Recording
-from drake_tc.loops.series_elastic.running import SeaRecording
+from drake_tc.loops.series_elastic.loop import SeaRecording
 from drake_tc.loops.torque.running import TorqueRecording
 from drake_tc.loops.whole_body.running import TsidRecording, task_errors
 from drake_tc.robot.plant import joint_limits

@@ -9,12 +9,12 @@ from typing import Any
 from drake_tc.loops.motion import Motion, motion_html, torque_motion, tsid_motion
 from drake_tc.loops.recording import Progress
 from drake_tc.loops.run_panels import RunPlot, sea_plot, torque_plot, tsid_plot
-from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
+from drake_tc.loops.series_elastic.loop import simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.loops.torque.default_gains import weak_joints
-from drake_tc.loops.torque.parts import LoopDesign
 from drake_tc.loops.torque.running import simulate_scenario, summarise, write_results
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import LoopDesign
 from drake_tc.loops.whole_body.running import simulate_tsid, summarise_tsid, write_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.text_table import TextTable

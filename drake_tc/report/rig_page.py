@@ -10,6 +10,7 @@ from drake_tc.config.page import key_table, table
 from drake_tc.diagnosis.problem.declared import ALWAYS, can_be_held
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
+from drake_tc.logs.loads import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance
 from drake_tc.logs.rig_document.declared import EFFECT_IDS, ROBOT_CAUSES
 from drake_tc.logs.rig_document.document import RigDocument
 from drake_tc.logs.rig_document.loads import KINDS, WORDS
@@ -23,7 +24,6 @@ from drake_tc.logs.rig_document.sensors import (
     TorqueSensorKeys,
     VoltageKeys,
 )
-from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, Tolerance
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES, allowed_units
 
 EXAMPLES = ("joint_rig.yaml", "leg_rig.yaml", "leg_robot.yaml")

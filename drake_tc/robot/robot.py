@@ -11,10 +11,9 @@ from drake_tc.config.quoted import did_you_mean
 from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.errors import ParamsError
-from drake_tc.robot.document import RobotDocument
+from drake_tc.robot.document import RobotDocument, check_link, force_torque_mounts, imu_mounts, link_splits
 from drake_tc.robot.fields import ForceTorqueMount, Mount, Pose
 from drake_tc.robot.link_changes import LinkChanges, link_changes
-from drake_tc.robot.sensor_mounts import check_link, force_torque_mounts, imu_mounts, link_splits
 from drake_tc.robot.urdf_tree import LinkSplit, Mimic, UrdfTree, read_urdf
 from drake_tc.simulator_files.urdf import resolve, urdf_joints
 from drake_tc.types import FloatArray

@@ -13,8 +13,7 @@ from drake_tc.array_stage import PortMethods
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import BETWEEN_TICKS
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.sensing.corruption import BLOCK, Corruption, corrupt
-from drake_tc.sensing.on_arrays import DRAW, TICK, SensorOnArrays
+from drake_tc.sensing.corruption import BLOCK, DRAW, TICK, Corruption, SensorOnArrays, corrupt
 from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 

@@ -15,8 +15,8 @@ from drake_tc.config.records import record_keys, validated
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.body_sensors import ForceTorque, Imu, add_imu, force_torque_spec
+from drake_tc.sensing.corruption import DRAW
 from drake_tc.sensing.joint_sensors import Encoder, JointTorque, add_encoder
-from drake_tc.sensing.on_arrays import DRAW
 from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 

@@ -14,7 +14,7 @@ from drake_tc.tsid.assembly import AffineMap
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.model import SHORTEST, TsidModel
-from drake_tc.tsid.program import over_y, sizes_of
+from drake_tc.tsid.program_solver import over_y, sizes_of
 from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import BOX_DAMPING, EXACT

@@ -24,17 +24,24 @@ from drake_tc.errors import SimulationError
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.assembly import AffineMap, Reduced, names_of, reduce
 from drake_tc.tsid.contacts import ActiveContacts
-from drake_tc.tsid.falling import START, Standing, damped_torque, falling_share, standing_contacts, terms_at
+from drake_tc.tsid.fallbacks import (
+    START,
+    Standing,
+    damped_torque,
+    diagnose,
+    falling_share,
+    safe_torque,
+    standing_contacts,
+    terms_at,
+)
 from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
-from drake_tc.tsid.infeasible import diagnose, safe_torque
-from drake_tc.tsid.law import LARGEST, Law, Status
+from drake_tc.tsid.law import LARGEST, Law, PreviousTick, Status
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.active_set import RobustSolution, Start
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
-from drake_tc.tsid.tick_memory import PreviousTick
 from drake_tc.types import FloatArray
 
 _RESPONSE = Kernel("reduction", "response")

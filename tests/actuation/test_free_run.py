@@ -11,7 +11,7 @@ from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, PositionLoop, Recording, in_plant
 from drake_tc.errors import ParamsError
-from drake_tc.loops.joint_bench.recording import free_run
+from drake_tc.loops.joint_bench import free_run
 
 PERIOD = 4e-3
 TIME = np.arange(500) * PERIOD

@@ -23,7 +23,7 @@ from drake_tc.actuation.wiring import (
 )
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.friction import PRESLIDING_DISPLACEMENT
-from drake_tc.loops.joint_bench.diagram import make_plant
+from drake_tc.loops.joint_bench import make_plant
 
 RICH = (
     EffectValue("rotor_inertia", {"rotor_inertia": 0.2}),

@@ -9,12 +9,11 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.joint_effects import CONTACT_DAMPING, gear_of
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.plant import ActuatorPlant
+from drake_tc.actuation.plant import ActuatorPlant, VoltageMotor
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.actuation.voltage_motor import VoltageMotor
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
-from drake_tc.loops.joint_bench.diagram import make_plant
+from drake_tc.loops.joint_bench import make_plant
 
 MOTOR = VoltageMotor(0.04, 0.05, 0.6, 1.2e-5, 100.0, 3.0, 1.5, 200.0, 24.0)
 

@@ -10,19 +10,24 @@ from numpy.testing import assert_allclose
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.analysis.before_after import case, comparison
-from drake_tc.analysis.before_after.case import KNOT, RAMP, HeldOutMotion, LoopCase, eased, held_out_motion
-from drake_tc.analysis.before_after.comparison import K7, SOUND, Trace, chosen_gains, compare_loops, run_case
-from drake_tc.analysis.before_after.pendulum_robot import (
+from drake_tc.analysis.before_after.case import (
+    KNOT,
+    RAMP,
+    HeldOutMotion,
+    LoopCase,
     Swing,
+    eased,
     fitted_swing,
+    held_out_motion,
     write_pendulum_robot,
     write_welded_robot,
 )
+from drake_tc.analysis.before_after.comparison import K7, SOUND, Trace, chosen_gains, compare_loops, run_case
 from drake_tc.control.joint_loop import JointLoop
 from drake_tc.control.stability_margins import margins
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.parts import MotionSpec
+from drake_tc.loops.scenarios import MotionSpec
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot

@@ -7,12 +7,12 @@ import pytest
 
 SCRIPT = """
 import sys
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 def has(module):
     return module in sys.modules
 if __name__ == "__main__":
     with processes(2, preload=("colorsys", "no_such_module")) as pool:
-        print(list(pool.map(has, ["colorsys", "drake_tc.analysis.executors", "sunau"])))
+        print(list(pool.map(has, ["colorsys", "drake_tc.analysis.sweep", "sunau"])))
         pool.restart()
         print(pool.submit(has, "colorsys").result())
     with processes(1) as pool:

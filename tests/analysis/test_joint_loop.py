@@ -10,7 +10,7 @@ from drake_tc.analysis.sampled import linearise, open_loop
 from drake_tc.control.joint_loop import JointLoop, value_of
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import savgol_weights
-from drake_tc.loops.torque.joint_loops import joint_loops
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.registry import diagram_entry
 
 from .leg_joint import closed_form, spring_loop, started, write_scenario

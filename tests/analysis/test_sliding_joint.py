@@ -5,9 +5,9 @@ import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_tc.analysis.before_after.pendulum_robot import Slide, Swing, fitted_slide, write_pendulum_robot
+from drake_tc.analysis.before_after.case import Slide, Swing, fitted_slide, write_pendulum_robot
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.joint_loops import _about
+from drake_tc.loops.torque.default_gains import _about
 
 TIME = np.linspace(0.0, 10.0, 2000)
 VELOCITY, ACCELERATION = np.cos(TIME), -np.sin(TIME)

@@ -7,14 +7,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.actuation.model_file import load_models, save_models
-from drake_tc.analysis.settings import Goal, default_goals, setting_of
 from drake_tc.analysis.torque_loop import tuned
-from drake_tc.analysis.torque_loop.tuned import Compared, Spread, compare_on_plant, tuned_scenario
-from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
-from drake_tc.analysis.tuning import SearchSpace, tune
+from drake_tc.analysis.torque_loop.tuned import Compared, Spread, compare_on_plant, joint_tasks, tuned_scenario
+from drake_tc.analysis.tuning import Goal, SearchSpace, default_goals, setting_of, tune
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.parts import actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.running import TorqueRecording
+from drake_tc.loops.torque.stages import actuator_models, loop_robot, torque_gains
 from drake_tc.registry import diagram_entry
 
 LEG = diagram_entry("hrp2_leg")

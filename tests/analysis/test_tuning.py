@@ -4,20 +4,23 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from drake_tc.analysis.settings import (
+from drake_tc.analysis.sweep import processes
+from drake_tc.analysis.torque_loop.tuned import joint_tasks
+from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted_error, predicted_noise
+from drake_tc.analysis.tuning import (
     Goal,
+    SearchSpace,
     Setting,
     assess,
     default_goals,
+    draw_fronts,
+    pareto_front,
     present,
     quick_margins,
     setting_of,
+    tune,
     with_setting,
 )
-from drake_tc.analysis.sweep import processes
-from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
-from drake_tc.analysis.tracking_error import JointTask, filtered_task, predicted_error, predicted_noise
-from drake_tc.analysis.tuning import SearchSpace, draw_fronts, pareto_front, tune
 from drake_tc.control.joint_loop import JointLoop
 from drake_tc.errors import ParamsError
 from drake_tc.loops.torque.running import simulate_scenario

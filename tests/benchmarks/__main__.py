@@ -550,8 +550,8 @@ def real_robots(data: Data, name: Sets = None, as_json: AsJson = False, seed: Un
 
 
 def _real_bam(data: Path, progress: Report) -> list[FigureRow]:
-    from drake_tc.analysis.executors import processes
-    from drake_tc.loops.joint_bench.recording import rig_free_run
+    from drake_tc.analysis.sweep import processes
+    from drake_tc.loops.joint_bench import rig_free_run
     from tests.benchmarks.real_bam import real_bam_rows
 
     with processes(os.cpu_count() or 1) as pool:
@@ -632,7 +632,7 @@ def gate(
 
     The results are shown beside the stored ones, where these are of the same size and seed.
     """
-    from drake_tc.analysis.executors import processes
+    from drake_tc.analysis.sweep import processes
     from drake_tc.cli.terminal import print_wide
     from tests.benchmarks import gate as gates
     from tests.benchmarks.gate_parts import SIZES, GateRuns

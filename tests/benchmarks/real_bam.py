@@ -123,7 +123,7 @@ def real_bam_rows(
 
     Args:
         data: The folder of public data sets, or the one set's own.
-        free_run: Simulates the Drake diagram (`drake_tc.loops.joint_bench.recording.rig_free_run`).
+        free_run: Simulates the Drake diagram (`drake_tc.loops.joint_bench.rig_free_run`).
         progress: Told how far it is.
         executor: Runs simulations beside each other.
         trajectories: Which to hold out.

@@ -9,7 +9,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 from drake_tc.cli.terminal import progress_bar
 
 Report = Callable[[str, float], None]

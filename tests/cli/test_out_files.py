@@ -163,7 +163,7 @@ BUSY = """
 import signal, sys, time
 from pathlib import Path
 import typer
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 from drake_tc.cli import entry, main
 from drake_tc.cli.out_files import result_folder
 

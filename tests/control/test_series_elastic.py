@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.actuation.plant import VoltageMotor
 from drake_tc.control.series_elastic.control import SeriesElasticControl
 from drake_tc.control.series_elastic.law import (
     MEMORY_ROWS,

@@ -16,7 +16,7 @@ from drake_tc.logs.files.bam_runs import JOINT, convert
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.loops.joint_bench.recording import rig_free_run
+from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks import real_bam
 from tests.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows

@@ -9,8 +9,7 @@ import pytest
 from drake_tc.actuation.model_file import load_models
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.experiments.check.output import check_page
-from drake_tc.experiments.check.run import check_rig
+from drake_tc.experiments.check.run import check_page, check_rig
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
-from drake_tc.loops.scenarios.base import scenario_names
+from drake_tc.loops.scenarios import scenario_names
 from drake_tc.loops.whole_body.base_estimation import estimator_spec
 from drake_tc.loops.whole_body.ground import touching_points
 from drake_tc.loops.whole_body.loop import build_tsid

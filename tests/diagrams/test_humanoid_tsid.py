@@ -11,6 +11,7 @@ from optional import skip_without_robots
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.files.readers import read_table
+from drake_tc.loops.whole_body.drives import TorqueNoise
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import (
     contact_wrenches,
@@ -22,7 +23,6 @@ from drake_tc.loops.whole_body.running import (
     write_tsid,
 )
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.registry import diagrams, runnable, tsid_entry
 from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.law import Status

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from drake_tc.cli.main import app
 from drake_tc.diagrams import torque_loop
-from drake_tc.loops.scenarios.parts import GainSpec, MotionSpec
+from drake_tc.loops.scenarios import GainSpec, MotionSpec
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 

@@ -23,8 +23,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveKind, plain_signals
 from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
 from drake_tc.logs.rig import parse_rig
-from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+from drake_tc.loops.joint_bench import BenchScenario, Table, record_bench
 
 INERTIA, VISCOUS, COULOMB = 0.3, 6.0, 3.0
 GAIN: Mapping[DriveKind, float] = {"position_servo": 2e-3, "current": 0.08, "voltage": 0.4}

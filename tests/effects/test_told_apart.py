@@ -12,7 +12,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
-from drake_tc.loops.joint_bench.recording import record_bench
+from drake_tc.loops.joint_bench import record_bench
 
 from .test_identify_back import BENCH, COULOMB, GAIN, HELD_OUT, INERTIA, VISCOUS, motion
 

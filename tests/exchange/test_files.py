@@ -13,9 +13,9 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import to_bam
-from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.isaaclab import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.mjcf_actuator import with_torque_constant
 from drake_tc.exchange.projection import Loss, project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_sdf, to_urdf

@@ -13,7 +13,7 @@ from drake_tc.exchange.projection import project
 from drake_tc.exchange.target_run import RunInput, target_free_run
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.logs.rig import parse_rig
-from drake_tc.loops.joint_bench.recording import rig_free_run
+from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.simulator_files.terms import Ripple, StribeckPeak, Terms
 
 pytest.importorskip("mujoco")
@@ -97,7 +97,7 @@ def model(*more: EffectValue) -> ActuatorModel:
 def recorded():
     """A rig and a run of the simulated bench with that model."""
     from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
-    from drake_tc.loops.joint_bench.diagram import Table
+    from drake_tc.loops.joint_bench import Table
 
     time = np.arange(4000) * 1e-3
     command = 0.6 * np.sin(2.0 * time) + 0.1 * np.sin(5.0 * time)

@@ -13,8 +13,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.exchange import mujoco_run
 from drake_tc.exchange import mujoco_run as mujoco_versions
 from drake_tc.exchange.comparison import run_errors, run_notes
-from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.mjcf_actuator import with_torque_constant
 from drake_tc.exchange.mujoco_run import (
     SINCE,
     file_notes,

@@ -14,9 +14,9 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.library import BUILT_IN, effect
 from drake_tc.exchange.bam import to_bam
-from drake_tc.exchange.dc_motor import with_torque_constant
 from drake_tc.exchange.isaaclab import ServoSettings, to_isaaclab, to_isaaclab_bam
 from drake_tc.exchange.mjcf import to_mjcf
+from drake_tc.exchange.mjcf_actuator import with_torque_constant
 from drake_tc.exchange.mjlab import to_mjlab_actuators
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS, vocabulary

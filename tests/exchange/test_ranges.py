@@ -19,7 +19,7 @@ from drake_tc.exchange.ranges.isaaclab import to_isaaclab_events
 from drake_tc.exchange.ranges.mjlab import to_mjlab
 from drake_tc.exchange.ranges.playground import to_playground
 from drake_tc.exchange.ranges.posterior import draws, posterior_of
-from drake_tc.exchange.ranges.terms import term_ranges
+from drake_tc.exchange.ranges.program import term_ranges
 from drake_tc.exchange.ranges.unit import read_unit
 
 from .released_names import installed, is_installed, released, wrong_names

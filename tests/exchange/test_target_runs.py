@@ -134,7 +134,7 @@ PEAK = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stri
 def recorded(model: ActuatorModel):
     """A rig and a held-out run of the simulated bench with that model."""
     from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
-    from drake_tc.loops.joint_bench.diagram import Table
+    from drake_tc.loops.joint_bench import Table
 
     time = np.arange(4000) * H
     command = 0.6 * np.sin(2.0 * time) + 0.1 * np.sin(5.0 * time)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.experiments.check.late_columns import LATE_VELOCITY
+from drake_tc.experiments.check.consistency import LATE_VELOCITY
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean
 from drake_tc.joint_simulator.physics import simulate

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.analysis.executors import processes
+from drake_tc.analysis.sweep import processes
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -18,9 +18,8 @@ from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.experiments.check.consistency import findings
-from drake_tc.experiments.check.joint import SEPARABLE_WITHIN, JointEffects, joint_effects
+from drake_tc.experiments.check.effects import SEPARABLE_WITHIN, JointEffects, Visibility, joint_effects
 from drake_tc.experiments.check.reasons import Hidden, sentence
-from drake_tc.experiments.check.visibility import Visibility
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size
 from drake_tc.logs.prepare import load_runs

@@ -1,6 +1,6 @@
 """What cannot be looked for, by its reason."""
 
-from drake_tc.experiments.check.visibility import Visibility, by_reason, shared_and_own
+from drake_tc.experiments.check.effects import Visibility, by_reason, shared_and_own
 from drake_tc.experiments.sizes import Size
 
 SIZE = Size("a", "N*m", 1.0)

@@ -8,7 +8,7 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.effects.library import effect
-from drake_tc.experiments.check.joint import joint_effects
+from drake_tc.experiments.check.effects import joint_effects
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import Rig, load_rig, parse_rig
 from tests.diagnosis.rigs import Joint, record

@@ -11,18 +11,17 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.criteria import Discrimination, Parameters
 from drake_tc.experiments.design.expected import worth_of
 from drake_tc.experiments.design.forms import Projection, form_of, identity
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.lead import default_motion, lead_in, quintic
-from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.request import DesignRequest, designed
 from drake_tc.experiments.design.run import DesignOptions, design_joint, joint_within
-from drake_tc.experiments.design.solve import random_start
+from drake_tc.experiments.design.search import random_start
 from drake_tc.experiments.sizes import JointNumbers, size_of, sizes_found
 from drake_tc.filtering.common_kernel import CommonKernel
 

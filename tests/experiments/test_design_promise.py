@@ -13,7 +13,7 @@ from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.lead import default_motion
-from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.logs.prepare import load_runs

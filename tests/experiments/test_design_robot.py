@@ -11,10 +11,9 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.collisions import Collisions
 from drake_tc.experiments.design.robot import RobotOptions, _sentences, design_robot, robot_limits
-from drake_tc.experiments.design.robot_criteria import Determinant, RelativeIntervals
-from drake_tc.experiments.design.robot_goal import RobotNoise, robot_goal
+from drake_tc.experiments.design.robot_goal import Determinant, RelativeIntervals, RobotNoise, robot_goal
+from drake_tc.experiments.design.robot_search import Collisions
 from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.plant import add_robot, joint_limits
 from drake_tc.robot.robot import load_robot

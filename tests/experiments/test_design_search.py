@@ -8,7 +8,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
-from drake_tc.experiments.design.solve import DIFFERENCE, differentiable, refined
+from drake_tc.experiments.design.search import DIFFERENCE, differentiable, refined
 
 CENTRE = np.array([0.3, -0.2, 0.1, 0.4])
 

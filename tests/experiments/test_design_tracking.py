@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from drake_tc.effects.base import Context
-from drake_tc.experiments.design.advice import FOLLOWED, followed, followed_up_to, tracking_warning
+from drake_tc.experiments.design.expected import FOLLOWED, followed, followed_up_to, tracking_warning
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.known import joint_from_logs
-from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.logs.prepare import load_runs

@@ -13,11 +13,9 @@ from numpy.testing import assert_allclose
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 
-from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.lead import DEFAULT_HZ
-from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.robot_criteria import RelativeIntervals, standard_errors
-from drake_tc.experiments.design.robot_goal import TURN_SPEED
+from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
+from drake_tc.experiments.design.robot_goal import TURN_SPEED, RelativeIntervals, standard_errors
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 
 LIMITS = JointLimits((-6.28, 6.28), velocity=3.15, acceleration=7.875, bandwidth_hz=0.8)

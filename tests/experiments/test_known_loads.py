@@ -10,15 +10,13 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.basis import motion_basis, scaled
 from drake_tc.experiments.design.criteria import Discrimination, Parameters
 from drake_tc.experiments.design.forms import form_of, identity
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
-from drake_tc.experiments.design.known_loads import KnownLoad, carrying, declaring, parse_loads
-from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.load_design import design_with_loads
-from drake_tc.experiments.design.load_output import LoadDesign
+from drake_tc.experiments.design.known import KnownLoad, carrying, declaring, parse_loads
+from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.design.search import MotionSearch, RememberedColumns, StackedColumns, slow_passes, splits
 from drake_tc.experiments.sizes import JointNumbers, size_of

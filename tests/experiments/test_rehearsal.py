@@ -8,14 +8,16 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.causes import CAUSES, cause_values, size_in
-from drake_tc.experiments.rehearsal.output import rehearsal_json, rehearsal_page, summary
 from drake_tc.experiments.rehearsal.run import (
     PowerPoint,
     Rehearsal,
     half_power,
     parse_effect,
+    rehearsal_json,
+    rehearsal_page,
     rehearse,
     share_interval,
+    summary,
 )
 from drake_tc.experiments.rehearsal.twin import twin_of
 from drake_tc.experiments.sizes import Size

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.experiments.design.robot_criteria import (
+from drake_tc.experiments.design.robot_goal import (
     Determinant,
     RelativeIntervals,
     SmallestEigenvalue,

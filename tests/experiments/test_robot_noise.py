@@ -12,8 +12,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.experiments.design import request as requests
 from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
-from drake_tc.experiments.design.robot import RobotOptions
-from drake_tc.experiments.design.robot_noise import robot_noise
+from drake_tc.experiments.design.robot import RobotOptions, robot_noise
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig

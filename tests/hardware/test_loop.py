@@ -18,9 +18,8 @@ from drake_tc.hardware.link import CallbackLink
 from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.controller import torque_controller
-from drake_tc.loops.torque.wiring import add_torque_loop
-from drake_tc.loops.whole_body.controller import whole_body_controller
+from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
+from drake_tc.loops.whole_body.wiring import whole_body_controller
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.configuration import load_law
 

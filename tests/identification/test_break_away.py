@@ -8,8 +8,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.identification.break_away import break_away
 from drake_tc.logs.rig import parse_rig
-from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, record_bench
+from drake_tc.loops.joint_bench import BenchScenario, Table, record_bench
 
 
 def test_a_ramp_that_ends_in_motion_gives_its_last_value():

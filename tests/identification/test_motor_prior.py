@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.actuation.plant import VoltageMotor
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.motor_prior import UNKNOWNS, PriorWidths, _with_prior, identify_motor
 from drake_tc.logs.record import Run

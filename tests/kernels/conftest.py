@@ -14,10 +14,9 @@ from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.registry import diagram_entry, tsid_entry
 from drake_tc.sensing.spec import SensorFault
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.law import Status
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.tick import solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import pytest
 
 from drake_tc.errors import IdentificationError, LogError
 from drake_tc.identification.identify import identify
-from drake_tc.logs.checks.local_motion import repeated_rows
+from drake_tc.logs.checks.jumps import repeated_rows
 from drake_tc.logs.prepare import load_run, load_runs
 
 from .conftest import bench, servo_rig, write

@@ -9,9 +9,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.config.keys import RATIO, quantity
 from drake_tc.errors import RigError
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import rig_document, save_rig
-from drake_tc.logs.sensors import (
+from drake_tc.logs.loads import (
     FORCE_TORQUE_PARTS,
     IMU_PARTS,
     ForceTorqueTolerance,
@@ -19,6 +17,8 @@ from drake_tc.logs.sensors import (
     JointSensors,
     typical,
 )
+from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.logs.rig_document.writing import rig_document, save_rig
 from drake_tc.logs.units import allowed_units
 
 BASE = {"joint": "knee", "drive": "position_servo"}

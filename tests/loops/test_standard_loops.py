@@ -19,12 +19,10 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
 from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
-from drake_tc.loops.torque.controller import torque_controller
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
-from drake_tc.loops.torque.wiring import add_torque_loop
-from drake_tc.loops.whole_body.controller import whole_body_controller
+from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
-from drake_tc.loops.whole_body.wiring import add_whole_body_loop
+from drake_tc.loops.whole_body.wiring import add_whole_body_loop, whole_body_controller
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.configuration import load_law

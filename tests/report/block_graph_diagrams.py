@@ -20,7 +20,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.loops.joint_bench.diagram import Rates, Table, build_bench
+from drake_tc.loops.joint_bench import Rates, Table, build_bench
 
 ODD = 'a "b" <c>|{d} \\e; %% --> ]) end é 関節 #35;'
 N = 3

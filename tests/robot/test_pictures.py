@@ -10,8 +10,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
-from drake_tc.robot.mesh_files import read_triangles
-from drake_tc.robot.pictures import frustum
+from drake_tc.robot.pictures import frustum, read_triangles
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import load_robot
 from tests.robot_files import joint_tag, urdf, write_robot

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from drake_tc.errors import ParamsError
-from drake_tc.hardware.readings import LatestReadings
+from drake_tc.hardware.stepper import LatestReadings
 from drake_tc.robot.robot import ForceTorqueMount, Mount, Pose, Robot
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec

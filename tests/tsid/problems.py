@@ -13,13 +13,12 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.assembly import Reduced, reduce
 from drake_tc.tsid.contacts import Contact
+from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
-from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import LeastSquares, LimitRows, Polytope, TaskRows, Terms
 from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
 from drake_tc.types import FloatArray
 
 FOLDER = Path(drake_tc.models.__file__).parent / "hrp2_like"

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.solvers import MathematicalProgram
 
 from drake_tc.tsid.assembly import causes_of, check_names, cost_of, is_bounds, ordered, polytope_of
-from drake_tc.tsid.program import equalities, name_binding, over_y, sizes_of, weighted
+from drake_tc.tsid.program_solver import equalities, name_binding, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.problem import QuadraticProgram
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray

@@ -17,10 +17,9 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import file_rotors, joint_limits, make_plant
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
-from drake_tc.tsid.law import Status
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.rows import LimitRows, Parts
 from drake_tc.tsid.tick import solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 OUTPUTS = ("torque", "acceleration", "contact_force", "status")

@@ -8,11 +8,10 @@ from numpy.testing import assert_allclose
 
 import drake_tc.models
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.falling import GIVE_WAY, REGAIN, START, damped_torque, falling_share, standing_contacts
-from drake_tc.tsid.law import Status
+from drake_tc.tsid.fallbacks import GIVE_WAY, REGAIN, START, damped_torque, falling_share, standing_contacts
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.tick import solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 CONTROLLER = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

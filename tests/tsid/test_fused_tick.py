@@ -14,17 +14,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import drake_tc.models
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.law import Law, Status
+from drake_tc.tsid.law import Law, PreviousTick, Status
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.rows import LimitRows, TaskRows
 from drake_tc.tsid.tables import entry_of
 from drake_tc.tsid.tasks.centroidal import AngularMomentumTask, ComTask
-from drake_tc.tsid.tasks.force import CopTask
 from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
-from drake_tc.tsid.tasks.posture import TorqueTask
+from drake_tc.tsid.tasks.joints_and_forces import CopTask, TorqueTask
 from drake_tc.tsid.tick import solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

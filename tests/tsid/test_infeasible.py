@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.assembly import causes_of
-from drake_tc.tsid.infeasible import diagnose, safe_torque
-from drake_tc.tsid.program import reduced_qp
+from drake_tc.tsid.fallbacks import diagnose, safe_torque
+from drake_tc.tsid.program_solver import reduced_qp
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.rows import Polytope

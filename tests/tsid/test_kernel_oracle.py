@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.special import log_ndtr
 
 from drake_tc.tsid.assembly import ordered
-from drake_tc.tsid.program import equalities, over_y, sizes_of, weighted
+from drake_tc.tsid.program_solver import equalities, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.active_set import FREE, Start

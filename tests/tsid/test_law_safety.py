@@ -12,12 +12,11 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid import tick as module
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
-from drake_tc.tsid.law import LARGEST, Status
+from drake_tc.tsid.law import LARGEST, PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 from drake_tc.tsid.robust.scaled import p_box, p_ind
 from drake_tc.tsid.tick import problem_at, solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

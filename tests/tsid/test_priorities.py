@@ -9,10 +9,9 @@ from numpy.testing import assert_allclose
 import drake_tc.models
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.law import Status
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.tick import problem_at, solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

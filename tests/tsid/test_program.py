@@ -10,16 +10,15 @@ from pydrake.solvers import ClarabelSolver, SolverOptions
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.contacts import Contact
+from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
-from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.program import build_full, reduced_qp
+from drake_tc.tsid.program_solver import build_full, reduced_qp
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.force import ForceTask
 from drake_tc.tsid.tasks.frame import FrameTask
-from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
 
 from .machines import arm, machine, random_state
 from .problems import SOLES, Setup, model, robot, state

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 import drake_tc.models
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.law import Status
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
@@ -18,7 +18,6 @@ from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.rectangle import rectangle_risk
 from drake_tc.tsid.robust.scaled import p_ind, size_of_risk
 from drake_tc.tsid.tick import problem_at, solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)

@@ -7,14 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.assembly import reduce
+from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import TorqueLimit
-from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.program import reduced_qp
+from drake_tc.tsid.program_solver import reduced_qp
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
 from tests.benchmarks.qp_solvers import solver
 
 from .problems import SOLES, Setup, problem_at, robot, state

@@ -13,7 +13,7 @@ from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, identity
 from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.joints_and_forces import PostureTask
 
 from .machines import MODELS, arm, machine, random_state, robot_or_skip
 from .problems import Setup, model, problem_at, state

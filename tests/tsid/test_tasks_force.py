@@ -10,8 +10,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.tasks.force import CopTask, ForceTask
-from drake_tc.tsid.tasks.posture import TorqueTask
+from drake_tc.tsid.tasks.joints_and_forces import CopTask, ForceTask, TorqueTask
 
 from .machines import arm, machine, random_state
 

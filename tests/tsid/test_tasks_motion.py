@@ -9,9 +9,8 @@ from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.tasks.centroidal import AngularMomentumTask, ComTask
-from drake_tc.tsid.tasks.force import CopTask, ForceTask
 from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
-from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.joints_and_forces import CopTask, ForceTask, PostureTask
 
 from .cartesian_law import Turning, rotation_acceleration, translation_acceleration
 from .machines import machine, random_state

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from drake_tc.tsid.law import WarmStart
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet, Start
-from drake_tc.tsid.tick_memory import WarmStart
 
 
 def there_and_back(start, joints=4):

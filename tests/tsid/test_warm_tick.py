@@ -11,11 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fused import NO_ROWS
-from drake_tc.tsid.law import Status
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.options import Budget, Options
 from drake_tc.tsid.tick import solve_tick
-from drake_tc.tsid.tick_memory import PreviousTick
 
 from .test_fused_tick import BOTH, FILE, Plain, moved, of, references_of
 

@@ -12,13 +12,12 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.base import Limit
+from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
-from drake_tc.tsid.limits.wrench_cone import WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName
 from drake_tc.tsid.robust.options import Options, TorqueError
-from drake_tc.tsid.tasks.force import ForceTask
-from drake_tc.tsid.tasks.posture import PostureTask
+from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
 
 DT = 0.005
 """Of simulation and controller [s]."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_tc.diagrams.papers.delprete2015.setup import DT, Way, force_task
 from drake_tc.tsid.assembly import Reduced, reduce
-from drake_tc.tsid.infeasible import diagnose
+from drake_tc.tsid.fallbacks import diagnose
 from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.model import Scratch, TsidModel, moved
 from drake_tc.tsid.qp.choose import solver

@@ -12,7 +12,7 @@ from drake_tc.control.guard import GuardMode
 from drake_tc.diagrams.papers.delprete2016.motion_tables import COMPLETE
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.estimation.disturbance_observer import ObserverSpec
-from drake_tc.loops.scenarios.parts import ModelFactors
+from drake_tc.loops.scenarios import ModelFactors
 from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 from pydrake.systems.analysis import Simulator
 
-from drake_tc.analysis.release import release
+from drake_tc.analysis.release import release, speed_states
 from drake_tc.analysis.sampled import open_loop
-from drake_tc.analysis.settled import speed_states
 from drake_tc.errors import SimulationError
 from drake_tc.loops.torque.loop import Loop, build_loop
-from drake_tc.loops.torque.parts import sliding_scenario, torque_gains
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import sliding_scenario, torque_gains
 from drake_tc.registry import diagram_entry
 from drake_tc.types import FloatArray
 

@@ -24,7 +24,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 from drake_tc.loops.recording import write_log, write_rig
-from drake_tc.loops.scenarios.parts import PushSpec, SinusoidSpec
+from drake_tc.loops.scenarios import PushSpec, SinusoidSpec
 from drake_tc.loops.torque.running import TorqueRecording, log_columns, rig_of, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario, sensor_suite
 from drake_tc.registry import diagram_entry

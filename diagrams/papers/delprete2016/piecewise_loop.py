@@ -27,10 +27,10 @@ from drake_tc.identification.identify import prepare
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.recording import write_log
-from drake_tc.loops.torque.joint_loops import joint_loops
-from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.loops.torque.running import log_columns, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario, sensor_suite
+from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot

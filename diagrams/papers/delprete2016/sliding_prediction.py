@@ -10,9 +10,9 @@ the joint runs away from any speed above v_c ("as soon as a certain velocity is 
 
 from dataclasses import dataclass, replace
 
-from drake_tc.loops.torque.joint_loops import joint_loops
-from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry
 
 

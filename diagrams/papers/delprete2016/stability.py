@@ -13,11 +13,11 @@ from drake_tc.diagrams.papers.delprete2016.contact_stability import ContactBorde
 from drake_tc.diagrams.papers.delprete2016.piecewise_loop import Reversal, reversals
 from drake_tc.diagrams.papers.delprete2016.sliding_prediction import floating, predicted
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.loops.scenarios.parts import PushSpec
-from drake_tc.loops.torque.parts import loop_robot
+from drake_tc.loops.scenarios import PushSpec
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import loop_robot
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.robot.plant import make_plant
 from drake_tc.text_table import TextTable

@@ -20,10 +20,10 @@ from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.analysis.torque_loop.one_joint import one_joint_loop
 from drake_tc.control.joint_loop import JointLoop
 from drake_tc.diagrams.papers.expected_values import expectations
-from drake_tc.loops.scenarios.parts import ModelFactors
-from drake_tc.loops.torque.joint_loops import joint_loops
-from drake_tc.loops.torque.parts import actuator_models, loop_robot, sliding_scenario
+from drake_tc.loops.scenarios import ModelFactors
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import actuator_models, loop_robot, sliding_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable

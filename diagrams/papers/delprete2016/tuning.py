@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.analysis.settings import default_goals
 from drake_tc.analysis.sweep import processes
-from drake_tc.analysis.torque_loop.tuned import Confirmed, Spread, confirm
-from drake_tc.analysis.torque_loop.tuning_task import joint_tasks
-from drake_tc.analysis.tuning import Tuning, draw_fronts, tune
+from drake_tc.analysis.torque_loop.tuned import Confirmed, Spread, confirm, joint_tasks
+from drake_tc.analysis.tuning import Tuning, default_goals, draw_fronts, tune
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.registry import diagram_entry

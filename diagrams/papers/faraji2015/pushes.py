@@ -13,7 +13,7 @@ import numpy as np
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.errors import SimulationError
-from drake_tc.loops.scenarios.parts import PushSpec
+from drake_tc.loops.scenarios import PushSpec
 from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from drake_tc.analysis.frequency_response import FrequencyResponse, Sweep, bandwidth, swept_sine
+from drake_tc.analysis.release import settled_at
 from drake_tc.analysis.sampled import linearise
-from drake_tc.analysis.settled import settled_at
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.sea_laws import (
     INPUT,

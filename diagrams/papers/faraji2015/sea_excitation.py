@@ -17,7 +17,7 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.identification.excitation import Motion, MotionLimits, growing_sinusoid, trapezoids
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
-from drake_tc.loops.joint_bench.diagram import JOINT, make_plant
+from drake_tc.loops.joint_bench import JOINT, make_plant
 from drake_tc.loops.recording import add_log
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.sensing.corruption import corrupt

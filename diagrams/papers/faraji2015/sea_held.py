@@ -11,7 +11,7 @@ import numpy as np
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.sea_laws import BESIDE, LAWS, MOMENTUM, OBSERVER, PREDICTED, WHOLE, with_law
 from drake_tc.diagrams.papers.faraji2015.sea_motor import true_motor
-from drake_tc.loops.series_elastic.running import SeaRecording, simulate_sea
+from drake_tc.loops.series_elastic.loop import SeaRecording, simulate_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import sea_entry
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated

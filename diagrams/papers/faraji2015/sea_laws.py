@@ -15,8 +15,8 @@ from typing import Any
 import yaml
 
 from drake_tc.analysis.frequency_response import Channel
+from drake_tc.analysis.release import settled_at
 from drake_tc.analysis.sampled import open_loop
-from drake_tc.analysis.settled import settled_at
 from drake_tc.control.stability_margins import Margins, frequency_grid, margins
 from drake_tc.errors import SimulationError
 from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea

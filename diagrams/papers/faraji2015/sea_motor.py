@@ -5,7 +5,7 @@ Motors identified joint by joint from sines and trapezoids under a hand, and a d
 
 import numpy as np
 
-from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.actuation.plant import VoltageMotor
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015.sea_excitation import Excitation, record_excitation
 from drake_tc.identification.motor_prior import UNKNOWNS, MotorFit, identify_motor

@@ -23,8 +23,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_models, save_models
-from drake_tc.analysis.before_after.case import LoopCase, loop_case
-from drake_tc.analysis.before_after.pendulum_robot import write_welded_robot
+from drake_tc.analysis.before_after.case import LoopCase, loop_case, write_welded_robot
 from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.control.joint_loop import JointLoop, quick_margins, with_values
 from drake_tc.control.stability_margins import Margins
@@ -32,8 +31,8 @@ from drake_tc.diagnosis.result.applications import ClosedLoop, JointClosedLoop, 
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError, ParamsError
 from drake_tc.loops.recording import Progress
-from drake_tc.loops.scenarios.parts import GainSpec
-from drake_tc.loops.torque.joint_loops import joint_loops
+from drake_tc.loops.scenarios import GainSpec
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.robot import Robot, load_robot

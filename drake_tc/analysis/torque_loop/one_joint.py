@@ -20,9 +20,9 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.guard import GuardMode
 from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.parts import LoopDesign, actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.references import posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import LoopDesign, actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.wiring import wire_torque_loop
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot

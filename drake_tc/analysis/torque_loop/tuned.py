@@ -1,9 +1,16 @@
 """What a tuning is to a scenario: fields that it reads, and the simulations that confirm it.
 
 Plants that are not what the controller takes them for: drive gains, friction and masses drawn, the model kept.
+
+A torque loop and its motion as tasks for `drake_tc.analysis.tuning`: each joint's loop, motion and drive.
+
+Each joint is taken by itself, the others where the reference has them. M_jj is that of the motion's middle posture;
+margins are also asked for at the postures where M_jj is smallest and largest.
+
+Tuning of a torque loop in a diagram that a function of the user's returns.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,17 +18,31 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, OutputPort
 
+from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.analysis.sweep import sweep
+from drake_tc.analysis.tracking_error import JointTask
 from drake_tc.analysis.tuning import Tuning
+from drake_tc.control.dynamics_terms import DynamicsTerms
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.joint_loop import JointLoop
+from drake_tc.errors import ParamsError
+from drake_tc.loops.function_diagram import FunctionEntry, FunctionLoop, FunctionScenario
 from drake_tc.loops.recording import Progress
-from drake_tc.loops.torque.parts import actuator_models, loop_robot
-from drake_tc.loops.torque.running import simulate_scenario
-from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.default_gains import joint_loops
+from drake_tc.loops.torque.references import references
+from drake_tc.loops.torque.running import SETTLED, simulate_scenario
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, sensor_suite
+from drake_tc.loops.torque.stages import LoopDesign, actuator_models, loop_robot
+from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.robot.plant import make_plant
-from drake_tc.types import FloatArray
+from drake_tc.robot.robot import Robot
+from drake_tc.sensing.spec import SensorSpec
+from drake_tc.types import GRAVITY, FloatArray
 
 DRY = ("coulomb", "deadzone", "stribeck")
 """Effects that are drawn as dry friction."""
@@ -198,3 +219,241 @@ def confirm(
     joints = loop_robot(motions[0][0]).joints
     drawn = np.array(found[first:]).reshape(plants, 2, len(joints))
     return Confirmed(joints, np.array(found[:first]), drawn)
+
+
+INERTIA_ROWS = 50
+"""At about so many rows of the motion the inertias are taken."""
+
+
+def joint_tasks(scenario: Scenario, begin: float | None = None) -> list[JointTask]:
+    """One task a joint, with the scenario's own gains and filter.
+
+    Args:
+        scenario: As `joint_loops` wants it, with position servos.
+        begin: Errors count from here on [s]; None: `SETTLED`, or the second half of a run shorter than twice that.
+
+    Raises:
+        ParamsError: another loop or other drives, or a scenario that cannot be built.
+    """
+    design = LoopDesign.of_scenario(scenario)
+    desired = references(scenario, design.robot)
+    motion = desired.motion.reshape(-1, 3, len(design.robot.joints))
+    first = min(SETTLED, 0.5 * scenario.duration) if begin is None else begin
+    return design_tasks(design, desired.time, motion, first)
+
+
+def design_tasks(design: LoopDesign, time: FloatArray, motion: FloatArray, begin: float) -> list[JointTask]:
+    """One task a joint, with the loop's own gains and filter.
+
+    Args:
+        design: As `joint_loops` wants it, with position servos.
+        time: (T,) ticks of the control [s].
+        motion: (T, 3, n) q_d, qdot_d, qddot_d [rad, rad/s, rad/s^2].
+        begin: Errors are evaluated from here on [s].
+
+    Raises:
+        ParamsError: another loop or other drives.
+    """
+    own = joint_loops(design)
+    robot, spec = design.robot, design.spec.compensation
+    for drive in (*design.actuators, *design.models):
+        if drive.drive.kind != "position_servo":
+            raise ParamsError(f"tune: expected position servos; {drive.joint} is a {drive.drive.kind} drive")
+    n = len(robot.joints)
+    torque, inertias, torque_noise = _dynamics(robot, motion, design.spec)
+    needed = _efforts(design.actuators, torque, motion, 0.0, rotor=True)
+    given = _efforts(design.models, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
+    row = int(np.searchsorted(time, begin - 1e-9))
+    noise = _noise(sensor_suite(design.spec).encoder, n)
+    tasks = []
+    for i, joint in enumerate(robot.joints):
+        loops = tuple(_at_inertia(own[joint], inertia) for inertia in inertias[:, i].tolist())
+        linear = loops[0].k_tau_model * torque[:, i] + loops[0].k_v_model * motion[:, 1, i]
+        tasks.append(
+            JointTask(
+                joint,
+                loops,
+                motion[:, 0, i].copy(),
+                motion[:, 1, i].copy(),
+                motion[:, 2, i].copy(),
+                torque[:, i].copy(),
+                needed[:, i].copy(),
+                given[:, i] - linear,
+                float(noise[i]),
+                float(torque_noise[i]),
+                row,
+            )
+        )
+    return tasks
+
+
+def _at_inertia(loop: JointLoop, inertia: float) -> JointLoop:
+    """A loop with other links: their weight is in the motion's torque, and small beside the servo's stiffness."""
+    return replace(
+        loop,
+        inertia=inertia + loop.inertia - loop.link_inertia,
+        link_inertia=inertia,
+        gravity_stiffness=0.0,
+        sensed_inertia=0.0,
+        sensed_gravity=0.0,
+    )
+
+
+def _dynamics(robot: Robot, motion: FloatArray, spec: TorqueLoopSpec) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(T, n) M qddot + h; (3, n) M_jj at its median, least and largest; (n,) noise of the torque a sample [N m]."""
+    terms = DynamicsTerms(robot)
+    scratch = terms.create_scratch()
+    n = motion.shape[2]
+    torque, inertias = np.empty((motion.shape[0], n)), []
+    stride = max(1, motion.shape[0] // INERTIA_ROWS)
+    for row, (q, v, a) in enumerate(motion):
+        terms.place(scratch, q, v)
+        torque[row] = terms.forces(scratch, a)
+        if row % stride == 0:
+            rest = terms.forces(scratch, np.zeros(n))
+            inertias.append([terms.forces(scratch, unit)[i] - rest[i] for i, unit in enumerate(np.eye(n))])
+    by_row = np.array(inertias)
+    ordered = np.stack([np.median(by_row, axis=0), by_row.min(axis=0), by_row.max(axis=0)])
+    middle = motion[motion.shape[0] // 2]
+    terms.place(scratch, middle[0], np.zeros(n))
+    return torque, ordered, _torque_noise(robot, terms, scratch, spec)
+
+
+def _torque_noise(robot: Robot, terms: DynamicsTerms, scratch: Any, spec: TorqueLoopSpec) -> FloatArray:
+    """(n,) [N m]: the F/T sensors' noise through J^T, and the accelerometer's as a gravity that trembles."""
+    suite, n = sensor_suite(spec), len(robot.joints)
+    weight = np.abs(terms.forces(scratch, np.zeros(n))) / GRAVITY
+    variance = (weight * float(np.max(_noise(suite.accel, 3)))) ** 2 if robot.imu else np.zeros(n)
+    if robot.force_torque:
+        jacobian = terms.jacobian(scratch)
+        each = np.concatenate([_noise(suite.force, 3), _noise(suite.torque, 3)])
+        variance = variance + np.tile(each, len(robot.force_torque)) ** 2 @ jacobian**2
+    return np.asarray(np.sqrt(variance))
+
+
+def _noise(spec: SensorSpec, channels: int) -> FloatArray:
+    """(channels,) standard deviation of a sample, its rounding included (resolution/sqrt 12)."""
+    rounding = np.asarray(spec.channels("resolution", channels), dtype=np.float64) / np.sqrt(12.0)
+    return np.asarray(np.hypot(spec.channels("noise", channels), rounding))
+
+
+def _efforts(
+    models: Sequence[ActuatorModel], torque: FloatArray, motion: FloatArray, direction_speed: float, *, rotor: bool
+) -> FloatArray:
+    """(T, n) effort of the models along the reference, all their effects included."""
+    compensator = Compensator(models, direction_speed)
+    still = np.zeros(torque.shape[1])
+    return np.array(
+        [
+            compensator.effort(tau, v, None, q, a if rotor else still)
+            for tau, (q, v, a) in zip(torque, motion, strict=True)
+        ]
+    )
+
+
+def function_tasks(entry: FunctionEntry, scenario: FunctionScenario, begin: float) -> list[JointTask]:
+    """One task a joint of the loop of a function, for the motion that its signal `reference` has.
+
+    Args:
+        entry: Of the function.
+        scenario: How long the motion lasts.
+        begin: Errors are evaluated from here on [s].
+
+    Raises:
+        ParamsError: a function that does not return its torque loop, a loop without a reference, one that cannot be
+            tuned, or a reference that follows the state of another system.
+    """
+    built, loop = _built(entry, scenario)
+    time = np.arange(0.0, scenario.duration + 0.5 * loop.period, loop.period)
+    return design_tasks(loop.design, time, _motion(entry.name, built, loop, time), begin)
+
+
+def confirm_function(entry: FunctionEntry, scenario: FunctionScenario, tuning: Tuning, begin: float) -> Confirmed:
+    """Simulate the function's loop as it is and with the tuned gains and window.
+
+    Args:
+        entry: Of the function; it takes `spec` and `gains`.
+        scenario: How long the simulations last.
+        tuning: Of the joints.
+        begin: Errors are evaluated from here on [s].
+
+    Raises:
+        ParamsError: a function without these arguments.
+    """
+    if entry.rebuild is None:
+        raise ParamsError(
+            f"{entry.name}: expected a function with the arguments `spec` and `gains` of add_torque_loop, with which"
+            " the tuned loop is simulated; --no-simulate leaves this out"
+        )
+    _, loop = _built(entry, scenario)
+    designs = (loop.design, design := tuned_design(loop.design, tuning))
+    errors = [_errors(*_with_loop(entry.name, entry.rebuild(scenario, d.spec, d.gains)), begin) for d in designs]
+    joints = design.robot.joints
+    return Confirmed(joints, np.array([errors]), np.zeros((0, 2, len(joints))))
+
+
+def tuned_design(design: LoopDesign, tuning: Tuning) -> LoopDesign:
+    """The loop with the tuned window and gains; joints that were not tuned keep theirs, and all keep K6."""
+    own = design.gains
+    loop = np.array([model.drive.gain for model in design.models]) * (1.0 + own.kp)
+    kp, ki, k7 = own.kp.copy(), own.ki.copy(), own.kd * loop
+    for joint in tuning.joints:
+        i, chosen = design.robot.joints.index(joint.joint), joint.after.setting
+        kp[i], ki[i], k7[i] = chosen.kp, chosen.ki, chosen.k7
+    gains = TorqueGains.from_servo(design.models, own.ks * loop, k7, kp, ki=ki, kf=own.kf)
+    filters = replace(design.spec.filters, window=tuning.window, encoder_order=tuning.order)
+    return replace(design, gains=gains, spec=replace(design.spec, filters=filters))
+
+
+def _built(entry: FunctionEntry, scenario: FunctionScenario) -> tuple[FunctionLoop, TorqueLoop]:
+    return _with_loop(entry.name, entry.build(scenario))
+
+
+def _with_loop(name: str, built: FunctionLoop) -> tuple[FunctionLoop, TorqueLoop]:
+    if built.torque_loop is None:
+        raise ParamsError(
+            f"{name}: expected a function that returns the diagram and the loop of add_torque_loop, as"
+            " (diagram, loop), which tune needs; got the diagram alone"
+        )
+    return built, built.torque_loop
+
+
+def _motion(name: str, built: FunctionLoop, loop: TorqueLoop, time: FloatArray) -> FloatArray:
+    """(T, 3, n) of the signal `reference`, which must be a function of time.
+
+    Raises:
+        ParamsError: no such signal, or one whose system has a state.
+    """
+    port: Any = loop.signals.get("reference")
+    context = built.diagram.CreateDefaultContext()
+    source: Any = None if port is None else port.get_system()
+    own = None if source is None else source.GetMyContextFromRoot(context)
+    if own is None or own.num_total_states() or source.num_input_ports():
+        raise ParamsError(f"{name}: expected a loop whose signal `reference` depends on the time alone")
+    rows = np.empty((time.size, port.size()))
+    for row, now in enumerate(time.tolist()):
+        context.SetTime(now)
+        rows[row] = port.Eval(own)
+    return rows.reshape(time.size, 3, -1)
+
+
+def _errors(built: FunctionLoop, loop: TorqueLoop, begin: float) -> FloatArray:
+    """(n,) RMS of q_d - q from `begin` on [rad]; infinite where the loop runs away."""
+    simulator = Simulator(built.diagram)
+    context = simulator.get_mutable_context()
+    n = len(loop.design.robot.joints)
+    now = {name: _reader(loop.signals[name], context) for name in ("reference", "joint_state")}
+    rows = []
+    for instant in np.arange(begin, built.scenario.duration, loop.period).tolist():
+        try:
+            simulator.AdvanceTo(instant)
+        except RuntimeError:  # Drake's plant ends a run that leaves all bounds
+            return np.full(n, np.inf)
+        rows.append(now["reference"]()[:n] - now["joint_state"]()[:n])
+    return np.asarray(np.sqrt(np.mean(np.square(rows), axis=0)))
+
+
+def _reader(port: OutputPort, context: Context) -> Any:
+    system: Any = port.get_system()
+    own = system.GetMyContextFromRoot(context)
+    return lambda: port.Eval(own)

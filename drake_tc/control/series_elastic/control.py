@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.actuation.joint_values import Models
+from drake_tc.actuation.joint_effects import Models
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw, motor_arrays
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec

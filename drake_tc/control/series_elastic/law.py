@@ -35,7 +35,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.control.series_elastic.spec import WITH_P, SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SPRING_LAW, KernelCall

@@ -10,9 +10,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.estimation.base.kinematics import BaseKinematics
-from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import BaseState, Readings, Sample, initial_state, packed, unpacked
+from drake_tc.estimation.base.kinematics import (
+    BaseKinematics,
+    BaseState,
+    Readings,
+    Sample,
+    initial_state,
+    packed,
+    unpacked,
+)
+from drake_tc.estimation.base.rig import BaseEstimatorSpec
 from drake_tc.estimation.base.velocity import rows_of, soft_sole, soles_of, solve_program
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot

@@ -10,10 +10,9 @@ import pandas as pd
 
 from drake_tc.errors import ParamsError, RigError
 from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator
-from drake_tc.estimation.base.log import BaseTrack, TrackError, run_log, track_error
-from drake_tc.estimation.base.read_log import read_base_log, timing_notes
+from drake_tc.estimation.base.kinematics import CONTACT_FLAGS, FLAGS
+from drake_tc.estimation.base.read_log import BaseTrack, TrackError, read_base_log, run_log, timing_notes, track_error
 from drake_tc.estimation.base.rig import BaseRig
-from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS
 from drake_tc.types import FloatArray
 
 _AXES = ("x", "y", "z")

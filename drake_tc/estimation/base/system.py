@@ -10,8 +10,8 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, Value
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
-from drake_tc.estimation.base.spec import BaseEstimatorSpec
-from drake_tc.estimation.base.state import CONTACT_FLAGS, FLAGS, BaseState, Sample, packed, place_of, unpacked
+from drake_tc.estimation.base.kinematics import CONTACT_FLAGS, FLAGS, BaseState, Sample, packed, place_of, unpacked
+from drake_tc.estimation.base.rig import BaseEstimatorSpec
 from drake_tc.kernels.calls import BASE_OUTPUTS, KernelCall, copying
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.robot.robot import Robot

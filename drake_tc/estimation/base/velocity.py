@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from daqp import solve  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-from drake_tc.estimation.base.spec import ContactSpec, Point2, half_planes
+from drake_tc.estimation.base.rig import ContactSpec, Point2, half_planes
 from drake_tc.types import FloatArray
 
 _NODES = 25

@@ -14,12 +14,11 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from drake_tc.actuation.compensator import Compensator
-from drake_tc.actuation.joint_values import Models, model_list
+from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import LARGEST
-from drake_tc.exchange.c_code.expressions import c_function, number
-from drake_tc.exchange.c_code.links import moved_links
+from drake_tc.exchange.c_code.expressions import c_function, moved_links, number
 from drake_tc.filtering.savitzky_golay import delay, savgol_weights
 from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations as scalar

@@ -15,8 +15,7 @@ from collections.abc import Sequence
 from drake_tc.exchange.ranges.distribution import NEAR_ZERO, Distribution
 from drake_tc.exchange.ranges.mjlab import correlated
 from drake_tc.exchange.ranges.posterior import Posterior
-from drake_tc.exchange.ranges.program import as_tuple, drawing, head, literal
-from drake_tc.exchange.ranges.terms import TermRanges
+from drake_tc.exchange.ranges.program import TermRanges, as_tuple, drawing, head, literal
 
 FRICTION = ("frictionloss", "damping")
 

@@ -14,8 +14,7 @@ from types import MappingProxyType
 
 from drake_tc.exchange.ranges.distribution import Distribution
 from drake_tc.exchange.ranges.posterior import Posterior
-from drake_tc.exchange.ranges.program import drawing, head, literal
-from drake_tc.exchange.ranges.terms import TermRanges
+from drake_tc.exchange.ranges.program import TermRanges, drawing, head, literal
 
 OF_JOINTS: Mapping[str, str] = MappingProxyType(
     {

@@ -10,8 +10,7 @@ Source: MuJoCo Playground 0.2.0, `mujoco_playground._src.wrapper` and `locomotio
 from collections.abc import Sequence
 
 from drake_tc.exchange.ranges.posterior import Posterior
-from drake_tc.exchange.ranges.program import as_tuple, drawing, head, literal
-from drake_tc.exchange.ranges.terms import TermRanges
+from drake_tc.exchange.ranges.program import TermRanges, as_tuple, drawing, head, literal
 
 OF_DOFS = {"armature": "dof_armature", "damping": "dof_damping", "frictionloss": "dof_frictionloss"}
 """Term to the field of the model, one number a degree of freedom."""

@@ -17,11 +17,7 @@ from drake_tc.effects.library import effect
 from drake_tc.effects.parameter import Parameter
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.ranges.distribution import (
-    Distribution,
-    deviation_of,
-    distribution,
-)
+from drake_tc.exchange.ranges.distribution import Distribution, deviation_of, distribution
 from drake_tc.types import FloatArray
 
 GAIN = ("drive", "gain")

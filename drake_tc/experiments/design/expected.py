@@ -1,16 +1,30 @@
 """What an experiment is expected to bring, in numbers and in sentences: of the logs so far, a sinusoid and the design.
 
 All of it is read off posteriors: of the logs so far, and of the logs that the experiments would give (`next_log`).
+
+Whether a position servo follows a designed motion, or its stiffness and the joint's inertia resonate with it.
+
+A servo of stiffness 1/K that is commanded to q_d moves the joint, but for dry friction and gravity, as
+
+    J q'' + F_v q' = (q_d - q)/K,   H(w) = 1/(1 - K J w^2 + i K F_v w)                              (following)
+
+with the rotor's and the load's inertia J. The motion that the joint then makes is H applied to the designed one.
+
+Which limit stands in the way of a goal: the criterion of rough motions, each limit in turn twice as wide.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Discrimination, Parameters
 from drake_tc.experiments.design.forms import EffectForm
+from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis, scaled
+from drake_tc.experiments.design.search import random_start, sharp_value, single_waves
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.log_odds import EffectOdds, Variant
 from drake_tc.types import FloatArray
@@ -209,3 +223,110 @@ def _all_shown(criterion: AllEffects, rows: tuple[Expected, ...], noun: str) -> 
     )
     never = [form.effect.key for form, row in pairs if math.isinf(row.after)]
     return (text, *((f"The {noun} shows no size (∞) of {', '.join(never)}.",) if never else ()))
+
+
+FOLLOWED = 1.05
+"""Largest |H| up to which the servo is said to follow, and largest speed and acceleration over their limits."""
+
+
+def followed_up_to(joint: DesignJoint) -> float:
+    """Frequency [Hz] up to which |H| <= `FOLLOWED`; infinite where the servo does not resonate, or is none."""
+    n = joint.numbers
+    if joint.context.drive != "position_servo" or not n.inertia > 0.0:
+        return math.inf
+    # |H|^-2 = (1 - x)^2 + d x with x = K J w^2 and d = K F_v^2/J
+    damping = n.gain * n.viscous**2 / n.inertia
+    half, end = 1.0 - 0.5 * damping, 1.0 - FOLLOWED**-2
+    if half <= 0.0 or half**2 <= end:
+        return math.inf
+    x = half - math.sqrt(half**2 - end)
+    return math.sqrt(x / (n.gain * n.inertia)) / (2.0 * math.pi)
+
+
+def followed(joint: DesignJoint, motion: FloatArray, step: float) -> FloatArray:
+    """Motion (4, T) of the joint under a periodic designed motion (4, T), by (following).
+
+    Args:
+        joint: With a position servo.
+        motion: One period.
+        step: Time between its samples [s].
+    """
+    n, size = joint.numbers, motion.shape[1]
+    w = 2.0 * np.pi * np.fft.rfftfreq(size, step)
+    response = 1.0 / (1.0 - n.gain * n.inertia * w**2 + 1j * n.gain * n.viscous * w)
+    return np.asarray(np.fft.irfft(np.fft.rfft(motion, axis=1) * response, size, axis=1))
+
+
+def tracking_warning(joint: DesignJoint, limits: JointLimits, motion: FloatArray, step: float) -> tuple[str, ...]:
+    """One sentence where the servo's resonance takes the joint beyond its limits; none where it does not."""
+    highest = followed_up_to(joint)
+    if not highest < limits.bandwidth_hz:
+        return ()
+    made = followed(joint, motion, step)
+    speed, acceleration = (float(np.abs(row).max()) for row in made[1:3])
+    if speed <= FOLLOWED * limits.velocity and acceleration <= FOLLOWED * limits.acceleration:
+        return ()
+    text = (
+        f"The position servo's stiffness and the inertia resonate: as its logs are fitted, the joint would reach "
+        f"{speed:.3g} rad/s and {acceleration:.3g} rad/s² where the limits are {limits.velocity:.3g} rad/s and "
+        f"{limits.acceleration:.3g} rad/s². Design the motion with --bandwidth {highest:.2g}, up to which the servo "
+        "follows its command."
+    )
+    return (joint.context.units.text(text),)
+
+
+TRIES = 8
+"""Random motions within each set of limits."""
+
+
+def what_limits(joint: DesignJoint, limits: JointLimits, criterion: Criterion, basis: MotionBasis, seed: int) -> str:
+    """One sentence: the limit whose doubling brings most, by the best of the same random motions and single waves.
+
+    Args:
+        joint: The joint.
+        limits: That were kept.
+        criterion: log of a squared distance.
+        basis: Kind, period and step of the motion.
+        seed: Of the random motions.
+    """
+    before = _best(joint, limits, criterion, basis, seed)
+    low, high = limits.position
+    half = 0.5 * (high - low)
+    wider = {
+        "the position limits": replace(limits, position=(low - half, high + half)),
+        "the speed": replace(limits, velocity=2.0 * limits.velocity),
+        "the acceleration": replace(limits, acceleration=2.0 * limits.acceleration),
+        "the bandwidth": replace(limits, bandwidth_hz=2.0 * limits.bandwidth_hz),
+        "acceleration, torque and bandwidth together": replace(
+            limits,
+            acceleration=2.0 * limits.acceleration,
+            torque=2.0 * limits.torque,
+            bandwidth_hz=2.0 * limits.bandwidth_hz,
+        ),
+    }
+    gains = {name: _best(joint, each, criterion, basis, seed) - before for name, each in wider.items()}
+    name, gain = max(gains.items(), key=lambda pair: pair[1])
+    if not gain > np.log(1.2):
+        return (
+            "Twice as wide limits would not bring the two much further apart; the distance grows with the square root "
+            "of the length of the experiment."
+        )
+    return (
+        f"The limits, and not the search, keep the two close: of all limits, doubling {name} helps most and makes the "
+        f"distance {float(np.exp(0.5 * gain)):.2g} times as large."
+    )
+
+
+def _best(joint: DesignJoint, limits: JointLimits, criterion: Criterion, basis: MotionBasis, seed: int) -> float:
+    """The largest value of rough motions within limits; minus infinity where none keeps them."""
+    rng = np.random.default_rng(seed)
+    step = min(basis.step, 0.02 / limits.bandwidth_hz)
+    own = scaled(motion_basis(basis.kind, basis.period, step, limits.bandwidth_hz), limits)
+    found = -np.inf
+    try:
+        motions = [random_start(joint, own, limits, rng) for _ in range(TRIES)] + single_waves(joint, own, limits)
+        for x in motions:
+            found = max(found, sharp_value(joint, criterion, own, x))
+    except ParamsError:
+        pass
+    return found

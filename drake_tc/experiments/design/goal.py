@@ -9,7 +9,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import AllEffects, Criterion, Discrimination, Parameters
 from drake_tc.experiments.design.forms import EffectForm, form_of, identity
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known_loads import carrying, trial_load
+from drake_tc.experiments.design.known import carrying, trial_load
 from drake_tc.experiments.sizes import is_late, size_of
 
 GoalKind = Literal["parameters", "tell", "all"]

@@ -10,7 +10,7 @@ from scipy.interpolate import BPoly
 
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
 from drake_tc.types import FloatArray
 

@@ -19,7 +19,7 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import noise_floor
 from drake_tc.diagnosis.search import as_fit
 from drake_tc.errors import IdentificationError
-from drake_tc.experiments.check.joint import joint_noise
+from drake_tc.experiments.check.effects import joint_noise
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.joint_simulator.measurement import coloured_noise

@@ -21,7 +21,7 @@ import yaml
 from scipy.interpolate import BPoly, PPoly
 
 from drake_tc.config.quoted import json_value
-from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
 from drake_tc.report.numbers import significant

@@ -16,13 +16,10 @@ from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
-from drake_tc.experiments.design.known_loads import KnownLoad
-from drake_tc.experiments.design.limits import JointLimits
-from drake_tc.experiments.design.load_design import design_with_loads
-from drake_tc.experiments.design.load_output import LoadDesign
-from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits
-from drake_tc.experiments.design.robot_noise import robot_noise
+from drake_tc.experiments.design.known import KnownLoad, joint_from_logs, joint_from_model, limits_with
+from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.motions import JointLimits
+from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits, robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.sizes import sizes_found

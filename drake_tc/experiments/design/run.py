@@ -5,17 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.experiments.design.advice import tracking_warning, what_limits
-from drake_tc.experiments.design.basis import BasisKind, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.criteria import Criterion, Discrimination
-from drake_tc.experiments.design.expected import TOLD, Expected, expected_of, worth_of
+from drake_tc.experiments.design.expected import TOLD, Expected, expected_of, tracking_warning, what_limits, worth_of
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.lead import Core, default_motion, from_rest_to_rest
-from drake_tc.experiments.design.limits import JointLimits
+from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
-from drake_tc.experiments.design.search import MotionSearch
-from drake_tc.experiments.design.solve import Optimum
+from drake_tc.experiments.design.search import MotionSearch, Optimum
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.types import FloatArray
 

@@ -14,7 +14,7 @@ import pandas as pd
 from drake_tc.config.joint_units import JointType
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.errors import ParamsError, SimulationError
-from drake_tc.experiments.check.joint import JointEffects, joint_effects
+from drake_tc.experiments.check.effects import JointEffects, joint_effects
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.joint_simulator.measurement import CLEAN_COLUMNS, clean_log, coloured_noise, measured

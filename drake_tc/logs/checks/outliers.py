@@ -21,8 +21,7 @@ from scipy.ndimage import binary_dilation, maximum_filter1d, median_filter
 from drake_tc.errors import LogError
 from drake_tc.logs.channels import grid_step, true_spans
 from drake_tc.logs.checks.clock import GAP_PERIODS
-from drake_tc.logs.checks.jumps import saturated_position, saturated_torque
-from drake_tc.logs.checks.local_motion import held_rows, repeated_rows
+from drake_tc.logs.checks.jumps import held_rows, repeated_rows, saturated_position, saturated_torque
 from drake_tc.logs.columns import RawLog, file_row
 from drake_tc.types import BoolArray, FloatArray
 

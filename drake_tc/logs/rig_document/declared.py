@@ -3,18 +3,28 @@
 Effects of the library that a rig file may declare; `logs` must not import the library, so a test compares the two.
 
 Effects of other packages are known by their names in `drake_tc.extensions.EFFECTS`.
+
+Which joints of a rig turn and which slide, and whether the units of its columns agree with that.
 """
 
 import re
-from collections.abc import Mapping
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Tag, WithJsonSchema
 
+from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.config.keys import saying
 from drake_tc.config.quoted import did_you_mean, quoted
+from drake_tc.config.yaml_file import read_yaml
+from drake_tc.errors import DrakeTcError, RigError
 from drake_tc.extensions import EFFECTS
+from drake_tc.logs.loads import Load, Pendulum
+from drake_tc.logs.units import JOINT_SUFFIXES, joint_type_of_unit
 from drake_tc.simulator_files.read import ENDINGS
+from drake_tc.simulator_files.urdf import resolve
 
 EFFECT_IDS = (
     *("viscous", "coulomb", "rotor_inertia", "stribeck", "quadratic_viscous", "load_dependent_friction"),
@@ -118,3 +128,113 @@ def declared_of(entry: str | list[str] | dict[str, Values] | None) -> dict[str, 
         else:
             declared[name] = value
     return declared
+
+
+MOTION = {"revolute": "turns", "prismatic": "slides"}
+
+
+def joint_types(
+    joints: Sequence[str],
+    stated: Mapping[str, JointType | None],
+    robot: Path | None,
+    units: Mapping[str, str | float],
+) -> dict[str, JointType]:
+    """The type of each joint: that of the URDF, or stated, or that to which a unit of its columns belongs.
+
+    Args:
+        joints: Names.
+        stated: By joint, what the rig file says; None where it does not.
+        robot: The robot file, whose URDF has the types of its joints.
+        units: The key `units` of the rig file. A unit of a channel of all joints, such as `velocity: rpm`, holds
+            for the joints of its type if there are such: the others need not have the channel (`require_own_unit`).
+
+    Raises:
+        ValueError: They contradict each other; begins with the key.
+    """
+    known = robot_joint_types(robot)
+    out: dict[str, JointType] = {}
+    for joint in joints:
+        said, modelled = stated.get(joint), known.get(joint)
+        if said is not None and modelled is not None and said != modelled:
+            raise ValueError(f"joint_type: {joint} is {modelled} in the URDF of {robot}, got {said}")
+        out[joint] = modelled or said or _by_unit(joint, units) or "revolute"
+    for joint, kind in out.items():
+        for key, other in _entries(joint, units):
+            if other != kind and not (_may_be_missing(key) and other in out.values()):
+                raise ValueError(_of_other_type(joint, kind, key, units[key], other))
+    return out
+
+
+def require_own_unit(canonical: str, kind: JointType, units: Mapping[str, str | float]) -> None:
+    """Refuse a recorded channel of a joint whose only unit is that of all joints of the other type.
+
+    Args:
+        canonical: Name of the channel.
+        kind: Type of its joint.
+        units: The key `units` of the rig file.
+
+    Raises:
+        ValueError: Begins with the key `units`.
+    """
+    joint, _, suffix = canonical.rpartition("/")
+    for key, other in _entries(joint, units):
+        if key in (canonical, suffix) and other != kind:
+            raise ValueError(_of_other_type(joint, kind, key, units[key], other))
+
+
+def robot_joint_types(robot: Path | None) -> dict[str, JointType]:
+    """Types of the moving joints of a robot file's URDF; none where it cannot be read (others say so)."""
+    if robot is None:
+        return {}
+    try:
+        document = read_yaml(robot, error=RigError)
+        urdf = document.get("urdf") if isinstance(document, Mapping) else None
+        text = resolve(str(urdf), robot.parent).read_bytes()
+        found = ET.fromstring(text).findall("joint")
+    except (DrakeTcError, OSError, ET.ParseError, ValueError):
+        return {}
+    kinds: dict[str, JointType] = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+    types = ((joint.get("name", ""), joint.get("type", "")) for joint in found)
+    return {name: kinds[kind] for name, kind in types if kind in kinds}
+
+
+def check_sliding_loads(load: Mapping[str, Load], types: Mapping[str, JointType]) -> None:
+    """A pendulum turns.
+
+    Raises:
+        ValueError: It is the load of a joint that slides; begins with the key.
+    """
+    for joint, entry in load.items():
+        if isinstance(entry, Pendulum) and types[joint] == "prismatic":
+            raise ValueError(
+                f"load: {joint} slides (joint_type: prismatic), and a pendulum turns; possible: torque (a force "
+                "sensor), unknown (a mass and a constant force, both fitted), or {robot: ...}"
+            )
+
+
+def _entries(joint: str, units: Mapping[str, str | float]) -> list[tuple[str, JointType]]:
+    """Keys of `units` that hold for a channel of the joint, with the type of joint to which the unit belongs."""
+    keys = [key for suffix in JOINT_SUFFIXES for key in (f"{joint}/{suffix}", suffix) if key in units]
+    own = [key for key in keys if "/" in key or f"{joint}/{key}" not in units]
+    found = ((key, joint_type_of_unit(units[key])) for key in own)
+    return [(key, kind) for key, kind in found if kind is not None]
+
+
+def _by_unit(joint: str, units: Mapping[str, str | float]) -> JointType | None:
+    return next((kind for _, kind in _entries(joint, units)), None)
+
+
+def _may_be_missing(key: str) -> bool:
+    """Whether an entry of `units` is for a channel of all joints that one of them may lack."""
+    return "/" not in key and key not in ("position", "position_command")
+
+
+def _of_other_type(joint: str, kind: JointType, key: str, unit: str | float, other: JointType) -> str:
+    suffix = key.rpartition("/")[2]
+    listed = ", ".join(unit for unit in JOINT_SUFFIXES[suffix] if joint_type_of_unit(unit) == kind)
+    own = "" if "/" in key else f" `{joint}/{suffix}` gives {joint} a unit of its own;"
+    return (
+        f"units: {key}: {unit!r} is a unit of a joint that {MOTION[other]}, and {joint} {MOTION[kind]} "
+        f"(joint_type: {kind});{own} possible: {listed}, or a number (scale factor to "
+        f"{in_units_of(kind, next(iter(JOINT_SUFFIXES[suffix])))})"
+    )

@@ -1,7 +1,7 @@
 """The rig file's key `sensors`: the joints' own sensors (`joint_sensors`), and tolerances of F/T sensors and IMUs.
 
 Plain numbers are SI. Tolerances are standard deviations. What is not said of an F/T sensor or an IMU is that of its
-`part`, or of a typical one (`drake_tc.logs.sensors`).
+`part`, or of a typical one (`drake_tc.logs.loads`).
 
 What the rig file's key `sensors` says of a joint's own sensors: noise of its channels, and tolerances.
 
@@ -16,8 +16,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from drake_tc.config.keys import Keys, Ratio, key, magnitude, magnitude_in, magnitude_schema, unknown_key
 from drake_tc.config.quoted import did_you_mean, quoted
-from drake_tc.logs.sensors import FORCE_TORQUE_PARTS, IMU_PARTS, ForceTorqueTolerance, ImuTolerance, JointSensors
-from drake_tc.logs.sensors import Tolerance as SensorTolerance
+from drake_tc.logs.loads import FORCE_TORQUE_PARTS, IMU_PARTS, ForceTorqueTolerance, ImuTolerance, JointSensors
+from drake_tc.logs.loads import Tolerance as SensorTolerance
 from drake_tc.logs.units import allowed_units
 
 Torque = Annotated[float, *magnitude_in(allowed_units("torque"))]

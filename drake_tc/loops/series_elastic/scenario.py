@@ -15,7 +15,7 @@ from drake_tc.actuation.recorded_run import Link
 from drake_tc.config.records import check_choices
 from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.base import ScenarioBase, check_run
+from drake_tc.loops.scenarios import ScenarioBase, check_run
 from drake_tc.sensing.spec import MOST_TICKS, SensorSpec
 
 

@@ -13,11 +13,10 @@ from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.loops.built_loop import BuiltLoop
-from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.surroundings import add_objects, add_pushes, add_suspension, check_masses, set_masses
-from drake_tc.loops.torque.parts import LoopDesign, actuator_models, loop_robot, torque_gains
+from drake_tc.loops.plant import add_objects, add_pushes, add_robot_plant, add_suspension, check_masses, set_masses
 from drake_tc.loops.torque.references import References, posture, references, table_source
 from drake_tc.loops.torque.scenario import Scenario
+from drake_tc.loops.torque.stages import LoopDesign, actuator_models, loop_robot, torque_gains
 from drake_tc.loops.torque.wiring import wire_torque_loop
 from drake_tc.robot.robot import Robot
 

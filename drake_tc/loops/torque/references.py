@@ -9,7 +9,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.parts import ForceSpec, MotionSpec, SinusoidSpec
+from drake_tc.loops.scenarios import ForceSpec, MotionSpec, SinusoidSpec
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot

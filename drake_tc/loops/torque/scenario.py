@@ -17,8 +17,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.estimation.torque_model import BaseSource
-from drake_tc.loops.scenarios.base import ScenarioBase, check_run, check_seed
-from drake_tc.loops.scenarios.parts import (
+from drake_tc.loops.scenarios import (
     FilterSpec,
     ForceSpec,
     GainSpec,
@@ -26,7 +25,10 @@ from drake_tc.loops.scenarios.parts import (
     MotionSpec,
     ObjectSpec,
     PushSpec,
+    ScenarioBase,
     SuspensionSpec,
+    check_run,
+    check_seed,
 )
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.spec import SensorFault

@@ -8,7 +8,7 @@ from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
+from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.boundary import Start

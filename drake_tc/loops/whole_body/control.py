@@ -17,7 +17,7 @@ from pydrake.trajectories import Trajectory
 from drake_tc.control.reference_source import StoppingReference
 from drake_tc.loops.boundary import Start
 from drake_tc.loops.whole_body.base_estimation import base_state
-from drake_tc.loops.whole_body.drives import control_drives
+from drake_tc.loops.whole_body.drives import TorqueNoise, control_drives
 from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_state
 from drake_tc.loops.whole_body.series_elastic_drives import (
@@ -26,7 +26,6 @@ from drake_tc.loops.whole_body.series_elastic_drives import (
     control_springs,
     link_position,
 )
-from drake_tc.loops.whole_body.torque_noise import TorqueNoise
 from drake_tc.sensing.suite import Readings
 from drake_tc.tsid.controller import RobustTsid, reference_port
 

@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import ContactModel, CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.parts import ObjectSpec
+from drake_tc.loops.scenarios import ObjectSpec
 from drake_tc.tsid.contacts import Contact
 from drake_tc.types import FloatArray
 

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 
-from drake_tc.actuation.joint_values import Models
+from drake_tc.actuation.joint_effects import Models
 from drake_tc.errors import ParamsError
 from drake_tc.loops.boundary import Start
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.fused import StageValues, fused_stages
-from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.surroundings import add_pushes, check_masses, set_masses
+from drake_tc.loops.plant import add_pushes, add_robot_plant, check_masses, set_masses
 from drake_tc.loops.whole_body.drives import drive_models, known_drives
 from drake_tc.loops.whole_body.ground import add_ground
 from drake_tc.loops.whole_body.references import contact_source, task_source

@@ -22,9 +22,9 @@ from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.references import POSITION, contact_source, task_source
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.plant import joint_limits
-from drake_tc.tsid.falling import START
+from drake_tc.tsid.fallbacks import START
 from drake_tc.tsid.law import Law, Status
-from drake_tc.tsid.limits.wrench_cone import WrenchCones
+from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.types import BoolArray, FloatArray
 
 FALLEN = 0.6

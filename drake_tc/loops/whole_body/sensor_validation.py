@@ -24,7 +24,7 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem, OutputPort
 
 from drake_tc.array_stage import Arrays, ArrayStage
-from drake_tc.control.sensor_loss_stop import SensorLossStop
+from drake_tc.control.guard import SensorLossStop
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import COPY_AFTER, KernelCall
 from drake_tc.loops.loop_builder import first_imu, picked

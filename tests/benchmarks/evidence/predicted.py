@@ -15,8 +15,8 @@ from typing import Any, Literal
 
 from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.causes import size_in
+from drake_tc.experiments.check.effects import Visibility
 from drake_tc.experiments.check.run import check_rig
-from drake_tc.experiments.check.visibility import Visibility
 from drake_tc.joint_simulator.spec import BlindError, Joint, RigSpec
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.blind.catalogue import SETTINGS, caused_rig

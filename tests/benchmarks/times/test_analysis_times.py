@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from drake_tc.analysis.release import settled_at
 from drake_tc.analysis.sampled import loop_margins, open_loop
-from drake_tc.analysis.settled import settled_at
 from drake_tc.control.joint_loop import JointLoop
 from drake_tc.registry import runnable
 

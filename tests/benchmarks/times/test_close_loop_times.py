@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.loops.joint_bench.recording import rig_free_run
+from drake_tc.loops.joint_bench import rig_free_run
 from tests.benchmarks.close_loop_speed import RUNS, command_cost, write_runs
 
 from .machine import require

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from drake_tc.cli.demo import DemoLength, record_demo
-from drake_tc.experiments.design.known_loads import KnownLoad
+from drake_tc.experiments.design.known import KnownLoad
 from drake_tc.experiments.design.request import DesignRequest, designed, designed_with_loads
 from drake_tc.experiments.design.run import DesignOptions
 

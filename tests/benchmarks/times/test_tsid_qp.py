@@ -8,8 +8,8 @@ import pytest
 from tsid.problems import SOLES, Setup, model, problems, robot, state
 
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.infeasible import diagnose, safe_torque
-from drake_tc.tsid.limits.capture_point import CapturePointLimit
+from drake_tc.tsid.fallbacks import diagnose, safe_torque
+from drake_tc.tsid.limits.contacts import CapturePointLimit
 from drake_tc.tsid.limits.joints import AccelerationLimit
 from drake_tc.tsid.qp.choose import solver
 from tests.benchmarks.qp import MOTIONS, humanoid_controller, record, timed

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
-from drake_tc.estimation.base.log import run_log, track_error
+from drake_tc.estimation.base.read_log import run_log, track_error
 
 from .constructed import REAL, Motion, construct, spec, walker
 

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.log import run_log, track_error
-from drake_tc.estimation.base.spec import ContactSpec
+from drake_tc.estimation.base.read_log import run_log, track_error
+from drake_tc.estimation.base.rig import ContactSpec
 from drake_tc.estimation.base.velocity import soft_sole
 from drake_tc.kernels.base_contacts import shape_of
 from drake_tc.kernels.base_sample import HALF_PLANES

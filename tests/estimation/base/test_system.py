@@ -10,19 +10,19 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.kinematics import BaseKinematics
-from drake_tc.estimation.base.log import run_log
-from drake_tc.estimation.base.spec import BaseEstimatorSpec, ContactSpec
-from drake_tc.estimation.base.state import (
+from drake_tc.estimation.base.kinematics import (
     CONTACT_FLAGS,
     CONTACT_MEMORY,
     FLAGS,
     SCALARS,
+    BaseKinematics,
     initial_state,
     packed,
     place_of,
     unpacked,
 )
+from drake_tc.estimation.base.read_log import run_log
+from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
 from drake_tc.kernels import base_state
 from drake_tc.kernels.base_kinematics import posture_of, turning

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.logs.bags.cut import is_cut
+from drake_tc.logs.bags.reader import is_cut
 from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.inspection.inspect import inspect_log
 

@@ -10,8 +10,7 @@ from drake_tc.actuation.free_run import model_to_simulate, simulate, simulated_i
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Recording
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, free_run, record_bench
+from drake_tc.loops.joint_bench import BenchScenario, Table, free_run, record_bench
 from drake_tc.loops.recording import write_log, write_rig
 
 VISCOUS, ROTOR, LINK, GRAVITY, DURATION = 30.0, 0.3, 0.6, 12.0, 8.0

@@ -12,8 +12,7 @@ from drake_tc.diagrams.joint_bench import SCENARIO_FILE, main
 from drake_tc.effects.base import plain_signals
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.loops.joint_bench.diagram import Table
-from drake_tc.loops.joint_bench.recording import BenchScenario, free_run, quantise, record_bench
+from drake_tc.loops.joint_bench import BenchScenario, Table, free_run, quantise, record_bench
 
 GAIN = 0.5
 BASE = (

@@ -14,10 +14,9 @@ import drake_tc.models
 from drake_tc.actuation.model_file import load_models
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.hardware.stepper import ControllerStepper
-from drake_tc.loops.joint_bench.diagram import JOINT, make_plant
-from drake_tc.loops.series_elastic.controller import INPUTS, series_elastic_controller
+from drake_tc.loops.joint_bench import JOINT, make_plant
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec
-from drake_tc.loops.series_elastic.wiring import add_series_elastic_loop
+from drake_tc.loops.series_elastic.wiring import INPUTS, add_series_elastic_loop, series_elastic_controller
 
 ACTUATORS = Path(drake_tc.models.__file__).parent / "coman_like" / "coman_like_actuators.yaml"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from drake_tc.actuation.voltage_motor import VoltageMotor
+from drake_tc.actuation.plant import VoltageMotor
 from drake_tc.analysis.frequency_response import FrequencyResponse
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -24,8 +24,7 @@ from drake_tc.errors import IdentificationError, ParamsError
 from drake_tc.identification.motor_prior import PriorWidths, identify_motor
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.loops.series_elastic.loop import build_sea
-from drake_tc.loops.series_elastic.running import simulate_sea, summarise_sea, write_sea
+from drake_tc.loops.series_elastic.loop import build_sea, simulate_sea, summarise_sea, write_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario
 from drake_tc.registry import runnable, sea_entry
 

@@ -21,11 +21,10 @@ from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.controller import INPUTS, scenario_controller, torque_controller
 from drake_tc.loops.torque.loop import build_loop
 from drake_tc.loops.torque.running import run_loop
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec
-from drake_tc.loops.torque.wiring import add_torque_loop
+from drake_tc.loops.torque.wiring import INPUTS, add_torque_loop, scenario_controller, torque_controller
 from drake_tc.report.block_graph.graph import block_graph
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.spec import SensorFault

@@ -18,10 +18,9 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.controller import torque_controller
-from drake_tc.loops.torque.joint_loops import joint_loops
+from drake_tc.loops.torque.default_gains import joint_loops
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
-from drake_tc.loops.torque.wiring import add_torque_loop
+from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import load_robot
 from tests.robot_files import joint_tag, link_tag, urdf, write_robot

@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
 from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.parts import actuator_models, loop_robot
+from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry
 
 from .fault_cases import LATE, FaultCase

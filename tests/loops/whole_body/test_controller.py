@@ -12,14 +12,13 @@ import drake_tc.diagrams
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.recording import add_log
-from drake_tc.loops.whole_body.controller import scenario_controller, whole_body_controller
 from drake_tc.loops.whole_body.drives import drive_models
 from drake_tc.loops.whole_body.loop import add_grounded_plant, build_tsid
 from drake_tc.loops.whole_body.references import contact_source, task_source
 from drake_tc.loops.whole_body.running import run_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.series_elastic_drives import spring_models
-from drake_tc.loops.whole_body.wiring import add_whole_body_loop
+from drake_tc.loops.whole_body.wiring import add_whole_body_loop, scenario_controller, whole_body_controller
 from drake_tc.tsid.configuration import load_law
 
 DIAGRAMS = Path(next(iter(drake_tc.diagrams.__path__)))

@@ -16,7 +16,7 @@ from drake_tc.diagrams.papers.faraji2015 import contacts as coman_contacts
 from drake_tc.diagrams.papers.faraji2015.contacts import ONE_FOOT, THREE_CONTACTS, Outcome, harder, reproduction, trial
 from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors
 from drake_tc.errors import ParamsError
-from drake_tc.loops.scenarios.parts import ObjectSpec
+from drake_tc.loops.scenarios import ObjectSpec
 from drake_tc.loops.whole_body.ground import GroundSpec, SoleSpec, add_ground
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import contact_wrenches, simulate_tsid

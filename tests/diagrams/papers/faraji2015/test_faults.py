@@ -10,8 +10,8 @@ from pydrake.polynomial import Polynomial
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_tc.control.guard import LOSS_TIME, SensorLossStop
 from drake_tc.control.reference_source import STOP_TIME, StoppingReference
-from drake_tc.control.sensor_loss_stop import LOSS_TIME, SensorLossStop
 from drake_tc.diagrams.papers.faraji2015 import faults as coman_faults
 from drake_tc.diagrams.papers.faraji2015.fault_cases import STARTS, cases
 from drake_tc.diagrams.papers.faraji2015.faults import FaultOutcome, outcome, reproduction, scenario_of

@@ -15,7 +15,7 @@ from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015 import pushes
 from drake_tc.diagrams.papers.faraji2015.motions import vibration
 from drake_tc.errors import ParamsError
-from drake_tc.loops.surroundings import Pushes
+from drake_tc.loops.plant import Pushes
 from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, SpringDrivesSpec, TsidScenario

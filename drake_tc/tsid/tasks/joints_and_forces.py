@@ -1,4 +1,10 @@
-"""Tasks of the contacts: forces and centres of pressure.
+"""Tasks of the joints: posture and torque.
+
+The joints follow positions.
+
+The torques stay near a reference.
+
+Tasks of the contacts: forces and centres of pressure.
 
 The contact forces stay near a reference.
 
@@ -13,10 +19,110 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.rows import Parts, TaskRows, Terms, identity
+from drake_tc.tsid.rows import Parts, TaskRows, Terms, identity, selection
 from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.types import FloatArray
+
+_TARGET = Kernel("rows", "posture")
+
+
+class PostureTask:
+    """qdd_j = qdd_d + kp (q_d - q_j) + kd (qd_d - qd_j) of each chosen joint j.
+
+    Reference (3n,): [q_d; qd_d; qdd_d] of all joints in the robot's order [rad, rad/s, rad/s^2].
+    """
+
+    def __init__(
+        self,
+        model: TsidModel,
+        kp: Gains,
+        kd: Gains,
+        *,
+        weight: Gains = 1.0,
+        joints: Sequence[str] | None = None,
+        name: str = "posture",
+    ) -> None:
+        """Keep the gains.
+
+        Args:
+            model: Of the robot.
+            kp: Of each chosen joint, or one for all [1/s^2].
+            kd: The same [1/s].
+            weight: Of each chosen joint, or one for all.
+            joints: Which take part; None for all, in the robot's order.
+            name: Of the task.
+
+        Raises:
+            ParamsError: a joint that is not there or is named twice; gains or weights that are negative, not finite
+                or of another size.
+        """
+        names = model.robot.joints
+        selected = names if joints is None else tuple(joints)
+        for i, joint in enumerate(selected):
+            if joint not in names:
+                raise ParamsError(f"task {name!r}: no joint {joint!r}; joints: {', '.join(names)}")
+            if joint in selected[:i]:
+                raise ParamsError(f"task {name!r}: joint {joint!r} is named twice")
+        if not selected:
+            raise ParamsError(f"task {name!r}: expected at least one joint, got none")
+        self.name, self.reference_size = name, 3 * model.n
+        self.weight = gains(f"task {name!r}: weight", weight, len(selected))
+        self._kp = gains(f"task {name!r}: kp", kp, len(selected))
+        self._kd = gains(f"task {name!r}: kd", kd, len(selected))
+        self._joints = chosen = np.array([names.index(joint) for joint in selected], dtype=np.int64)
+        self._velocity, self._position = model.actuated[chosen], model.positions[chosen]
+        self._parts = selection(model.actuated[chosen], model.nv)
+
+    def rest(self, terms: Terms) -> FloatArray:
+        """The reference that asks for nothing at this state."""
+        return np.concatenate((terms.joint_position, np.zeros(2 * terms.joint_position.size)))
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        places = self._joints, self._position, self._velocity
+        return Entry("posture", self._joints.size, places, (self._kp, self._kd, self.weight))
+
+    def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
+        """The rows at this state."""
+        gains_of = self._kp, self._kd
+        target = _TARGET(terms.q, terms.v, self._position, self._velocity, *gains_of, reference, self._joints)
+        return TaskRows(self.name, self._parts, target, self.weight)
+
+
+class TorqueTask:
+    """tau = tau_d, each joint with its weight; with tau_d = 0 the cost of torques of Faraji et al. (2015), Q_tau =
+    weight^2.
+
+    Reference (n,): tau_d in the robot's order [N m].
+    """
+
+    def __init__(self, model: TsidModel, *, weight: Gains = 1.0, name: str = "torque") -> None:
+        """Keep the weights.
+
+        Args:
+            model: Of the robot.
+            weight: Of each joint, or one for all.
+            name: Of the task.
+
+        Raises:
+            ParamsError: weights that are negative, not finite or of another size.
+        """
+        self.name, self.reference_size = name, model.n
+        self.weight = gains(f"task {name!r}: weight", weight, model.n)
+        self._parts = Parts(torque=identity(model.n))
+
+    def rest(self, terms: Terms) -> FloatArray:
+        """The reference that asks for nothing at this state."""
+        return np.zeros(self.reference_size)
+
+    def compiled_entry(self, contacts: ActiveContacts) -> Entry:
+        """Its numbers for the compiled tick."""
+        return Entry("torque", self.weight.size, (), (self.weight,))
+
+    def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
+        """The rows at this state."""
+        return TaskRows(self.name, self._parts, reference, self.weight)
 
 
 class ForceTask:

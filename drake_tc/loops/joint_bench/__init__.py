@@ -1,1 +1,0 @@
-"""One joint on a bench: its diagram, and its model driven by a recorded command alone."""
