@@ -188,7 +188,7 @@ class JointResult(Shown):
     too. `set_up_wrong`: no effects were looked for, because errors of the robot's set-up were found. `links_fitted`:
     the robot's links were fitted at the declared drive gains. `free_run` holds, by held-out run, time, recorded
     position and the free runs "before", "after" and, where the refinement was accepted, "refined". `unit` is that of
-    the effort, `units` are those of the joint's other quantities. `run_spread`: standard deviation of each friction from
+    the effort, `units` are those of the joint's other quantities. `run_spread`: standard deviation of each friction
     from run to run over its mean.
     """
 
