@@ -1,7 +1,7 @@
 """Every threshold that decides what a diagnosis says, in the order in which they are asked.
 
 They were set on simulated rigs of calibration seeds, many of which lack nothing, and are evaluated on rigs of other
-seeds (drake_tc/diagnosis/README.md).
+seeds (docs/benchmarks.md).
 """
 
 # Signs of columns, and whether the declared model can be fitted at all
