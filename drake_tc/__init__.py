@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from drake_tc.tsid.controller import RobustTsid
     from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
     from drake_tc.tsid.law import Law
+    from drake_tc.watch.compare import compare
 
 __version__ = "0.1.0"
 
@@ -117,6 +118,7 @@ __all__ = [
     "block_graph",
     "channel",
     "close_loop",
+    "compare",
     "constant_trajectory",
     "effect",
     "feedforward_effort",
@@ -201,6 +203,7 @@ _HOMES = {
     "block_graph": "report.block_graph.graph",
     "channel": "analysis.frequency_response",
     "close_loop": "diagnosis.run",
+    "compare": "watch.compare",
     "constant_trajectory": "control.trajectories",
     "effect": "effects.library",
     "feedforward_effort": "actuation.compensator",

@@ -39,6 +39,7 @@ FLOOR = {
     "sensor_validation": 6,
     "identification": 7,
     "diagnosis": 8,
+    "watch": 9,
     "loops": 9,
     "analysis": 10,
     "exchange": 11,

@@ -69,6 +69,7 @@ FRONT_DOOR = {
     "block_graph",
     "channel",
     "close_loop",
+    "compare",
     "constant_trajectory",
     "effect",
     "feedforward_effort",

@@ -13,6 +13,7 @@ from typer.exceptions import TyperException
 from drake_tc import __version__
 from drake_tc.cli.bode_command import bode_command
 from drake_tc.cli.close_loop_command import close_loop_command, demo_command
+from drake_tc.cli.compare_command import compare_command
 from drake_tc.cli.diagram_commands import graph_command, simulate_command
 from drake_tc.cli.estimate_commands import estimate_base_command, estimate_torque_command
 from drake_tc.cli.experiment_commands import design_command, rehearse_command
@@ -43,6 +44,7 @@ app = typer.Typer(
 app.command("demo", cls=Command, short_help="Find what a simulated joint lacks.")(demo_command)
 app.command("check", cls=Command, short_help="Check what your logs can show.")(check_command)
 app.command("close-loop", cls=Command, short_help="Find what a model lacks, and add it.")(close_loop_command)
+app.command("compare", cls=Command, short_help="Report what changed since a model.")(compare_command)
 app.command("design", cls=Command, short_help="Compute the next experiment.")(design_command)
 app.command("estimate-base", cls=Command, short_help="Estimate the motion of a base.")(estimate_base_command)
 app.command("estimate-torque", cls=Command, short_help="Estimate the torques of a robot.")(estimate_torque_command)

@@ -1,0 +1,424 @@
+"""`compare`: what changed since a model was made, by the diagnosis of new logs with the model as the declared one.
+
+The effects of the stored model are declared, their sizes left open, and `close_loop` diagnoses the new logs. Its
+posterior of the declared parameters is compared with the stored one (`changes`); an effect that it finds beside them
+has appeared; one whose size is more probably 0 than the stored one is gone.
+"""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import ModelFile, load_model_file
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.refinement.stage import equation_errors
+from drake_tc.diagnosis.result.joint_result import JointResult
+from drake_tc.diagnosis.result.models import REFERENCE, reference_of
+from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
+from drake_tc.diagnosis.run import Log, close_loop
+from drake_tc.diagnosis.search import Progress
+from drake_tc.effects.base import TorqueEffect
+from drake_tc.effects.thermal_friction import ThermalFriction
+from drake_tc.errors import LogError, ParamsError
+from drake_tc.logs.files.readers import LogTable, named_logs, read_table
+from drake_tc.logs.rig import Rig, load_rig, parse_rig
+from drake_tc.watch.changes import (
+    CHANGE_SIZE,
+    FEWEST_DEVIATIONS,
+    Known,
+    Shift,
+    heat_deviation,
+    session_deviation,
+)
+
+Verdict = Literal["unchanged", "parameters_changed", "new_effect", "cannot_tell"]
+SEVERITY: tuple[Verdict, ...] = ("new_effect", "parameters_changed", "cannot_tell", "unchanged")
+"""The verdict of several joints is the first of these that one of them has."""
+TESTS = 1.0 / 3.0
+"""Share at the end of each log that tests what the rest of it chose, where no run is held out."""
+GONE = 3.0
+"""Log odds from which an effect is gone."""
+MORE_LEFT = 1.5
+"""Error over that of the stored model's own logs from which something changed that no effect explains."""
+VISIBLE = 0.2
+"""Relative half width of the interval of a change in the drive gain beyond which the logs tell nothing."""
+
+
+@dataclass(frozen=True)
+class ParameterChange:
+    """One parameter then and now.
+
+    Attributes:
+        key, name, unit: Effect ("drive" has the gain), parameter, unit.
+        then: Value and 95 % interval.
+        now: The same under the new logs, with the stored one and a change as the prior.
+        fitted: What the new logs say alone.
+        change: By how much it changed if it did, beside those that did; the spread between sessions is in its interval.
+        log_odds: That it changed, beside the other changes.
+        changed: Whether it is in the most probable set of changes.
+        heat: Whether it would be if the temperature were the same.
+        alternatives: Parameters whose change would explain as much in its place, as "effect.parameter".
+    """
+
+    key: str
+    name: str
+    unit: str
+    then: Known
+    now: Known
+    fitted: Known
+    change: Known
+    log_odds: float
+    changed: bool
+    heat: bool = False
+    alternatives: tuple[str, ...] = ()
+
+    @property
+    def share(self) -> float:
+        """Change over the stored value."""
+        return self.change.value / abs(self.then.value) if self.then.value else math.inf
+
+
+@dataclass(frozen=True)
+class EffectChange:
+    """One effect.
+
+    Attributes:
+        key, title: Of the effect. where: link or sensor, of a cause that no joint owns.
+        status: "appeared", "present", "gone", or "heat": an effect of the temperature, which is no change of the joint.
+        log_odds: That it is there, for one that appeared or is present; that it is not, for one that is gone.
+        parameters: Value and interval by name; those of the new logs.
+    """
+
+    key: str
+    title: str
+    status: Literal["appeared", "present", "gone", "heat"]
+    log_odds: float
+    parameters: Mapping[str, Known]
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class JointComparison:
+    """One joint.
+
+    Attributes:
+        joint, verdict: Which, and what.
+        why: Of `cannot_tell`, a sentence; else "".
+        parameters, effects: What was compared.
+        floors_then, floors_now: RMS error of the held-out rows over the noise floor under the stored numbers, and with
+            the parameters fitted again and what appeared; NaN where it cannot be computed.
+        temperature: (then, now), mean [°C]; NaN where it was not recorded.
+        diagnosis: Of the new logs.
+    """
+
+    joint: str
+    verdict: Verdict
+    why: str
+    parameters: tuple[ParameterChange, ...]
+    effects: tuple[EffectChange, ...]
+    floors_then: float
+    floors_now: float
+    temperature: tuple[float, float]
+    diagnosis: JointResult
+
+
+@dataclass(frozen=True, repr=False)
+class ComparisonResult:
+    """What changed since a model was made. Its `repr` is the verdict and a table of each joint."""
+
+    verdict: Verdict
+    joints: Mapping[str, JointComparison]
+    shared: tuple[EffectChange, ...]
+    model_file: str
+    rig_file: str
+    logs: tuple[str, ...]
+    seconds: float
+    diagnosis: CloseLoopResult
+
+    def __getitem__(self, joint: str) -> JointComparison:
+        """One joint; a KeyError names those that there are."""
+        if joint not in self.joints:
+            raise ParamsError(f"no joint {joint!r}; joints here: {', '.join(self.joints)}")
+        return self.joints[joint]
+
+    def __repr__(self) -> str:
+        from importlib import import_module
+
+        return str(import_module("drake_tc.report.comparison").comparison_text(self))
+
+    def _repr_html_(self) -> str:
+        from importlib import import_module
+
+        return str(import_module("drake_tc.report.comparison").comparison_html(self))
+
+
+def compare(
+    model: Path | str,
+    logs: Sequence[Log],
+    rig: Rig | Mapping[str, Any] | Path | str | None = None,
+    holdout: Sequence[Log] = (),
+    options: DiagnosisOptions | None = None,
+    progress: Progress = lambda text, share: None,
+    executor: Executor | None = None,
+) -> ComparisonResult:
+    """What changed between a stored model and new logs of the same joints.
+
+    Args:
+        model: `model_after.yaml`, or another model file with intervals.
+        logs: New runs.
+        rig: Rig file, or a mapping with the keys of one, or a `Rig`; None: the one that the model file names, beside
+            it or in the working directory.
+        holdout: Runs that only test what the others chose. Without any, the last third of each log does.
+        options: Of the diagnosis.
+        progress: Told how far it is.
+        executor: Runs parts of the diagnosis beside each other; None runs them here.
+
+    Raises:
+        ParamsError, RigError, LogError, IdentificationError: input that cannot be used.
+    """
+    start = time.perf_counter()
+    stored = load_model_file(model)
+    known = _rig_of(rig, stored, Path(model))
+    missing = [joint for joint in known.joints if joint not in stored.models]
+    if missing:
+        raise ParamsError(f"{model}: no model of joint {missing[0]!r}; joints there: {', '.join(stored.models)}")
+    declared = with_model(known, stored)
+    fitted, tests = _parts(logs, holdout, known)
+    found = close_loop(declared, fitted, tests, options, None, progress, executor)
+    joints = {name: _joint(found, name, stored) for name in known.joints}
+    shared = tuple(_shared(cause, stored) for cause in found.shared)
+    verdicts = {each.verdict for each in joints.values()}
+    if any(each.status == "appeared" for each in shared):
+        verdicts.add("new_effect")
+    return ComparisonResult(
+        verdict=next(v for v in SEVERITY if v in verdicts),
+        joints=joints,
+        shared=shared,
+        model_file=str(model),
+        rig_file=str(known.source or "rig"),
+        logs=tuple(str(log) for log in named_logs(logs, "log")),
+        seconds=time.perf_counter() - start,
+        diagnosis=found,
+    )
+
+
+def _rig_of(rig: object, stored: ModelFile, model: Path) -> Rig:
+    if isinstance(rig, Rig):
+        return rig
+    if isinstance(rig, Mapping):
+        return parse_rig(rig)
+    if isinstance(rig, Path | str):
+        return load_rig(rig)
+    name = str(stored.provenance.get("rig", ""))
+    for place in (model.parent / name, Path(name)):
+        if name and place.is_file():
+            return load_rig(place)
+    raise ParamsError(
+        f"{model}: its provenance names {f'the rig file {name}, which is not there' if name else 'no rig file'}; give "
+        "the rig file of the new logs (--rig RIG.yaml)"
+    )
+
+
+def with_model(rig: Rig, stored: ModelFile) -> Rig:
+    """The rig with the effects of the stored models declared; their sizes are open, and what the rig says stays.
+
+    Drives and transmissions start at their stored numbers, which the fit then moves.
+    """
+    declared = {}
+    for joint in rig.joints:
+        own = dict(rig.declared[joint])
+        for value in stored.models[joint].effects:
+            if any(key == value.key or key.startswith(f"{value.key}.") for key in own):
+                continue
+            if isinstance(value.effect, TorqueEffect) or value.effect.kind == "sensor":
+                own[value.key] = None
+            else:
+                own |= {f"{value.key}.{name}": number for name, number in value.parameters.items()}
+        declared[joint] = own
+    return replace(rig, declared=declared)
+
+
+def _parts(logs: Sequence[Log], holdout: Sequence[Log], rig: Rig) -> tuple[Sequence[Log], Sequence[Log]]:
+    """Logs to fit and logs to test."""
+    own = named_logs(logs, "log")
+    if not own:
+        raise LogError("expected at least one new log, got none")
+    if holdout:
+        return logs, holdout
+    if rig.tares:
+        raise LogError("the rig file has `tares`, which hold for whole runs; hold out a whole run (--holdout RUN)")
+    tables = [LogTable(str(log), read_table(log)) for log in own]
+    cuts = [round((1.0 - TESTS) * len(each.table)) for each in tables]
+    fit = [LogTable(each.name, each.table.iloc[:cut]) for each, cut in zip(tables, cuts, strict=True)]
+    test = [LogTable(f"{t.name} (end)", t.table.iloc[cut:]) for t, cut in zip(tables, cuts, strict=True)]
+    return cast(Sequence[Log], fit), cast(Sequence[Log], test)
+
+
+def _joint(found: CloseLoopResult, name: str, stored: ModelFile) -> JointComparison:
+    joint, model = found.joints[name], stored.models[name]
+    reference = _reference(stored, name)
+    temperature = (_mean_temperature(reference), _mean_temperature(reference_of(joint, final=True)))
+    parameters = _parameters(joint, model, reference, temperature)
+    effects = (*_gone(joint, model, parameters), *_appeared(joint))
+    floor = max(joint.noise_floor, 1e-300)
+    then = _error_then(joint, model)
+    comparison = JointComparison(
+        name, "unchanged", "", parameters, effects, then / floor, joint.after.heldout / floor, temperature, joint
+    )
+    verdict, why = _verdict(comparison, stored.provenance.get("error", {}).get(name))
+    return replace(comparison, verdict=verdict, why=why)
+
+
+def _reference(stored: ModelFile, joint: str) -> Mapping[str, Any]:
+    found = stored.provenance.get(REFERENCE, {})
+    return found.get(joint, {}) if isinstance(found, Mapping) else {}
+
+
+def _mean_temperature(reference: Mapping[str, Any]) -> float:
+    return float(reference.get("temperature", (math.nan,) * 3)[1])
+
+
+def _parameters(
+    joint: JointResult, model: ActuatorModel, reference: Mapping[str, Any], temperature: tuple[float, float]
+) -> tuple[ParameterChange, ...]:
+    """Every parameter that the stored model and the new fit have, and that both limit."""
+    gain = model.drive.gain
+    then = {("drive", "gain"): Known.of(gain, reference.get("gain_ci95", (gain, gain)))}
+    for value in model.effects:
+        for name, number in value.parameters.items():
+            then[value.key, name] = Known.of(number, value.ci95.get(name, (number, number)))
+    units, now = {}, {}
+    for key, group in joint.final_parameters.items():
+        for name, estimate in group.items():
+            units[key, name], now[key, name] = estimate.unit, Known.of(estimate.value, estimate.ci95)
+    both = [p for p in then if p in now and math.isfinite(then[p].deviation + now[p].deviation)]
+    if not both:
+        return ()
+    size = np.array([max(abs(then[p].value), abs(now[p].value)) for p in both])
+    spread = max(float(reference.get("run_spread", 0.0)), joint.run_spread)
+    session = np.array([session_deviation(p[0], s, spread) for p, s in zip(both, size, strict=True)])
+    warmer = temperature[1] - temperature[0]
+    if ThermalFriction.id in {value.key for value in model.effects} or math.isnan(warmer):
+        warmer = 0.0
+    heat = np.array([heat_deviation(p[0], s, warmer) for p, s in zip(both, size, strict=True)])
+    deviation = np.array([max(now[p].deviation, 1e-9 * abs(now[p].value), 1e-15) for p in both])
+    covariance = np.outer(deviation, deviation) * _correlation(joint, both)
+    before = np.diag(np.array([then[p].deviation for p in both]) ** 2)
+    difference = np.array([now[p].value - then[p].value for p in both])
+    scale = np.sqrt(np.diag(covariance + before) + session**2 + heat**2)
+    prior = np.hypot(CHANGE_SIZE * size, FEWEST_DEVIATIONS * np.minimum(scale, size))
+    shift = Shift(difference, before, covariance, session**2 + heat**2, prior)
+    which, odds = shift.best()
+    cold = replace(shift, between=session**2).best()[0]
+    others = shift.alternatives(which)
+    return tuple(
+        ParameterChange(
+            *p,
+            units[p],
+            then[p],
+            replace(found := shift.new(k, which), value=then[p].value + found.value),
+            now[p],
+            shift.change(k, which),
+            float(odds[k]),
+            k in which,
+            k in cold and k not in which,
+            tuple(".".join(both[other]) for one, other in others if one == k),
+        )
+        for k, p in enumerate(both)
+    )
+
+
+def _correlation(joint: JointResult, places: Sequence[tuple[str, str]]) -> np.ndarray:
+    """(p, p) of the new fit."""
+    if joint.correlation is None:
+        return np.eye(len(places))
+    at = [joint.correlation.names.index(".".join(p)) for p in places]
+    return np.asarray(joint.correlation.matrix[np.ix_(at, at)])
+
+
+def _gone(joint: JointResult, model: ActuatorModel, parameters: Sequence[ParameterChange]) -> tuple[EffectChange, ...]:
+    """Effects of the stored model beside viscous and Coulomb friction, present or gone.
+
+    The size x of one that is gone is 0, that of one that is present the stored one:
+        log odds = log N(x_1; 0, s_1^2) - log N(x_1; x_0, s_0^2 + s_1^2)
+    """
+    out = []
+    for value in model.effects:
+        own = {p.name: p for p in parameters if p.key == value.key}
+        member = value.effect
+        sizes = [p.name for p in (member.coefficients or member.shapes) if p.name in own]
+        if value.key in ("viscous", "coulomb", "rotor_inertia") or not sizes:
+            continue
+        odds = sum(_log_odds_gone(own[name]) for name in sizes)
+        status: Literal["gone", "present"] = "gone" if odds > GONE else "present"
+        now = {name: p.fitted for name, p in own.items()}
+        out.append(EffectChange(value.key, member.title, status, abs(odds), now))
+    return tuple(out)
+
+
+def _log_odds_gone(p: ParameterChange) -> float:
+    now = max(p.fitted.deviation, 1e-12 * abs(p.then.value))
+    both = math.hypot(now, p.then.deviation)
+    absent = -0.5 * (p.fitted.value / now) ** 2 - math.log(now)
+    return absent + 0.5 * ((p.fitted.value - p.then.value) / both) ** 2 + math.log(both)
+
+
+def _appeared(joint: JointResult) -> tuple[EffectChange, ...]:
+    return tuple(
+        EffectChange(
+            found.key,
+            found.title,
+            "heat" if found.id == ThermalFriction.id else "appeared",
+            _logit(found.stability),
+            {name: Known.of(e.value, e.ci95) for name, e in found.parameters.items()},
+        )
+        for found in joint.effects
+    )
+
+
+def _logit(probability: float) -> float:
+    return math.log(max(probability, 1e-16) / max(1.0 - probability, 1e-16))
+
+
+def _shared(cause: SharedEffect, stored: ModelFile) -> EffectChange:
+    known = any(entry.get("effect") == cause.id and entry.get("where") == cause.where for entry in stored.shared)
+    named = {name: Known.of(e.value, e.ci95) for name, e in cause.parameters.items()}
+    status: Literal["present", "appeared"] = "present" if known else "appeared"
+    return EffectChange(cause.id, cause.title, status, _logit(cause.stability), named, cause.where)
+
+
+def _error_then(joint: JointResult, model: ActuatorModel) -> float:
+    """RMS error of the held-out rows under the stored numbers [effort]; NaN where no coefficients have them."""
+    named = {value.key: dict(value.parameters) for value in model.effects} | {"drive": {"gain": model.drive.gain}}
+    groups = joint.baseline_parameters
+    if any(name not in named.get(key, {}) for key in groups for name in groups[key]):
+        return math.nan
+    wanted = {key: {name: named[key][name] for name in groups[key]} for key in groups}
+    split = replace(joint.heldout, after=joint.heldout.before)
+    found = equation_errors(joint.baseline, wanted, (split,))
+    return math.nan if found is None else found[0]
+
+
+def _verdict(joint: JointComparison, error: object) -> tuple[Verdict, str]:
+    if joint.diagnosis.set_up_wrong:
+        return "cannot_tell", "the logs contradict the rig file or the robot file"
+    if any(each.status == "appeared" for each in joint.effects):
+        return "new_effect", ""
+    if any(p.changed for p in joint.parameters) or any(each.status == "gone" for each in joint.effects):
+        return "parameters_changed", ""
+    before = float(error.get("heldout", math.nan)) if isinstance(error, Mapping) else math.nan
+    unexplained = joint.diagnosis.verdict in ("unexplained_structure", "unexplained_residual")
+    if unexplained and joint.diagnosis.after.heldout > MORE_LEFT * before:
+        return "cannot_tell", "more is left than on the model's own logs, and no effect or parameter explains it"
+    gain = next((p for p in joint.parameters if p.key == "drive"), None)
+    narrow = gain is not None and 1.96 * gain.change.deviation < VISIBLE * abs(gain.then.value)
+    if joint.diagnosis.verdict == "cannot_tell" or not narrow:
+        return "cannot_tell", "these logs could not have shown a change of the drive gain or an effect of a tenth"
+    return "unchanged", ""

@@ -1,0 +1,47 @@
+"""A joint of a bench that was diagnosed, and recordings of it later."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.cli.demo import DemoLength, demo_model, demo_run, record_demo
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.models import models_of
+from drake_tc.diagnosis.run import close_loop
+
+LENGTH = DemoLength(duration=14.0, period=2e-3, step=2.5e-4)
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """Files of a joint whose model was made."""
+
+    folder: Path
+    rig: Path
+    model: Path
+
+    def later(self, seed: int, **scales: float) -> pd.DataFrame:
+        """A new recording of the joint, parameters of its effects multiplied."""
+        run = demo_run(scaled(demo_model(0), scales), "multisine_held_out", 5, LENGTH, np.random.default_rng(seed))
+        return pd.DataFrame({"time": run.time, **run.columns})
+
+
+def scaled(model: ActuatorModel, scales: dict[str, float]) -> ActuatorModel:
+    def one(value):
+        numbers = {n: v * scales.get(n, 1.0) for n, v in value.parameters.items()}
+        return replace(value, parameters=numbers)
+
+    return replace(model, effects=tuple(one(value) for value in model.effects))
+
+
+@pytest.fixture(scope="session")
+def diagnosed(tmp_path_factory) -> Diagnosed:
+    folder = tmp_path_factory.mktemp("watched")
+    rig, logs, holdout = record_demo(folder, 0, LENGTH, jobs=1)
+    found = close_loop(rig, logs, holdout, DiagnosisOptions(assess_residual=False))
+    models_of(found, folder)
+    return Diagnosed(folder, rig, folder / "model_after.yaml")

@@ -1,0 +1,63 @@
+"""`compare`: a joint without a change, one with more friction, and input that cannot be used."""
+
+import json
+
+import pytest
+
+import drake_tc
+from drake_tc.cli.main import run
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.errors import ParamsError
+from drake_tc.report.comparison import comparison_json
+
+QUICK = DiagnosisOptions(assess_residual=False)
+
+
+def test_the_same_joint_is_unchanged_and_a_change_lies_within_its_interval(diagnosed):
+    found = drake_tc.compare(diagnosed.model, [diagnosed.later(1)], options=QUICK)
+    assert found.verdict == "unchanged"
+    (joint,) = found.joints.values()
+    linear = [p for p in joint.parameters if p.key in ("drive", "viscous", "coulomb", "deadzone")]
+    assert len(linear) == 4 and all(p.change.ci95[0] <= 0.0 <= p.change.ci95[1] for p in linear)
+    assert {e.key: e.status for e in joint.effects} == {"stribeck": "present", "deadzone": "present"}
+    assert joint.floors_then == pytest.approx(joint.floors_now, rel=1.0)
+
+
+def test_worn_friction_is_named_with_its_size(diagnosed):
+    found = drake_tc.compare(diagnosed.model, [diagnosed.later(2, coulomb=1.3)], options=QUICK)
+    assert found.verdict == "parameters_changed"
+    (joint,) = found.joints.values()
+    assert [(p.key, p.name) for p in joint.parameters if p.changed] == [("coulomb", "coulomb")]
+    coulomb = next(p for p in joint.parameters if p.key == "coulomb")
+    assert coulomb.change.ci95[0] < 0.3 * 6.0 < coulomb.change.ci95[1]
+    assert joint.floors_then > 3.0 * joint.floors_now
+    assert "coulomb changed by" in repr(found) and "<svg" in found._repr_html_()
+    document = comparison_json(found)
+    assert document["verdict"] == "parameters_changed"
+
+
+def test_a_dead_zone_that_is_gone_is_told(diagnosed):
+    found = drake_tc.compare(diagnosed.model, [diagnosed.later(3, deadzone=0.01)], options=QUICK)
+    (joint,) = found.joints.values()
+    assert {e.key: e.status for e in joint.effects}["deadzone"] == "gone"
+    assert found.verdict == "parameters_changed"
+
+
+def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, tmp_path, capsys):
+    log = tmp_path / "today.csv"
+    diagnosed.later(2, coulomb=1.3).to_csv(log, index=False)
+    out = tmp_path / "out"
+    code = run(["compare", "--model", str(diagnosed.model), "--log", str(log), "--out", str(out), "--json"])
+    assert code == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document == json.loads((out / "compare.json").read_text(encoding="utf-8"))
+    assert "coulomb.coulomb changed by" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_model_without_a_rig_file_says_what_to_give(diagnosed, tmp_path, capsys):
+    alone = tmp_path / "model.yaml"
+    alone.write_text(diagnosed.model.read_text(encoding="utf-8"), encoding="utf-8")
+    with pytest.raises(ParamsError, match="give the rig file"):
+        drake_tc.compare(alone, [diagnosed.later(1)])
+    assert run(["compare", "--model", str(alone), "--log", str(tmp_path / "none.csv")]) == 2
+    assert capsys.readouterr().err.count("drake-tc: ") == 1
