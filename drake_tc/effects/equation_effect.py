@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.effects.base import Shape, Signals, TorqueEffect
 from drake_tc.effects.kernel import EquationKernel
-from drake_tc.kernels.torque_equations import EQUATIONS
+from drake_tc.kernels.torque_equations import EQUATIONS, JointState
 from drake_tc.types import FloatArray
 
 
@@ -51,8 +51,8 @@ class EquationEffect(TorqueEffect):
     ) -> FloatArray:
         """(count, T) of parameters that are numbers, (count, 1) or (T,)."""
         q, v, direction, tau = signals.position, signals.velocity, signals.direction, signals.load_torque
-        now = (q, v, direction, tau, signals.temperature, hysteresis)
-        level, damping, rest = EQUATIONS[self.torque_kind](*now, self.numbers(parameters))
+        now = JointState(q, v, direction, tau, signals.temperature, hysteresis)
+        level, damping, rest = EQUATIONS[self.torque_kind](now, self.numbers(parameters))
         total, inertia = np.zeros((count, len(signals))), self.inertia(parameters)
         for part, signal in ((level, direction), (damping, v), (rest, 1.0), (inertia, signals.acceleration)):
             if np.ndim(part) or part:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from drake_tc.kernels.joint_layout import INTERPRETED
-from drake_tc.kernels.torque_equations import EQUATIONS
+from drake_tc.kernels.torque_equations import EQUATIONS, JointState
 
 TorqueParts: TypeAlias = tuple[float, float, float]
 """(level [N m], damping [N m s/rad], rest [N m]): torque = level * direction + damping * velocity + rest.
@@ -40,7 +40,7 @@ class EquationKernel:
         self, q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float
     ) -> TorqueParts:
         """The equation on plain floats."""
-        level, damping, rest = EQUATIONS[self.kind](q, v, direction, tau, celsius, hysteresis, self.numbers)
+        level, damping, rest = EQUATIONS[self.kind](JointState(q, v, direction, tau, celsius, hysteresis), self.numbers)
         return float(level), float(damping), float(rest)
 
 

@@ -5,11 +5,14 @@ another one are evaluated by the caller, between two calls: the first leaves in 
 compiled ones resist with, the second takes from there what they gave.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from drake_tc.kernels import equations, friction
 from drake_tc.kernels import joint_layout as at
 from drake_tc.kernels.compiling import FLAG, MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.torque_equations import JointState
 from drake_tc.kernels.torque_terms import parts_of
 from drake_tc.types import FloatArray, IntArray
 
@@ -19,21 +22,75 @@ _wound_up, _turned_over = helper(friction.wound_up), helper(friction.turned_over
 _friction_step, _gear_torque = helper(friction.friction_step), helper(equations.gear_torque)
 
 
-@helper
-def through_drive(
-    kind: int, numbers: FloatArray, value: float, raw: float, direction: float, memory: FloatArray, place: int
-) -> float:
-    """The value that an effect of the drive passes on.
+class Tables(NamedTuple):
+    """Constants of all joints.
 
-    Args:
-        kind: See `joint_layout`.
-        numbers: (3,) its parameters, in the order of the equation.
+    Attributes:
+        layout: (n, 11) see `joint_layout`.
+        numbers: (n, 14) the same.
+        drives: (D, 2) kind of each effect of a drive, and place of its memory.
+        parameters: (D, 3) its numbers, in the order of the equation.
+        terms: (E, 4) torque effects, see `joint_layout`.
+        values: Their numbers.
+        travels: (m,) of the hysteretic states [rad].
+    """
+
+    layout: IntArray
+    numbers: FloatArray
+    drives: IntArray
+    parameters: FloatArray
+    terms: IntArray
+    values: FloatArray
+    travels: FloatArray
+
+
+class Inputs(NamedTuple):
+    """What one joint is given in a step.
+
+    Attributes:
+        command: Effort or position.
+        q: Position [rad].
+        v: Velocity [rad/s].
+        load: Torque on the link side [N m], NaN where only the motion tells it.
+        celsius: Temperature [deg C].
+        at_tick: Whether a sampling period has passed since the last update.
+    """
+
+    command: float
+    q: float
+    v: float
+    load: float
+    celsius: float
+    at_tick: bool
+
+
+class Asked(NamedTuple):
+    """What an effect of the drive is given.
+
+    Attributes:
         value: What the effects before it passed on.
         raw: Effort or command asked for.
         direction: Deflection of the bristle.
-        memory: Of all joints; updated.
-        place: Of the effect's own in it.
     """
+
+    value: float
+    raw: float
+    direction: float
+
+
+class Push(NamedTuple):
+    """What acts on the motor over a step: thrust [N m], and level [N m] and damping [N m s/rad] of its friction."""
+
+    thrust: float
+    level: float
+    damping: float
+
+
+@helper
+def through_drive(tables: Tables, d: int, asked: Asked, memory: FloatArray) -> float:
+    """The value that effect d of the drives passes on; updates its own part of the memory of all joints."""
+    value, raw, direction = asked.value, asked.raw, asked.direction
+    kind, place, numbers = tables.drives[d, 0], tables.drives[d, 1], tables.parameters[d]
     passed: float = value
     if kind == at.DEAD_ZONE:
         passed = _dead_zone(value, numbers[0])
@@ -51,20 +108,10 @@ def through_drive(
 
 
 @helper
-def begin(
-    memory: FloatArray,
-    layout: IntArray,
-    numbers: FloatArray,
-    travels: FloatArray,
-    command: float,
-    q: float,
-    v: float,
-    load: float,
-    at_tick: bool,
-    work: FloatArray,
-) -> None:
-    """Faults, load, bristle of one joint, and what its effects see, into `work`; arguments as `advance`, of a joint."""
-    first = layout[at.FIRST]
+def begin(memory: FloatArray, tables: Tables, j: int, now: Inputs, work: FloatArray) -> None:
+    """Faults, load and bristle of joint j, and what its effects see, into its `work` (11,)."""
+    layout, numbers = tables.layout[j], tables.numbers[j]
+    first, q, v, command, load = layout[at.FIRST], now.q, now.v, now.command, now.load
     work[at.STATUS] = work[at.FAULT] = 0.0
     if not (np.isfinite(q) and np.isfinite(v)):
         return
@@ -73,7 +120,7 @@ def begin(
     started, torque = memory[first + at.STARTED], memory[first + at.TORQUE]
     if started == at.JUST_STARTED:
         memory[first + at.STARTED] = 1.0
-    elif at_tick:
+    elif now.at_tick:
         slowed = (v - memory[first + at.VELOCITY]) / numbers[at.PERIOD]
         memory[first + at.LOAD] = torque - numbers[at.INERTIA] * slowed
         if np.isnan(load) and not layout[at.GEARED]:
@@ -86,7 +133,7 @@ def begin(
     else:
         moved = q - memory[first + at.POSITION]
         memory[first + at.DEFLECTION] = _wound_up(memory[first + at.DEFLECTION], moved)
-        turn_over(memory, layout, travels, moved)
+        turn_over(memory, layout, tables.travels, moved)
         if np.isnan(load):
             load = memory[first + at.LOAD]
     work[at.STATUS], work[at.ACTED] = 1.0, command
@@ -102,49 +149,42 @@ def turn_over(memory: FloatArray, layout: IntArray, travels: FloatArray, moved: 
 
 
 @helper
-def resist(
-    memory: FloatArray,
-    layout: IntArray,
-    numbers: FloatArray,
-    terms: IntArray,
-    values: FloatArray,
-    celsius: float,
-    work: FloatArray,
-) -> None:
-    """Level, damping and rest of one joint's torque effects with compiled equations, into `work`."""
+def resist(memory: FloatArray, tables: Tables, j: int, celsius: float, work: FloatArray) -> None:
+    """Level, damping and rest of joint j's torque effects with compiled equations, into its `work` (11,)."""
+    layout, numbers, terms, values = tables.layout[j], tables.numbers[j], tables.terms, tables.values
     q, v, tau = work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE]
     direction = memory[layout[at.FIRST] + at.DEFLECTION]
     level, damping, rest = numbers[at.LEVEL], numbers[at.DAMPING], numbers[at.REST]
     for t in range(layout[at.TERMS], layout[at.TERMS_END]):
         own, state = values[terms[t, at.TERM_FIRST] : terms[t, at.TERM_END]], terms[t, at.TERM_STATE]
         z = memory[state] if state >= 0 else 0.0
-        a, b, c = parts_of(terms[t, at.TERM_KIND], own, q, v, direction, tau, celsius, z)
+        a, b, c = parts_of(terms[t, at.TERM_KIND], JointState(q, v, direction, tau, celsius, z), own)
         level, damping, rest = level + a, damping + b, rest + c
     work[at.NOW_LEVEL], work[at.NOW_DAMPING], work[at.NOW_REST] = level, damping, rest
 
 
 @helper
-def drive(memory: FloatArray, layout: IntArray, drives: IntArray, parameters: FloatArray, work: FloatArray) -> None:
-    """Effects of one joint's drive with compiled equations; arguments as `advance`, of a joint."""
+def drive(memory: FloatArray, tables: Tables, j: int, work: FloatArray) -> None:
+    """Effects of joint j's drive with compiled equations, into its `work` (11,)."""
+    layout = tables.layout[j]
     direction, command = memory[layout[at.FIRST] + at.DEFLECTION], work[at.ACTED]
     target = command
     for d in range(layout[at.DRIVES], layout[at.EFFORT_DRIVES]):
-        target = through_drive(drives[d, 0], parameters[d], target, command, direction, memory, drives[d, 1])
+        target = through_drive(tables, d, Asked(target, command, direction), memory)
     away = work[at.DRIVE_POSITION] if layout[at.SERVO] else 0.0
     asked, effort = command - away, target - away
     for d in range(layout[at.EFFORT_DRIVES], layout[at.DRIVES_END]):
-        effort = through_drive(drives[d, 0], parameters[d], effort, asked, direction, memory, drives[d, 1])
+        effort = through_drive(tables, d, Asked(effort, asked, direction), memory)
     work[at.ASKED], work[at.EFFORT] = asked, effort
 
 
 @helper
-def through_gear(
-    memory: FloatArray, first: int, numbers: FloatArray, q: float, v: float, thrust: float, level: float, damping: float
-) -> tuple[float, float]:
+def through_gear(memory: FloatArray, tables: Tables, j: int, now: Inputs, push: Push) -> tuple[float, float]:
     """Mean torque through the gear and mean friction over a step, see `drake_tc.actuation.joint_effects`.
 
     The memory's motor and bristle go to the end of the step.
     """
+    first, numbers, q, v = tables.layout[j, at.FIRST], tables.numbers[j], now.q, now.v
     theta, omega, z = memory[first + at.MOTOR], memory[first + at.MOTOR_VELOCITY], memory[first + at.DEFLECTION]
     load, h, inertia = memory[first + at.LOAD], numbers[at.SUB_STEP], numbers[at.MOTOR_INERTIA]
     count = int(numbers[at.SUB_STEPS])
@@ -152,7 +192,7 @@ def through_gear(
     passed = rubbed_in_all = 0.0
     for _ in range(count):
         tau = _gear_torque(theta - q, omega - v, gap, compliance, contact_time)
-        z, omega, rubbed = _friction_step(z, omega, thrust - tau, level, damping, inertia, h)
+        z, omega, rubbed = _friction_step(z, omega, push.thrust - tau, push.level, push.damping, inertia, h)
         theta += h * omega
         v += h * (tau - load) / numbers[at.LINK_INERTIA]
         q += h * v
@@ -164,30 +204,24 @@ def through_gear(
 
 @helper
 def finish(
-    memory: FloatArray,
-    layout: IntArray,
-    numbers: FloatArray,
-    travels: FloatArray,
-    q: float,
-    v: float,
-    work: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Friction and gear of one joint over the step, and its outputs; arguments as `advance`, of a joint."""
+    memory: FloatArray, tables: Tables, j: int, now: Inputs, work: FloatArray
+) -> tuple[float, float, float, float, float]:
+    """Friction and gear of joint j over the step; the five outputs of the joint."""
+    layout, numbers = tables.layout[j], tables.numbers[j]
     first = layout[at.FIRST]
     motor, rest = work[at.EFFORT] * numbers[at.PER_EFFORT], work[at.NOW_REST]
     level, damping = max(work[at.NOW_LEVEL], 0.0), max(work[at.NOW_DAMPING], 0.0)
     if layout[at.GEARED]:
         before = memory[first + at.MOTOR]
-        torque, rubbed = through_gear(memory, first, numbers, q, v, motor - rest, level, damping)
-        turn_over(memory, layout, travels, memory[first + at.MOTOR] - before)
+        torque, rubbed = through_gear(memory, tables, j, now, Push(motor - rest, level, damping))
+        turn_over(memory, layout, tables.travels, memory[first + at.MOTOR] - before)
     else:
         z, thrust = memory[first + at.DEFLECTION], motor - rest - memory[first + at.LOAD]
-        _, _, rubbed = _friction_step(z, v, thrust, level, damping, numbers[at.INERTIA], numbers[at.PERIOD])
+        _, _, rubbed = _friction_step(z, now.v, thrust, level, damping, numbers[at.INERTIA], numbers[at.PERIOD])
         torque = motor - rest - rubbed
-    memory[first + at.POSITION], memory[first + at.VELOCITY] = q, v
+    memory[first + at.POSITION], memory[first + at.VELOCITY] = now.q, now.v
     memory[first + at.TORQUE], memory[first + at.COMMAND] = torque, work[at.ACTED]
-    out[0], out[1], out[2], out[3], out[4] = torque, motor, rubbed, work[at.ASKED], work[at.FAULT]
+    return torque, motor, rubbed, work[at.ASKED], work[at.FAULT]
 
 
 @kernel(
@@ -222,13 +256,13 @@ def advance(
         load: (n,) torque on the link side [N m], NaN where only the motion tells it.
         celsius: (n,) temperature [deg C].
         time: [s].
-        layout: (n, 11) see `joint_layout`.
-        numbers: (n, 14) the same.
-        drives: (D, 2) kind of each effect of a drive, and place of its memory.
-        parameters: (D, 3) its numbers.
-        terms: (E, 4) torque effects, see `joint_layout`.
-        values: Their numbers.
-        travels: (m,) of the hysteretic states [rad].
+        layout: Of `Tables`, as all up to `travels`.
+        numbers: The same.
+        drives: The same.
+        parameters: The same.
+        terms: The same.
+        values: The same.
+        travels: The same.
         again: Whether this is the second call, for the joints whose effects the caller has evaluated.
         work: (n, 11) what passes between the two calls; without rows where every joint is compiled.
         out: (5n + m + 1,) the outputs of the first joint, of the second, and so on, then the next `kept`; written.
@@ -236,6 +270,7 @@ def advance(
     Returns:
         DONE; UNSTARTED where a joint must be started first, nothing being written; or PENDING.
     """
+    tables = Tables(layout, numbers, drives, parameters, terms, values, travels)
     n, end = layout.shape[0], out.shape[0] - 1
     memory = out[at.OUTPUTS * n : end]
     rows = work if work.shape[0] else np.empty((n, at.WORK))
@@ -248,19 +283,20 @@ def advance(
         out[end] = time
     result = at.DONE
     for j in range(n):
-        given, q, v = out[at.OUTPUTS * j : at.OUTPUTS * (j + 1)], state[j], state[n + j]
+        given = out[at.OUTPUTS * j : at.OUTPUTS * (j + 1)]
+        now = Inputs(command[j], state[j], state[n + j], load[j], celsius[j], at_tick)
         if not again:
-            begin(memory, layout[j], numbers[j], travels, command[j], q, v, load[j], at_tick, rows[j])
+            begin(memory, tables, j, now, rows[j])
             if rows[j, at.STATUS]:
-                resist(memory, layout[j], numbers[j], terms, values, celsius[j], rows[j])
+                resist(memory, tables, j, celsius[j], rows[j])
         if rows[j, at.STATUS] == 0.0:
             given[:] = 0.0
             given[4] = 1.0
         elif layout[j, at.COMPILED] or again:
             if not again:
-                drive(memory, layout[j], drives, parameters, rows[j])
+                drive(memory, tables, j, rows[j])
             if not (again and layout[j, at.COMPILED]):
-                finish(memory, layout[j], numbers[j], travels, q, v, rows[j], given)
+                given[0], given[1], given[2], given[3], given[4] = finish(memory, tables, j, now, rows[j])
         else:
             result = at.PENDING
     return result

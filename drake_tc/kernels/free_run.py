@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from drake_tc.kernels import joint_layout as at
-from drake_tc.kernels.actuator import begin, drive, finish, resist
+from drake_tc.kernels.actuator import Inputs, Tables, begin, drive, finish, resist
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
 from drake_tc.types import FloatArray, IntArray
 
@@ -30,7 +30,7 @@ def positions(
 
     Args:
         samples: (T, 4) command, load [N m], its change in a step, and temperature [deg C].
-        layout: (1, 11) of the joint, whose effects all have a compiled equation (`actuator.advance`).
+        layout: (1, 11) of the joint, whose effects all have a compiled equation; `actuator.Tables`, up to `travels`.
         numbers: (1, 14) the same.
         drives: The same.
         parameters: The same.
@@ -42,19 +42,21 @@ def positions(
         memory: (m,) of the joint, which has started; updated.
         out: Written.
     """
-    q, v, work, given = plant[START], plant[VELOCITY], np.zeros(at.WORK), np.zeros(at.OUTPUTS)
+    tables = Tables(layout, numbers, drives, parameters, terms, values, travels)
+    q, v, work = plant[START], plant[VELOCITY], np.zeros(at.WORK)
     for k in range(samples.shape[0]):
         out[k] = q
         for n in range(int(plant[SUBSTEPS])):
             outside = samples[k, 1] + n * samples[k, 2]
             load = outside if plant[KNOWN] else np.nan
-            begin(memory, layout[0], numbers[0], travels, samples[k, 0], q, v, load, True, work)
+            now = Inputs(samples[k, 0], q, v, load, samples[k, 3], True)
+            begin(memory, tables, 0, now, work)
             if work[at.STATUS] == 0.0:
                 return
-            resist(memory, layout[0], numbers[0], terms, values, samples[k, 3], work)
-            drive(memory, layout[0], drives, parameters, work)
-            finish(memory, layout[0], numbers[0], travels, q, v, work, given)
-            v += plant[STEP] * (given[0] - plant[MOMENT] * math.sin(q - plant[ZERO]) - outside) / plant[MOVED]
+            resist(memory, tables, 0, samples[k, 3], work)
+            drive(memory, tables, 0, work)
+            torque = finish(memory, tables, 0, now, work)[0]
+            v += plant[STEP] * (torque - plant[MOMENT] * math.sin(q - plant[ZERO]) - outside) / plant[MOVED]
             q += plant[STEP] * v
         if not abs(q - plant[CENTRE]) <= plant[LIMIT]:
             return

@@ -8,7 +8,7 @@ from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations
 from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
 from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND
-from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS, JointState
 from drake_tc.kernels.torque_terms import parts_of
 from drake_tc.types import FloatArray, IntArray
 
@@ -24,20 +24,15 @@ def effort_of(
     inverses: FloatArray,
     terms: IntArray,
     values: FloatArray,
-    tau: float,
-    velocity: float,
-    direction: float,
-    position: float,
+    now: JointState,
     acceleration: float,
-    celsius: float,
 ) -> float:
     """Effort of one joint, see `drake_tc.actuation.compensator`; joint is its row of the table."""
+    tau, velocity, direction = now.tau, now.v, now.direction
     parts = joint[at.LEVEL : at.LEVEL + 3].copy()
     for t in range(int(joint[at.TERMS]), int(joint[at.TERMS_END])):
         own = values[terms[t, TERM_FIRST] : terms[t, TERM_END]]
-        level, damping, rest = parts_of(
-            terms[t, TERM_KIND], own, position, velocity, direction, tau, celsius, direction
-        )
+        level, damping, rest = parts_of(terms[t, TERM_KIND], now, own)
         parts[0] += level
         parts[1] += damping
         parts[2] += rest
@@ -79,8 +74,8 @@ def efforts(
 ) -> None:
     """Efforts (n,) of n joints for link torques; tables see `compensation_layout`."""
     for j in range(tau.shape[0]):
-        now = (tau[j], velocity[j], direction[j], position[j], acceleration[j], celsius[j])
-        out[j] = effort_of(joints[j], inverses, terms, values, *now)
+        now = JointState(position[j], velocity[j], direction[j], tau[j], celsius[j], direction[j])
+        out[j] = effort_of(joints[j], inverses, terms, values, now, acceleration[j])
 
 
 @kernel(
@@ -142,8 +137,8 @@ def solve(
         velocity = part_of(estimate, reference, sources[0], n + j)
         direction = math.tanh(part_of(estimate, reference, sources[1], n + j) * per_speed)
         acceleration = part_of(estimate, reference, sources[2], 2 * n + j)
-        now = (commanded, velocity, direction, position[j], acceleration, REFERENCE_CELSIUS)
-        effort = effort_of(joints[j], inverses, terms, values, *now)
+        now = JointState(position[j], velocity, direction, commanded, REFERENCE_CELSIUS, direction)
+        effort = effort_of(joints[j], inverses, terms, values, now, acceleration)
         out[j] = joints[j, at.SERVO] * position[j] + effort
         out[n + j], out[2 * n + j], out[3 * n + j] = asked, torque, effort
         out[4 * n + j], out[5 * n + j] = integral, commanded

@@ -16,39 +16,37 @@ _wave, _spring, _pendulum, _load_share = map(inlined, (of.wave, of.spring, of.pe
 
 
 @helper
-def parts_of(
-    kind: int, n: FloatArray, q: float, v: float, direction: float, tau: float, celsius: float, z: float
-) -> tuple[float, float, float]:
-    """Level, damping and rest of one effect; arguments as in `torque_equations`."""
+def parts_of(kind: int, s: of.JointState, n: FloatArray) -> tuple[float, float, float]:
+    """Level, damping and rest of one effect, with its numbers n."""
     parts: tuple[float, float, float]
     if kind == of.STRIBECK:
-        parts = _stribeck(q, v, direction, tau, celsius, z, n)
+        parts = _stribeck(s, n)
     elif kind == of.POWER:
-        parts = _power(q, v, direction, tau, celsius, z, n)
+        parts = _power(s, n)
     elif kind == of.QUADRATIC:
-        parts = _quadratic(q, v, direction, tau, celsius, z, n)
+        parts = _quadratic(s, n)
     elif kind == of.ASYMMETRY:
-        parts = _asymmetry(q, v, direction, tau, celsius, z, n)
+        parts = _asymmetry(s, n)
     elif kind == of.LOAD_FRICTION:
-        parts = _load_friction(q, v, direction, tau, celsius, z, n)
+        parts = _load_friction(s, n)
     elif kind == of.LOAD_STRIBECK:
-        parts = _load_stribeck(q, v, direction, tau, celsius, z, n)
+        parts = _load_stribeck(s, n)
     elif kind == of.FRICTION_WAVE:
-        parts = _friction_wave(q, v, direction, tau, celsius, z, n)
+        parts = _friction_wave(s, n)
     elif kind == of.FRICTION_LINE:
-        parts = _friction_line(q, v, direction, tau, celsius, z, n)
+        parts = _friction_line(s, n)
     elif kind == of.THERMAL:
-        parts = _thermal(q, v, direction, tau, celsius, z, n)
+        parts = _thermal(s, n)
     elif kind == of.HYSTERESIS:
-        parts = _hysteresis(q, v, direction, tau, celsius, z, n)
+        parts = _hysteresis(s, n)
     elif kind == of.WAVE:
-        parts = _wave(q, v, direction, tau, celsius, z, n)
+        parts = _wave(s, n)
     elif kind == of.SPRING:
-        parts = _spring(q, v, direction, tau, celsius, z, n)
+        parts = _spring(s, n)
     elif kind == of.PENDULUM:
-        parts = _pendulum(q, v, direction, tau, celsius, z, n)
+        parts = _pendulum(s, n)
     elif kind == of.LOAD_SHARE:
-        parts = _load_share(q, v, direction, tau, celsius, z, n)
+        parts = _load_share(s, n)
     else:
-        parts = _constant(q, v, direction, tau, celsius, z, n)
+        parts = _constant(s, n)
     return parts

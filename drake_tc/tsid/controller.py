@@ -16,7 +16,7 @@ from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import SimulationError
 from drake_tc.inner_stages import InnerStage
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.tick import advance_tick, keep_tick, lost_tick
+from drake_tc.tsid.tick import TickInput, advance_tick, keep_tick, lost_tick
 from drake_tc.types import Call, FloatArray
 
 
@@ -203,7 +203,7 @@ class RobustTsid(PortMethods, LeafSystem):
         if active is None:
             keep_tick(self._law, lost_tick(self._law, self._law.memory.previous(before)), solution.memory)
             return
-        error = advance_tick(self._law, solution.scratch, state, references, active, before, solution.memory)
+        error = advance_tick(self._law, solution.scratch, TickInput(state, references, active), before, solution.memory)
         if error is not None:
             self._report(solution, error, time)
 

@@ -72,6 +72,25 @@ class Tick(NamedTuple):
         return PreviousTick(self.torque, self.start, float(self.status[Status.FALLING]))
 
 
+class TickInput(NamedTuple):
+    """What one tick is given.
+
+    Attributes:
+        state: (nq + nv,) [q; v].
+        references: One a task.
+        active: One a contact: whether it carries.
+    """
+
+    state: FloatArray
+    references: Sequence[FloatArray]
+    active: tuple[bool, ...]
+
+    @property
+    def numbers(self) -> FloatArray:
+        """(nq + nv + .,) the state and all references."""
+        return np.concatenate((self.state, *self.references), dtype=np.float64)
+
+
 class TickProblem(NamedTuple):
     """What a tick solves.
 
@@ -88,48 +107,29 @@ class TickProblem(NamedTuple):
     reduced: Reduced
 
 
-def solve_tick(
-    law: Law,
-    scratch: Scratch,
-    state: FloatArray,
-    references: Sequence[FloatArray],
-    active: tuple[bool, ...],
-    before: PreviousTick,
-) -> Tick:
+def solve_tick(law: Law, scratch: Scratch, now: TickInput, before: PreviousTick) -> Tick:
     """One tick; never raises on numbers.
 
     Args:
         law: What to solve.
         scratch: Of the model.
-        state: (nq + nv,) [q; v].
-        references: One a task.
-        active: One a contact.
+        now: State, references and contacts.
         before: The last tick.
     """
     memory = law.memory
     after = np.empty(memory.size)
-    error = advance_tick(law, scratch, state, references, active, memory.packed(before), after)
+    error = advance_tick(law, scratch, now, memory.packed(before), after)
     torque, acceleration, force, status = memory.shown(after)
     return Tick(torque, acceleration, force, status, memory.start(after), error)
 
 
-def advance_tick(
-    law: Law,
-    scratch: Scratch,
-    state: FloatArray,
-    references: Sequence[FloatArray],
-    active: tuple[bool, ...],
-    before: FloatArray,
-    after: FloatArray,
-) -> Exception | None:
+def advance_tick(law: Law, scratch: Scratch, now: TickInput, before: FloatArray, after: FloatArray) -> Exception | None:
     """One tick as `solve_tick`, on the arrays of a Context.
 
     Args:
-        law: Up to `active` as `solve_tick` takes them.
-        scratch: The same.
-        state: The same.
-        references: The same.
-        active: The same.
+        law: What to solve.
+        scratch: Of the model.
+        now: State, references and contacts.
         before: (S,) the last tick, as `law.memory` lays it out.
         after: (S,) this tick, written.
 
@@ -139,14 +139,15 @@ def advance_tick(
     falling = float(before[law.memory.falling])
     dropped = 0
     if falling > 0.0:
-        active, dropped = _still_standing(law, scratch, state, active)
-    error = _advance(law, scratch, state, references, active, before, after)
+        active, dropped = _still_standing(law, scratch, now.state, now.active)
+        now = now._replace(active=active)
+    error = _advance(law, scratch, now, before, after)
     status = after[law.memory.places["status"]]
     unsolved = status[Status.OUTCOME] in (Outcome.INFEASIBLE, Outcome.FAILED)
     if falling > 0.0 or unsolved:
         status[Status.DROPPED] = dropped
         status[Status.FALLING] = falling_share(falling, law.period, unsolved=bool(unsolved) or dropped > 0)
-        _damp(law, scratch, state, active, after)
+        _damp(law, scratch, now.state, now.active, after)
     return error
 
 
@@ -169,25 +170,17 @@ def _damp(law: Law, scratch: Scratch, state: FloatArray, active: tuple[bool, ...
         torque[:], status[Status.FALLBACK] = damped, 1.0
 
 
-def _advance(
-    law: Law,
-    scratch: Scratch,
-    state: FloatArray,
-    references: Sequence[FloatArray],
-    active: tuple[bool, ...],
-    before: FloatArray,
-    after: FloatArray,
-) -> Exception | None:
+def _advance(law: Law, scratch: Scratch, now: TickInput, before: FloatArray, after: FloatArray) -> Exception | None:
     """As `advance_tick`, of a robot that does not fall."""
-    given, fused = np.concatenate((state, *references), dtype=np.float64), law.fused
+    given, fused = now.numbers, law.fused
     told = fused is not None and not fused.asks  # the call itself looks whether a number is none
     if not told and not (given.max() < LARGEST and given.min() > -LARGEST):
         return keep_tick(law, lost_tick(law, law.memory.previous(before)), after)
     try:
-        written = _written(law, scratch, given, references, active)
-        if law.warm is not None and law.warm(given, scratch.select(active), written, before, after):
+        written = _written(law, scratch, now)
+        if law.warm is not None and law.warm(given, scratch.select(now.active), written, before, after):
             return None
-        tick = _by_stages(law, scratch, given, references, active, written, law.memory.previous(before))
+        tick = _by_stages(law, scratch, now, written, law.memory.previous(before))
     except Exception as error:  # in a control loop a torque is due, whatever went wrong; the tick keeps the exception
         tick = lost_tick(law, law.memory.previous(before), error)
     return keep_tick(law, tick, after)
@@ -199,25 +192,17 @@ def keep_tick(law: Law, tick: Tick, after: FloatArray) -> Exception | None:
     return tick.error
 
 
-def _by_stages(
-    law: Law,
-    scratch: Scratch,
-    given: FloatArray,
-    references: Sequence[FloatArray],
-    active: tuple[bool, ...],
-    written: WrittenRows,
-    before: PreviousTick,
-) -> Tick:
+def _by_stages(law: Law, scratch: Scratch, now: TickInput, written: WrittenRows, before: PreviousTick) -> Tick:
     """The tick from its problem on."""
-    found = _found(law, scratch, given, active, written)
+    found = _found(law, scratch, now, written)
     if found is not None and found.code == LOST:
-        _check_rows(problem_at(law, scratch, given[: law.model.nq + law.model.nv], references, active))
+        _check_rows(problem_at(law, scratch, now))
         return lost_tick(law, before)
     if found is not None:
-        solution = _of_scaled(law, scratch.select(active), written, found.scaled, before)
+        solution = _of_scaled(law, scratch.select(now.active), written, found.scaled, before)
         if solution.outcome not in (Outcome.INFEASIBLE, Outcome.FAILED):
-            return _told(law, found.causes, scratch.select(active), solution, found.relaxed)
-    problem = problem_at(law, scratch, given[: law.model.nq + law.model.nv], references, active)
+            return _told(law, found.causes, scratch.select(now.active), solution, found.relaxed)
+    problem = problem_at(law, scratch, now)
     if found is None:
         solution = _solution(law, problem, before)
     if solution.outcome in (Outcome.INFEASIBLE, Outcome.FAILED):
@@ -225,25 +210,21 @@ def _by_stages(
     return _told(law, problem.reduced.causes, problem.terms.contacts, solution, _relaxed(problem))
 
 
-def _found(
-    law: Law, scratch: Scratch, given: FloatArray, active: tuple[bool, ...], written: WrittenRows
-) -> ProgramResult | None:
+def _found(law: Law, scratch: Scratch, now: TickInput, written: WrittenRows) -> ProgramResult | None:
     """The problem over the torques by one call; None for a law, or a state, that has none."""
     if law.fused is None:
         return None
-    found = law.fused.problem(given, scratch.select(active), written)
+    found = law.fused.problem(now.numbers, scratch.select(now.active), written)
     return None if found.code == NO_POSE else found
 
 
-def _written(
-    law: Law, scratch: Scratch, given: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
-) -> WrittenRows:
+def _written(law: Law, scratch: Scratch, now: TickInput) -> WrittenRows:
     """Rows of tasks and limits that are no tables, of a law that has one call."""
     fused, model = law.fused, law.model
     if fused is None or not fused.asks:
         return NO_ROWS
-    terms = model.terms(scratch, given[: model.nq], given[model.nq : model.nq + model.nv], active)
-    return fused.written_out(terms, references)
+    terms = model.terms(scratch, now.state[: model.nq], now.state[model.nq :], now.active)
+    return fused.written_out(terms, now.references)
 
 
 def _solution(law: Law, problem: TickProblem, before: PreviousTick) -> RobustSolution:
@@ -268,13 +249,11 @@ def _of_scaled(
     return law.priorities.solve(problem, law.fused.task_sizes(contacts, written), solver, form.options, before.start)
 
 
-def problem_at(
-    law: Law, scratch: Scratch, state: FloatArray, references: Sequence[FloatArray], active: tuple[bool, ...]
-) -> TickProblem:
+def problem_at(law: Law, scratch: Scratch, now: TickInput) -> TickProblem:
     """What a tick solves; arguments as in `solve_tick`."""
     model = law.model
-    terms = model.terms(scratch, state[: model.nq], state[model.nq :], active)
-    tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, references, strict=True)]
+    terms = model.terms(scratch, now.state[: model.nq], now.state[model.nq :], now.active)
+    tasks = [task.rows(terms, reference) for task, reference in zip(law.tasks, now.references, strict=True)]
     limits = [limit.rows(terms) for limit in law.limits]
     return TickProblem(terms, tasks, limits, reduce(terms, tasks, limits, _held(law, terms)))
 

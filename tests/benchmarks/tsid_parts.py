@@ -18,7 +18,7 @@ from drake_tc.loops.recording import add_log
 from drake_tc.loops.whole_body.loop import add_grounded_plant
 from drake_tc.loops.whole_body.running import TsidRecording
 from drake_tc.report.figure_row import FigureRow
-from drake_tc.tsid.tick import advance_tick
+from drake_tc.tsid.tick import TickInput, advance_tick
 from drake_tc.types import FloatArray
 
 PLANT, CONTROLLER = "plant with contact and log", "controller"
@@ -53,7 +53,7 @@ def _ticks(recording: TsidRecording, references: Sequence[Sequence[FloatArray]] 
         seconds[0, tick - 1] = time.thread_time() - begin
         if references is not None:
             begin = time.thread_time()
-            advance_tick(law, scratch, recording["state"][tick], references[tick], active, before, after)
+            advance_tick(law, scratch, TickInput(recording["state"][tick], references[tick], active), before, after)
             seconds[1, tick - 1] = time.thread_time() - begin
             before, after = after, before
     return seconds

@@ -17,7 +17,7 @@ from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.robust.formulation import MeasureName, Use
-from drake_tc.tsid.tick import advance_tick, problem_at
+from drake_tc.tsid.tick import TickInput, advance_tick, problem_at
 from drake_tc.types import FloatArray
 from tests.benchmarks.drake_terms import DrakeTerms
 from tests.benchmarks.tsid_parts import part_timings
@@ -99,7 +99,7 @@ def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
         begin = time.thread_time()
         model.terms(scratch, state[: model.nq], state[model.nq :], active)
         known = time.thread_time()
-        problem_at(law, scratch, state, desired, active)
+        problem_at(law, scratch, TickInput(state, desired, active))
         problem.append(time.thread_time() - known)
         terms.append(known - begin)
     return [
@@ -123,7 +123,7 @@ def _ticks(
         before, after = np.zeros((2, law.memory.size))
         for number, (state, desired) in enumerate(zip(states, references, strict=True)):
             begin = time.thread_time()
-            advance_tick(law, scratch, state, desired, active, before, after)
+            advance_tick(law, scratch, TickInput(state, desired, active), before, after)
             solved = time.thread_time()
             drake(state)
             taken = solved - begin, time.thread_time() - solved

@@ -16,7 +16,7 @@ from drake_tc.sensing.spec import SensorFault
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick import TickInput, solve_tick
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def humanoid_ticks():
     for array in (state, *references):
         array.setflags(write=False)
     for active in ((True, True), (True, False), (True, True)):
-        tick = solve_tick(law, scratch, state, references, active, before)
+        tick = solve_tick(law, scratch, TickInput(state, references, active), before)
         before = PreviousTick(tick.torque, tick.start)
         if tick.error is not None or tick.status[Status.OUTCOME] == Outcome.FAILED:
             return Ticks(False)

@@ -19,7 +19,7 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.rows import LimitRows, Parts
-from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick import TickInput, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 OUTPUTS = ("torque", "acceleration", "contact_force", "status")
@@ -91,7 +91,7 @@ def test_ports_have_their_names_and_sizes(system, law):
 def test_output_is_the_kernel(system, law):
     state = state_of(law, np.random.default_rng(1))
     before = PreviousTick(np.zeros(30), None)
-    wanted = solve_tick(law, law.model.create_scratch(), state, references_of(law), BOTH, before)
+    wanted = solve_tick(law, law.model.create_scratch(), TickInput(state, references_of(law), BOTH), before)
     found = outputs(system, at(system, state))
     for name, value in zip(OUTPUTS, wanted[:4], strict=True):
         assert_array_equal(found[name], value)
@@ -110,7 +110,9 @@ def test_dynamics_hold_by_another_route(law):
     plant.SetPositionsAndVelocities(context, state)
     references = references_of(law)
     references[0] = references[0] + 0.01 * rng.uniform(-1, 1, 9)
-    found = solve_tick(law, model.create_scratch(), state, references, BOTH, PreviousTick(np.zeros(30), None))
+    found = solve_tick(
+        law, model.create_scratch(), TickInput(state, references, BOTH), PreviousTick(np.zeros(30), None)
+    )
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
     for contact, force in zip(model.contacts, found.force.reshape(2, 6), strict=True):
@@ -252,7 +254,10 @@ def test_torques_that_do_not_err_make_robust_tsid_classic(measure):
         law = load_law(FILE, {"sigma": 0.0, "formulation": {"measure": each}})
         state = state_of(law, np.random.default_rng(9))
         found[each] = solve_tick(
-            law, law.model.create_scratch(), state, references_of(law), BOTH, PreviousTick(np.zeros(30), None)
+            law,
+            law.model.create_scratch(),
+            TickInput(state, references_of(law), BOTH),
+            PreviousTick(np.zeros(30), None),
         )
     assert_allclose(found[measure].torque, found["classic"].torque, atol=1e-3)
     assert found[measure].status[Status.P_IND] == 1.0

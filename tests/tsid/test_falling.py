@@ -11,7 +11,7 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fallbacks import GIVE_WAY, REGAIN, START, damped_torque, falling_share, standing_contacts
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick import TickInput, solve_tick
 
 CONTROLLER = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -36,7 +36,7 @@ def ticks(law, state, number, before=None):
     scratch, found = law.model.create_scratch(), []
     before = PreviousTick(np.zeros(law.model.n), None) if before is None else before
     for _ in range(number):
-        found.append(solve_tick(law, scratch, state, rests, BOTH, before))
+        found.append(solve_tick(law, scratch, TickInput(state, rests, BOTH), before))
         before = found[-1].previous
     return found
 

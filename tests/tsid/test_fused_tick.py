@@ -22,7 +22,7 @@ from drake_tc.tsid.tables import entry_of
 from drake_tc.tsid.tasks.centroidal import AngularMomentumTask, ComTask
 from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
 from drake_tc.tsid.tasks.joints_and_forces import CopTask, TorqueTask
-from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick import TickInput, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -92,8 +92,8 @@ def test_a_motion_with_a_lifted_foot_is_that_of_the_stages(law, measure, use):
     for number in range(40):
         active = (True, number < 15 or number > 25)
         state = base + swing * np.sin(0.02 * number)
-        tick = solve_tick(fast, scratch, state, references, active, before)
-        same(tick, solve_tick(slow, scratch, state, references, active, before))
+        tick = solve_tick(fast, scratch, TickInput(state, references, active), before)
+        same(tick, solve_tick(slow, scratch, TickInput(state, references, active), before))
         before = PreviousTick(tick.torque, tick.start)
 
 
@@ -109,7 +109,7 @@ def test_cold_starts_anywhere_have_the_same_outcome(law, seed, size, speed, form
     fast, rng = of(law, *form), np.random.default_rng(seed)
     state, references = moved(law, rng, 0.05, speed), references_of(law, rng, size)
     before, active = PreviousTick(np.zeros(30), None), (True, not lifted)
-    ticks = [solve_tick(each, law.model.create_scratch(), state, references, active, before)
+    ticks = [solve_tick(each, law.model.create_scratch(), TickInput(state, references, active), before)
              for each in (fast, by_stages(fast))]  # fmt: skip
     same(*ticks)
 
@@ -120,7 +120,9 @@ def test_the_torque_is_that_of_drakes_program(law, seed):
     fast, rng = of(law), np.random.default_rng(seed)
     state, references = moved(law, rng, 0.01, 0.02), references_of(law, rng, 0.01)
     one, other = (
-        solve_tick(each, law.model.create_scratch(), state, references, BOTH, PreviousTick(np.zeros(30), None))
+        solve_tick(
+            each, law.model.create_scratch(), TickInput(state, references, BOTH), PreviousTick(np.zeros(30), None)
+        )
         for each in (fast, replace(fast, solver=ProgramSolver()))
     )
     assert one.status[Status.OUTCOME] == other.status[Status.OUTCOME] == Outcome.SOLVED
@@ -133,8 +135,8 @@ def test_a_bound_that_is_active_is_met_as_by_the_stages(law):
     rng, scratch, before = np.random.default_rng(0), law.model.create_scratch(), PreviousTick(np.zeros(30), None)
     for _ in range(6):
         state, references = moved(law, rng, 1e-3, 1e-3), references_of(law)
-        tick = solve_tick(fast, scratch, state, references, BOTH, before)
-        other = solve_tick(by_stages(fast), scratch, state, references, BOTH, before)
+        tick = solve_tick(fast, scratch, TickInput(state, references, BOTH), before)
+        other = solve_tick(by_stages(fast), scratch, TickInput(state, references, BOTH), before)
         assert tick.status[Status.OUTCOME] == other.status[Status.OUTCOME] == Outcome.SOLVED
         assert tick.status[Status.ROBUSTNESS] <= 1e-4 * (1.0 + 1e-6)
         assert_allclose(tick.torque, other.torque, rtol=0, atol=TORQUE * np.abs(other.torque).max())
@@ -192,7 +194,9 @@ def test_every_task_and_limit_gives_the_same_numbers_as_rows(law):
         state, references = moved(law, rng), references_of(tabled)
         references[0][:3] += 0.01
         ticks = [
-            solve_tick(each, law.model.create_scratch(), state, references, active, PreviousTick(np.zeros(30), None))
+            solve_tick(
+                each, law.model.create_scratch(), TickInput(state, references, active), PreviousTick(np.zeros(30), None)
+            )
             for each in (tabled, asked, by_stages(tabled))
         ]
         same(ticks[0], ticks[2])
@@ -207,7 +211,7 @@ def test_a_subclass_with_other_rows_is_asked_for_them(law):
     fast = of(law.with_tasks(tired))
     references = references_of(fast, np.random.default_rng(0), 0.01)
     ticks = [
-        solve_tick(each, law.model.create_scratch(), moved(law, np.random.default_rng(1)), references, BOTH,
+        solve_tick(each, law.model.create_scratch(), TickInput(moved(law, np.random.default_rng(1)), references, BOTH),
                    PreviousTick(np.zeros(30), None))
         for each in (fast, by_stages(fast), of(law))
     ]  # fmt: skip

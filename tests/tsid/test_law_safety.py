@@ -16,7 +16,7 @@ from drake_tc.tsid.law import LARGEST, PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 from drake_tc.tsid.robust.scaled import p_box, p_ind
-from drake_tc.tsid.tick import problem_at, solve_tick
+from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -77,7 +77,9 @@ def test_no_numbers_raise_or_let_a_nan_out(law, measure, use):
             references = rests(law)
             references[0][:3] += 0.3 * size * rng.normal(size=3)
             active = tuple(bool(one) for one in rng.random(2) < 0.9)
-            tick = solve_tick(some, scratch, state_of(law, 0.1 * size, 0.3 * size, rng), references, active, before)
+            tick = solve_tick(
+                some, scratch, TickInput(state_of(law, 0.1 * size, 0.3 * size, rng), references, active), before
+            )
             assert finite(tick)
             before = PreviousTick(tick.torque, tick.start)
 
@@ -87,10 +89,10 @@ def test_a_weight_that_ran_away_is_no_start(law, measure):
     """What an R_min far from all that can be had leaves behind does not spoil the next tick."""
     some = of(law, measure, "constraint", minimum=0.05)
     scratch = law.model.create_scratch()
-    good = solve_tick(some, scratch, state_of(law), rests(law), BOTH, nothing_before(law))
+    good = solve_tick(some, scratch, TickInput(state_of(law), rests(law), BOTH), nothing_before(law))
     for weight in (1e-316, 1e-43, 1e43):
         before = PreviousTick(good.torque, good.start._replace(weight=weight))
-        tick = solve_tick(some, scratch, state_of(law), rests(law), BOTH, before)
+        tick = solve_tick(some, scratch, TickInput(state_of(law), rests(law), BOTH), before)
         assert tick.status[Status.OUTCOME] == Outcome.SOLVED
         assert tick.status[Status.ROBUSTNESS] <= 0.05 * (1.0 + 1e-5)
         assert tick.start.weight == 0.0 or 1e-44 < tick.start.weight < 1e44  # 0: the bound is not active
@@ -101,7 +103,9 @@ def test_a_small_bound_that_can_be_had_is_had(law, minimum):
     some = of(law, use="constraint", minimum=minimum)
     scratch, rng = law.model.create_scratch(), np.random.default_rng(1)
     for _ in range(3):
-        tick = solve_tick(some, scratch, state_of(law, 0.01, 0.05, rng), rests(law), BOTH, nothing_before(law))
+        tick = solve_tick(
+            some, scratch, TickInput(state_of(law, 0.01, 0.05, rng), rests(law), BOTH), nothing_before(law)
+        )
         assert tick.status[Status.OUTCOME] == Outcome.SOLVED
         assert tick.status[Status.ROBUSTNESS] <= minimum * (1.0 + 1e-5)
 
@@ -112,14 +116,15 @@ def test_where_the_bound_cannot_be_had_the_safest_torque_is_kept_and_flagged(law
     bound, best = of(law, measure, "constraint", 0.05, minimum=1e-3), of(law, measure, "trade_off", 0.05, weight=1e8)
     scratch = law.model.create_scratch()
     found, safest = (
-        solve_tick(each, scratch, state_of(law), rests(law), BOTH, nothing_before(law)) for each in (bound, best)
+        solve_tick(each, scratch, TickInput(state_of(law), rests(law), BOTH), nothing_before(law))
+        for each in (bound, best)
     )
     assert found.status[Status.OUTCOME] == Outcome.RISKY
     assert found.status[Status.FALLBACK] == 0.0
     assert found.status[Status.P_IND] > 0.0
     assert 1e-3 < found.status[Status.ROBUSTNESS] < LARGEST
     assert_allclose(found.status[Status.ROBUSTNESS], safest.status[Status.ROBUSTNESS], rtol=1e-2)
-    polytope = problem_at(bound, scratch, state_of(law), rests(law), BOTH).reduced.polytope
+    polytope = problem_at(bound, scratch, TickInput(state_of(law), rests(law), BOTH)).reduced.polytope
     assert polytope.violation(found.torque) < 1e-4
 
 
@@ -131,7 +136,7 @@ def test_the_budget_is_that_of_the_whole_solve_and_a_bound_that_is_not_kept_is_t
     some = of(law, measure, "constraint", 0.01, minimum=bound, options=Options(budget=Budget(iterations)))
     scratch, before, told = law.model.create_scratch(), nothing_before(law), []
     for _ in range(3):
-        tick = solve_tick(some, scratch, state_of(law), rests(law), BOTH, before)
+        tick = solve_tick(some, scratch, TickInput(state_of(law), rests(law), BOTH), before)
         assert tick.status[Status.ITERATIONS] <= iterations + 5  # each program takes one step at least
         kept = tick.status[Status.ROBUSTNESS] <= bound * (1.0 + 1e-5)
         assert tick.status[Status.OUTCOME] == (Outcome.SOLVED if kept else Outcome.RISKY)
@@ -151,7 +156,9 @@ def test_a_time_budget_of_the_file_is_kept():
     found = {}
     for seconds in (1e-9, 1e3):
         law = load_law(FILE, {"sigma": 0.01, "formulation": {**given, "seconds": seconds}})
-        tick = solve_tick(law, law.model.create_scratch(), state_of(law), rests(law), BOTH, nothing_before(law))
+        tick = solve_tick(
+            law, law.model.create_scratch(), TickInput(state_of(law), rests(law), BOTH), nothing_before(law)
+        )
         assert finite(tick)
         found[seconds] = tick.status
     assert found[1e-9][Status.ITERATIONS] <= 5 < found[1e3][Status.ITERATIONS]
@@ -163,7 +170,7 @@ def test_an_infinite_risk_is_told_as_a_number(law, measure):
     references = rests(law)
     references[0][:3] += [0.3, 0.0, 0.0]
     some = of(law, measure, weight=1e-9)
-    tick = solve_tick(some, law.model.create_scratch(), state_of(law), references, BOTH, nothing_before(law))
+    tick = solve_tick(some, law.model.create_scratch(), TickInput(state_of(law), references, BOTH), nothing_before(law))
     assert finite(tick) and tick.status[Status.ROBUSTNESS] <= LARGEST
 
 
@@ -173,7 +180,7 @@ def test_an_error_anywhere_in_a_tick_is_a_lost_tick(law, monkeypatch):
 
     monkeypatch.setattr(module, "_found", broken)
     before = PreviousTick(np.full(30, 2.0), None)
-    tick = solve_tick(law, law.model.create_scratch(), state_of(law), rests(law), BOTH, before)
+    tick = solve_tick(law, law.model.create_scratch(), TickInput(state_of(law), rests(law), BOTH), before)
     assert_allclose(tick.torque, 2.0 * np.exp(-law.period / law.fade))
     assert (tick.status[Status.OUTCOME], tick.status[Status.FALLBACK]) == (Outcome.FAILED, 1.0)
     assert isinstance(tick.error, IndexError)
@@ -189,10 +196,10 @@ def test_rows_that_do_not_err_count_alike_everywhere():
         references = rests(law)
         references[0][:3] += 0.1 * rng.normal(size=3)
         state = state_of(law, 0.05, 0.1, rng)
-        tick = solve_tick(law, scratch, state, references, BOTH, nothing_before(law))
+        tick = solve_tick(law, scratch, TickInput(state, references, BOTH), nothing_before(law))
         if tick.status[Status.OUTCOME] != Outcome.SOLVED:
             continue
-        polytope = problem_at(law, scratch, state, references, BOTH).reduced.polytope
+        polytope = problem_at(law, scratch, TickInput(state, references, BOTH)).reduced.polytope
         held += bool((np.abs(tick.torque[:12]) >= polytope.upper[:12] - 1e-5).any())
         assert_allclose(p_ind(polytope, tick.torque, law.error), tick.status[Status.P_IND], rtol=1e-6)
         assert p_box(polytope, tick.torque, law.error) <= tick.status[Status.P_IND] * (1.0 + 1e-6)

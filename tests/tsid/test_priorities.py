@@ -11,7 +11,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tick import problem_at, solve_tick
+from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -29,9 +29,9 @@ def tick_of(law, shift=0.004):
     references[0][1] += shift
     state = np.concatenate((law.model.start, np.zeros(law.model.nv)))
     scratch, before = law.model.create_scratch(), PreviousTick(np.zeros(law.model.n), None)
-    tick = solve_tick(law, scratch, state, references, BOTH, before)
+    tick = solve_tick(law, scratch, TickInput(state, references, BOTH), before)
     assert tick.status[Status.OUTCOME] == Outcome.SOLVED
-    problem = problem_at(law, scratch, state, references, BOTH)
+    problem = problem_at(law, scratch, TickInput(state, references, BOTH))
     errors = {
         rows.name: float(np.linalg.norm(rows.matrix.vdot @ tick.acceleration - rows.target))
         for rows in problem.tasks
@@ -94,7 +94,9 @@ def test_numbers_that_are_none_are_a_lost_tick():
     law = law_of({"posture": 2})
     state = np.full(law.model.nq + law.model.nv, np.nan)
     references = [task.rest(law.starting_terms()) for task in law.tasks]
-    tick = solve_tick(law, law.model.create_scratch(), state, references, BOTH, PreviousTick(np.ones(30), None))
+    tick = solve_tick(
+        law, law.model.create_scratch(), TickInput(state, references, BOTH), PreviousTick(np.ones(30), None)
+    )
     assert np.isfinite(tick.torque).all() and tick.status[Status.FALLBACK] == 1.0
 
 
@@ -123,18 +125,18 @@ def test_levels_that_no_limit_holds_are_those_of_null_spaces(seed):
     references = [task.rest(law.starting_terms()) for task in law.tasks]
     state = np.concatenate((law.model.start, 1e-3 * rng.normal(size=law.model.nv)))
     scratch, before = law.model.create_scratch(), PreviousTick(np.zeros(law.model.n), None)
-    problem = problem_at(law, scratch, state, references, BOTH)
+    problem = problem_at(law, scratch, TickInput(state, references, BOTH))
     expected = levels_by_null_spaces(law, problem)
     limits = problem.reduced.polytope
     value = limits.matrix @ expected
     assert (limits.lower <= value).all() and (value <= limits.upper).all()
-    tick = solve_tick(law, scratch, state, references, BOTH, before)
+    tick = solve_tick(law, scratch, TickInput(state, references, BOTH), before)
     assert_allclose(tick.torque, expected, atol=1e-6)
     far = [*references]
     far[0] = references[0].copy()
     far[0][1] += 0.3  # the centre of mass is asked beyond what the soles can push
-    held = solve_tick(law, scratch, state, far, BOTH, before)
+    held = solve_tick(law, scratch, TickInput(state, far, BOTH), before)
     assert held.status[Status.OUTCOME] == Outcome.SOLVED
-    polytope = problem_at(law, scratch, state, far, BOTH).reduced.polytope
+    polytope = problem_at(law, scratch, TickInput(state, far, BOTH)).reduced.polytope
     moved = polytope.matrix @ held.torque
     assert max((polytope.lower - moved).max(), (moved - polytope.upper).max()) < 1e-6

@@ -17,7 +17,7 @@ from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.rectangle import rectangle_risk
 from drake_tc.tsid.robust.scaled import p_ind, size_of_risk
-from drake_tc.tsid.tick import problem_at, solve_tick
+from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 BOTH = (True, True)
@@ -41,7 +41,7 @@ def problem_of(law, seed, active=BOTH):
     state[43:] += 0.02 * rng.normal(size=30)
     references = [task.rest(law.starting_terms()) for task in law.tasks]
     references[0][:3] += 0.02 * rng.normal(size=3)
-    return problem_at(law, law.model.create_scratch(), state, references, active), state, references
+    return problem_at(law, law.model.create_scratch(), TickInput(state, references, active)), state, references
 
 
 def by_program(law, problem):
@@ -109,7 +109,7 @@ def test_a_controller_file_may_name_it_and_the_tick_is_the_same(law):
     _, state, references = problem_of(law, 2)
     before = PreviousTick(np.zeros(30), None)
     ticks = [
-        solve_tick(each, each.model.create_scratch(), state, references, BOTH, before)
+        solve_tick(each, each.model.create_scratch(), TickInput(state, references, BOTH), before)
         for each in (changed, of(law, "box", 1.0))
     ]
     assert [tick.status[Status.FALLBACK] for tick in ticks] == [0.0, 0.0]
@@ -122,7 +122,9 @@ def test_limits_that_conflict_are_diagnosed(law):
     limits = {"torque": {"share": 0.01}, "acceleration": {"acceleration": 0.1}}
     weak = load_law(FILE, {"solver": "program", "limits": limits})
     _, state, references = problem_of(law, 0)
-    tick = solve_tick(weak, weak.model.create_scratch(), state, references, BOTH, PreviousTick(np.zeros(30), None))
+    tick = solve_tick(
+        weak, weak.model.create_scratch(), TickInput(state, references, BOTH), PreviousTick(np.zeros(30), None)
+    )
     assert tick.error is None
     assert (tick.status[Status.OUTCOME], tick.status[Status.FALLBACK]) == (Outcome.INFEASIBLE, 1.0)
     assert tick.status[Status.LIMIT] >= 0.0

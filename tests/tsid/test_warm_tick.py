@@ -14,7 +14,7 @@ from drake_tc.tsid.fused import NO_ROWS
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.options import Budget, Options
-from drake_tc.tsid.tick import solve_tick
+from drake_tc.tsid.tick import TickInput, solve_tick
 
 from .test_fused_tick import BOTH, FILE, Plain, moved, of, references_of
 
@@ -51,7 +51,7 @@ def same(one, other):
 def from_rest(fast, scratch, references, active=BOTH):
     """What a first tick leaves to the next one."""
     rest = np.concatenate((fast.model.start, np.zeros(fast.model.nv)))
-    tick = solve_tick(fast, scratch, rest, references, active, PreviousTick(np.zeros(30), None))
+    tick = solve_tick(fast, scratch, TickInput(rest, references, active), PreviousTick(np.zeros(30), None))
     return PreviousTick(tick.torque, tick.start)
 
 
@@ -69,8 +69,8 @@ def test_ticks_from_a_torque_that_is_known_are_those_of_the_stages(law, seed, si
     references = references_of(law, rng, size)
     before = from_rest(fast, scratch, references)
     state, active = moved(law, rng, 0.3 * size, speed), (True, not lifted)
-    one = solve_tick(fast, scratch, state, references, active, before)
-    other = solve_tick(without_call(fast), scratch, state, references, active, before)
+    one = solve_tick(fast, scratch, TickInput(state, references, active), before)
+    other = solve_tick(without_call(fast), scratch, TickInput(state, references, active), before)
     if one.start is None:
         assert other.start is None
         assert_array_equal(one.status, other.status)
@@ -84,7 +84,7 @@ def test_rows_that_are_written_out_go_into_the_call(law, measure):
     asked = replace(tabled, limits=tuple(Plain(limit) for limit in tabled.limits))
     scratch, references = law.model.create_scratch(), references_of(law, np.random.default_rng(0), 0.005)
     state = moved(law, np.random.default_rng(1), 1e-3, 1e-3)
-    ticks = [solve_tick(each, scratch, state, references, BOTH, from_rest(each, scratch, references))
+    ticks = [solve_tick(each, scratch, TickInput(state, references, BOTH), from_rest(each, scratch, references))
              for each in (asked, without_call(asked))]  # fmt: skip
     same(*ticks)
 
@@ -124,8 +124,8 @@ def test_steps_that_are_spent_leave_the_tick_to_the_stages(law):
     before = from_rest(of(law), scratch, references)
     references[0][:3] += 0.01
     state = moved(law, np.random.default_rng(2), 0.01, 0.01)
-    tick = solve_tick(short, scratch, state, references, BOTH, before)
-    same(tick, solve_tick(without_call(short), scratch, state, references, BOTH, before))
+    tick = solve_tick(short, scratch, TickInput(state, references, BOTH), before)
+    same(tick, solve_tick(without_call(short), scratch, TickInput(state, references, BOTH), before))
     assert tick.status[Status.CONVERGED] == 0.0
 
 
@@ -135,6 +135,6 @@ def test_a_state_that_is_no_number_fades_the_torque_out(law, wrong):
     before = from_rest(fast, scratch, references)
     state = moved(law, np.random.default_rng(0))
     state[12] = wrong
-    tick = solve_tick(fast, scratch, state, references, BOTH, before)
+    tick = solve_tick(fast, scratch, TickInput(state, references, BOTH), before)
     assert_allclose(tick.torque, np.exp(-law.period / law.fade) * before.torque, rtol=1e-15, atol=0)
     assert tick.status[Status.OUTCOME] == Outcome.FAILED

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.torque_equations import JointState
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
@@ -95,14 +96,20 @@ def c_function(function: Callable[..., Any], arrays: tuple[str, ...] = (), outpu
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     if not isinstance(tree, ast.FunctionDef):
         raise ParamsError(f"export --to c: expected a function, got {function!r}")
-    names = [argument.arg for argument in tree.args.args]
+    names = [name for argument in tree.args.args for name in _numbers_of(argument)]
     given = [f"const double *{_name(name)}" if name in arrays else f"double {_name(name)}" for name in names]
-    lines, used = [], {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    lines, used = [], {getattr(node, "id", getattr(node, "attr", "")) for node in ast.walk(tree)}
     lines += [f"    (void){_name(name)};" for name in names if name not in used]
     for statement in tree.body:
         lines += _statement(statement, function.__name__, function.__globals__)
     head = f"static {'void' if outputs else 'double'} dtc_{function.__name__}("
     return head + ", ".join(given + (["double *out"] if outputs else [])) + ")\n{\n" + "\n".join(lines) + "\n}\n"
+
+
+def _numbers_of(argument: ast.arg) -> tuple[str, ...]:
+    """The argument, or the parts of a joint's state in its place."""
+    is_state = argument.annotation is not None and ast.unparse(argument.annotation) == JointState.__name__
+    return JointState._fields if is_state else (argument.arg,)
 
 
 def _name(name: str) -> str:
@@ -129,6 +136,8 @@ def _expression(node: ast.expr, where: str, known: dict[str, Any]) -> str:
     if isinstance(node, ast.Name):
         value = known.get(node.id)
         return number(float(value)) if isinstance(value, int | float) else _name(node.id)
+    if isinstance(node, ast.Attribute) and node.attr in JointState._fields:
+        return node.attr
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
         return ast.unparse(node)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
