@@ -1,8 +1,9 @@
 """`drake-tc compare`: what changed since a model was made, and the history of a joint."""
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,7 +12,10 @@ from drake_tc.cli.terminal import progress_bar
 from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import LogError
 
-FILES = ("report.html", "compare.json")
+if TYPE_CHECKING:
+    from drake_tc.watch.compare import ComparisonResult
+
+FILES = ("report.html", "compare.json", "model_now.yaml")
 EXIT_CODES = {"unchanged": 0, "parameters_changed": 1, "new_effect": 1, "cannot_tell": 3}
 """By verdict, the exit code; 2 is input that cannot be used."""
 
@@ -26,7 +30,16 @@ def compare_command(
         list[Path] | None,
         typer.Option(help="A new run that only tests; repeat for more. Default: the last third of each log."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for report.html and compare.json.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder for report.html, compare.json and model_now.yaml.")] = Path("out"),
+    history: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps one record a session; history.html there shows drift and wear."),
+    ] = None,
+    serial: Annotated[str, typer.Option(help="Serial number of the unit, for --history.")] = "",
+    time: Annotated[
+        datetime | None,
+        typer.Option(help="When the logs were recorded, for --history. Default: when the last log was written."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of what is drawn at random.")] = 0,
     force: Force = False,
     as_json: Annotated[
@@ -38,6 +51,8 @@ def compare_command(
     The exit code is 0 if nothing changed, 1 if parameters changed or a new effect appeared, 3 if the logs cannot tell,
     and 2 on input that cannot be used.
     """
+    if history is None and (serial or time):
+        raise LogError(f"{'--serial' if serial else '--time'} belongs to --history FOLDER, which is missing")
     read = [model, rig, *log, *(holdout or [])]
     with (
         result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
@@ -46,15 +61,37 @@ def compare_command(
         from drake_tc.diagnosis.options import DiagnosisOptions
         from drake_tc.report.comparison import comparison_json, comparison_page
         from drake_tc.watch.compare import compare
+        from drake_tc.watch.history import save_new_model
 
         found = compare(model, log, rig, holdout or [], DiagnosisOptions(seed=seed), progress)
         document = comparison_json(found)
         (folder / "compare.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        save_new_model(found, folder / "model_now.yaml")
         (folder / "report.html").write_text(comparison_page(found), encoding="utf-8")
+    drifts = [] if history is None else _kept(found, history, serial, time or _written(log))
     if as_json:
         print(json.dumps(document, indent=1))
     else:
         print(found)
+        for line in drifts:
+            print(line)
         print(f"{found.seconds:.1f} s; report: {out / 'report.html'}")
     if EXIT_CODES[found.verdict]:
         raise typer.Exit(EXIT_CODES[found.verdict])
+
+
+def _written(logs: list[Path]) -> datetime:
+    """When the last of the logs was written."""
+    return datetime.fromtimestamp(max(each.stat().st_mtime for each in logs), UTC)
+
+
+def _kept(found: "ComparisonResult", history: Path, serial: str, time: datetime) -> list[str]:
+    """Keep the session, write history.html, and return sentences on what drifts."""
+    from drake_tc.config.files import write_whole
+    from drake_tc.report.history import history_page, history_sentences
+    from drake_tc.watch.history import add_session, read_history
+
+    add_session(found, history, serial, time)
+    sessions = read_history(history)
+    write_whole(history / "history.html", history_page(sessions))
+    return [*history_sentences(sessions), f"history: {history / 'history.html'}"]

@@ -136,6 +136,35 @@ def _together(scores: Mapping[int, "BenchmarkScore"]) -> "BenchmarkScore":
     return score_outcomes([outcome for score in scores.values() for outcome in score.outcomes])
 
 
+@app.command("months", short_help="The same joint later.")
+def months_benchmark(
+    count: Annotated[
+        int, typer.Option(min=1, help="Number of joints. 10 joints hold one of each kind of change.")
+    ] = 20,
+    out: Out = None,
+    seed: Seeds = None,
+    jobs: Jobs = ALL_CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Compare simulated joints with their models after wear, backlash, a slip, a payload, new grease, or nothing."""
+    from tests.benchmarks.months import month_rows, months
+
+    told = by_seed(
+        "bench months",
+        seed,
+        out,
+        jobs,
+        lambda folder, number, pool, report: months(number, count, folder, pool, report),
+        quiet=as_json,
+    )
+    rows = month_rows([each for found in told.values() for each in found])
+    if as_json:
+        cases = [asdict(each) | {"seed": number} for number, found in told.items() for each in found]
+        print(json.dumps(json_value(rows_json("months", rows) | {"cases": cases})))
+        return
+    print_rows("", rows, as_json=False)
+
+
 @app.command("real-time", short_help="Deadlines of a real-time controller.")
 def real_time(
     seconds: Annotated[

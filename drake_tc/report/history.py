@@ -1,0 +1,128 @@
+"""The history of joints: trends as sentences, the spread between units, and a picture of each joint."""
+
+from collections.abc import Sequence
+from datetime import timedelta
+
+import numpy as np
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+from drake_tc.exchange.ranges.distribution import distribution, of_units
+from drake_tc.report.numbers import interval, percent, pretty_unit
+from drake_tc.report.plain_page import PageSection, PageTable, plain_page
+from drake_tc.report.plots.svg import AFTER, BACKWARD, MUTED, REFINED, SHADE, new_figure, page_style, to_svg
+from drake_tc.watch.history import DAY_S, Session, Trend, trends
+
+MONTH = 30.0
+AHEAD = 0.5
+"""How far a trend is drawn beyond the last session, over the time that the sessions cover."""
+COLOURS = (AFTER, BACKWARD, REFINED, MUTED)
+COLUMNS = 2
+
+
+def history_sentences(sessions: Sequence[Session]) -> list[str]:
+    """One sentence for each parameter of a unit that drifts."""
+    out = []
+    for serial in dict.fromkeys(s.serial for s in sessions):
+        for joint in dict.fromkeys(j for s in sessions for j in s.parameters):
+            unit = _units(sessions, joint)
+            for name, found in trends(sessions, serial, joint).items():
+                if found.drifts:
+                    out.append(f"{_unit_name(serial)}{joint}: {name} drifts by {_monthly(found, unit[name])}.")
+    return out
+
+
+def _unit_name(serial: str) -> str:
+    return f"{serial}, " if serial else ""
+
+
+def _units(sessions: Sequence[Session], joint: str) -> dict[str, str]:
+    return {name: unit for s in sessions for name, unit in s.units.get(joint, {}).items()}
+
+
+def _monthly(found: Trend, unit: str) -> str:
+    value, ends = interval(*(MONTH * x for x in (found.slope, *found.slope_ci95)))
+    return f"{value} {ends} {pretty_unit(unit)} a month".replace("  ", " ")
+
+
+def history_page(sessions: Sequence[Session]) -> str:
+    """A self-contained page."""
+    joints = dict.fromkeys(j for s in sessions for j in s.parameters)
+    sections = [_section(sessions, joint) for joint in joints]
+    serials = {s.serial for s in sessions}
+    lead = history_sentences(sessions) or ["No parameter drifts beyond its interval."]
+    between = f"{len(sessions)} sessions of {len(serials)} unit{'s' if len(serials) > 1 else ''}"
+    return plain_page("History", f"compare · {between}", lead, sections)
+
+
+def _section(sessions: Sequence[Session], joint: str) -> PageSection:
+    heads = ("unit", "parameter", "latest", "drift a month", "95 % interval", "of the value", "expected in a month")
+    rows = []
+    units = _units(sessions, joint)
+    for serial in dict.fromkeys(s.serial for s in sessions):
+        for name, found in trends(sessions, serial, joint).items():
+            slope, ends = interval(*(MONTH * x for x in (found.slope, *found.slope_ci95)))
+            latest, ahead = found.values[-1], found.at(found.days[-1] + MONTH)
+            share = percent(MONTH * found.slope / abs(latest)) if latest else ""
+            label = f"{name} [{pretty_unit(units[name]) or '-'}]"
+            rows.append(
+                (serial or "-", label, interval(latest, *found.at(found.days[-1])[1:])[0], slope, ends, share,
+                 " ".join(interval(*ahead)))
+            )  # fmt: skip
+    tables = [PageTable(heads, rows, heads[2:])]
+    between = _between_units(sessions, joint, units)
+    if between:
+        tables.append(PageTable(("parameter", "mean of the units", "a further unit, 95 %"), between))
+    return PageSection(joint, plots=[history_picture(sessions, joint)], tables=tables)
+
+
+def _between_units(sessions: Sequence[Session], joint: str, units: dict[str, str]) -> list[tuple[str, str, str]]:
+    """What a further unit may have, from the latest session of each: as `drake-tc export --ranges` states it."""
+    latest = {s.serial: s for s in sessions if joint in s.parameters}
+    rows = []
+    for name in units if len(latest) > 1 else ():
+        known = [s.parameters[joint][name] for s in latest.values() if name in s.parameters[joint]]
+        if len(known) > 1:
+            lower = 0.0 if all(k.value > 0.0 for k in known) else -np.inf
+            found = of_units([distribution(k.value, k.deviation, lower) for k in known])
+            value, ends = interval(found.value, *found.interval)
+            rows.append((f"{name} [{pretty_unit(units[name]) or '-'}]", value, ends))
+    return rows
+
+
+def history_picture(sessions: Sequence[Session], joint: str) -> str:
+    """An SVG element: each parameter over time with intervals, the trend of each unit, and where it leads."""
+    names = list(_units(sessions, joint))
+    units = _units(sessions, joint)
+    rows = -(-len(names) // COLUMNS)
+    first = sessions[0].time
+    with page_style(f"history-{joint}"):
+        figure = new_figure(7.2, 0.5 + 1.45 * rows)
+        figure.subplots_adjust(left=0.09, right=0.98, hspace=0.65, wspace=0.28, top=1.0 - 0.3 / (0.5 + 1.45 * rows))
+        for place, name in enumerate(names):
+            axes = figure.add_subplot(rows, COLUMNS, place + 1)
+            for number, serial in enumerate(dict.fromkeys(s.serial for s in sessions)):
+                colour = COLOURS[number % len(COLOURS)]
+                own = [s for s in sessions if s.serial == serial and name in s.parameters.get(joint, {})]
+                known = [s.parameters[joint][name] for s in own]
+                times = [s.time for s in own]
+                half = [1.96 * k.deviation for k in known]
+                axes.errorbar(times, [k.value for k in known], half, fmt="o", color=colour, markersize=3.5,
+                              elinewidth=1.0, label=serial or None)  # fmt: skip
+                found = trends(sessions, serial, joint).get(name)
+                if found is not None:
+                    span = float(np.ptp(found.days))
+                    days = np.linspace(found.days[0], found.days[-1] + AHEAD * span, 60)
+                    value, low, high = np.array([found.at(d) for d in days]).T
+                    when = [first + timedelta(seconds=DAY_S * float(d)) for d in days]
+                    axes.fill_between(when, low, high, color=SHADE, linewidth=0.0)
+                    past = days <= found.days[-1]
+                    axes.plot(np.array(when)[past], value[past], color=colour)
+                    axes.plot(np.array(when)[~past], value[~past], color=colour, linestyle=(0, (3, 2)))
+            label = name.split(".")[-1] if name.split(".")[0] == name.split(".")[-1] else name
+            axes.set_title(f"{label} [{pretty_unit(units[name]) or '-'}]")
+            dates = AutoDateLocator(minticks=2, maxticks=4)
+            axes.xaxis.set_major_locator(dates)
+            axes.xaxis.set_major_formatter(ConciseDateFormatter(dates, show_offset=False))
+        if len({s.serial for s in sessions}) > 1:
+            figure.axes[0].legend(loc="best")
+        return to_svg(figure, f"history of {joint}")
