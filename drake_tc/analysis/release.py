@@ -4,7 +4,7 @@ difference.
 What both runs do alike (a motion, gravity) cancels. A small kick stays where the linearisation holds; a large one shows
 what dead zones, dry friction and limits make of it.
 
-Any diagram of the registry at a moment of its scenario, before the events of that tick; and its speeds.
+`settled_at`: any diagram of the registry at a moment of its scenario, before the events of that tick; and its speeds.
 """
 
 from collections.abc import Sequence

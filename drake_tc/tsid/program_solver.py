@@ -1,13 +1,11 @@
 """The problem as a Drake MathematicalProgram over y = (vdot, f, tau), every binding named.
 
-`program_solver` solves it, with the robustness added, where a controller file says `solver: program`. The fast path has
-the same problem reduced to the torques (`reduction`), as the matrices of `reduced_qp`.
+It is `solver: program` of a controller file, and the oracle of the fast path, which has the same problem reduced to the
+torques (`reduction`), as the matrices of `reduced_qp`.
 
-Robust TSID as a Drake MathematicalProgram: `solver: program` of a controller file, and the oracle of the fast path.
-
-Every tick builds the whole program over y = (vdot, f, tau) with named bindings (`program.build_full`), adds the
-robustness and hands it to Clarabel (`classic`, `box`) or SNOPT. Nothing of the reduction to torques, of the Newton
-method or of the row scaling of `robust` takes part; a tick costs tens of milliseconds rather than one.
+Every tick builds the whole program over y = (vdot, f, tau) with named bindings (`build_full`), adds the robustness and
+hands it to Clarabel (`classic`, `box`) or SNOPT. Nothing of the reduction to torques, of the Newton method or of the
+row scaling of `robust` takes part; a tick costs tens of milliseconds rather than one.
 
 With N = [B_v V + B_f F + B_tau] L the noise of a limit's rows, e = L zeta the torque error, V and F what a torque
 changes of vdot and f by the program's own equalities, and sigma_i = |N_i|:

@@ -3,7 +3,7 @@
     tau_i = Y_i(q, qdot, qddot) pi + F_v,i qdot_i + F_c,i sign(qdot_i) + J_i qddot_i
 
 J_i takes part where the rig file declares a rotor inertia of unknown value and no combination of links imitates it.
-The information about these parameters is that of `robot_goal`, the criteria are those of `robot_criteria`.
+The information about these parameters is that of `robot_goal`, the criteria are those of `robot_goal` too.
 
 Source: Swevers, Ganseman, Tukel, De Schutter and Van Brussel (1997) for Fourier series under limits; the friction
 columns and the minimum distance between links are added here.

@@ -6,7 +6,6 @@ Linear constraints but the last. The gradient of f is a forward difference: f is
 The solver sees friction that turns over smoothly. All motions that it visits are judged with sharp friction, and the
 best of them is refined by a search that needs no gradient. From the best point found,
 
-
     x' = x + s m o n,   n ~ N(0, I),   m: a random third of the functions
 
 is kept where the sharp criterion is larger; s grows by half after a success and shrinks after a failure, so that about

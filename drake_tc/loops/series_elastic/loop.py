@@ -1,6 +1,6 @@
 """One voltage-driven series-elastic joint under torque control (Faraji et al., 2015): held, moved by a hand, or free.
 
-The wiring is that of `add_series_elastic_loop` (`drake_tc.loops.series_elastic.wiring`); this file adds the link, the
+The wiring is that of `add_series_elastic_loop`; this file adds the link, the
 hand and the reference. `reference: {of: position}` puts a soft position loop around it, whose link speed comes from
 the motor's encoder minus the spring's deflection.
 

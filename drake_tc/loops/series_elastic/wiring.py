@@ -4,12 +4,8 @@ reference torque --> torque_control --> loop_delay --> actuators (motors, gears,
 ^                                |
 |--- motor_encoder, torque ------|
 
-The torque control is wired by `add_series_elastic_control`, which `drake_tc.loops.series_elastic.wiring` calls for
-a controller without a plant.
-
-`series_elastic_controller`: torque control of series-elastic joints as a Diagram from readings to voltages.
-
-The stages are wired by the same function as those of the simulated loop (`drake_tc.loops.series_elastic.wiring`).
+`series_elastic_controller`: the same torque control as a Diagram without a plant, from readings to voltages. Both are
+wired by `add_series_elastic_control`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,7 @@
                        |--- torque_estimator|               |-- fault_monitor <---- raw readings --|
                                  ^--------- filter <-----------------------------------------------|
 
-All from the readings to the guard is wired by `add_torque_controller`, which `drake_tc.loops.torque.wiring` calls
-for a controller without a plant.
+All from the readings to the guard is wired by `add_torque_controller`, also for a controller without a plant.
 
 Between the stages stand blocks of Drake's own that join, split and add signals; a signal that a stage has beside others
 is taken from one port, as every call into Python costs a tick some microseconds.
@@ -15,8 +14,7 @@ is taken from one port, as every call into Python costs a tick some microseconds
 
     position, imu, force_torque --> filter, torque_estimator, inverse_dynamics, torque_control, guard --> command
 
-The stages are wired by the same function as those of the simulated loop (`drake_tc.loops.torque.wiring`): fed with the
-readings of a simulated loop, the commands are the same to the last bit.
+Fed with the readings of a simulated loop, its commands are the same to the last bit.
 """
 
 from collections.abc import Mapping

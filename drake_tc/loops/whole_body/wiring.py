@@ -5,13 +5,11 @@
 `state: plant` hands the plant's own state to the controller, `torque: direct` its torques to the joints. The loop of
 Faraji, Colasanto and Ijspeert (2015) is `state: base_estimator` with `torque: series_elastic`.
 
-All from the readings to the commands is wired by `add_whole_body_control`, which `drake_tc.loops.whole_body.wiring`
-calls for a controller without a plant.
+All from the readings to the commands is wired by `add_whole_body_control`, also for a controller without a plant.
 
 `whole_body_controller`: robust TSID as a Diagram without a plant, from readings to commands.
 
-The stages are wired by the same function as those of the simulated loop (`drake_tc.loops.whole_body.control`): fed with
-the readings of a simulated loop, the commands are the same to the last bit.
+Fed with the readings of a simulated loop, its commands are the same to the last bit.
 """
 
 from collections.abc import Callable, Mapping
