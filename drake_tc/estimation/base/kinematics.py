@@ -13,7 +13,8 @@ shows: the external wrench E = [f; t] at C in C's axes is
 
 with T the constant transform from S to C, m and c the mass and centre of mass (at C, in C) of the part beyond.
 
-`Sample` and the state: what goes into a tick, what is remembered between ticks, and what comes out; all arrays, all of a fixed size.
+`Sample` and the state: what goes into a tick, what is remembered between ticks, and what comes out; all arrays are of a
+fixed size.
 """
 
 from dataclasses import dataclass
