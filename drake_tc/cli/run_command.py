@@ -13,7 +13,7 @@ from drake_tc.errors import DrakeTcError, ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.hardware.link import RobotLink
-    from drake_tc.hardware.report import RunReport
+    from drake_tc.hardware.loop import RunReport
     from drake_tc.loops.boundary import Controller
 
 LCM, STOPPED_EARLY = "lcm", 3

@@ -11,8 +11,7 @@ from drake_tc.diagrams.hardware_loop import controller
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.lcm_link import LcmLink
 from drake_tc.hardware.link import real_time_priority
-from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
-from drake_tc.hardware.report import RunReport
+from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec, RunReport
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.report.figure_row import FigureRow
 

@@ -11,11 +11,11 @@ from drake_tc.control.series_elastic.law import (
     MemoryRow,
     Readings,
     SeriesElasticLaw,
+    SeriesElasticSpec,
     cubic_weights,
     motor_arrays,
     observer_weights,
 )
-from drake_tc.control.series_elastic.spec import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.series_elastic import momentum
 

@@ -6,6 +6,10 @@ import pytest
 
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
+from drake_tc.experiments.check.effects import JointEffects, joint_effects
+from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.experiments.design.known import joint_from_logs
+from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
@@ -19,3 +23,16 @@ def demo(tmp_path_factory) -> tuple[Path, list[Path], list[Path]]:
 def prepared(demo) -> Prepared:
     rig = load_rig(demo[0])
     return prepare_joint(load_runs(demo[1], rig), [], rig, rig.joints[0])
+
+
+@pytest.fixture(scope="session")
+def checked(prepared) -> JointEffects:
+    """What the recording shows of each effect."""
+    return joint_effects(prepared)
+
+
+@pytest.fixture(scope="session")
+def logged(demo) -> tuple[DesignJoint, JointLimits]:
+    """The joint as the recording shows it, and the limits that it kept."""
+    rig = load_rig(demo[0])
+    return joint_from_logs(rig, load_runs(demo[1], rig), rig.joints[0])[:2]

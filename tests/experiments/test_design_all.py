@@ -4,27 +4,17 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from drake_tc.experiments.design.expected import worth_of
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
-from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.run import DesignOptions, design_joint
-from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import load_rig
 
 
-@pytest.fixture(scope="module")
-def known(demo):
-    rig = load_rig(demo[0])
-    return joint_from_logs(rig, load_runs(demo[1], rig), rig.joints[0])
-
-
-def test_an_effect_that_the_declared_model_imitates_has_no_size(known):
+def test_an_effect_that_the_declared_model_imitates_has_no_size(logged):
     """Without any load there is no friction that depends on it."""
-    joint, limits, _ = known
+    joint, limits = logged
     still = replace(joint, gravity=0.0, link_inertia=0.0, constant=0.0, resolution=None)
     fitted = next_log([PlannedRun("run", still, default_motion(still, limits, 10.0, 1e-3), 1e-3)])
     found = worth_of(criterion_of(parse_goal("all"), still, 10.0), fitted)
@@ -33,11 +23,11 @@ def test_an_effect_that_the_declared_model_imitates_has_no_size(known):
     assert math.isfinite(sizes["smallest stribeck that is found"])
 
 
-def test_the_page_names_the_effects_without_a_size(known):
-    joint, limits, _ = known
+def test_the_page_names_the_effects_without_a_size(logged):
+    joint, limits = logged
     still = replace(joint, gravity=0.0, link_inertia=0.0, constant=0.0, resolution=None)
     design = design_joint(still, limits, parse_goal("all"), DesignOptions(duration=10.0, starts=0))
-    assert any("shows no size" in text and "load_dependent_friction" in text for text in design.sentences)
+    assert any("no size" in text and "load_dependent_friction" in text for text in design.sentences)
     values = [each.after for each in design.expected]
     assert all(value == math.inf or value < 1e6 for value in values), values
     assert np.isinf(values).any()

@@ -77,15 +77,14 @@ def test_the_damping_of_a_servo_is_no_torque_of_its_motor(joint):
     assert np.abs(balance(known.basis.motion(known.optimum.x))).max() <= 10.0
 
 
-def test_the_damping_that_a_rig_declares_is_that_of_the_fitted_gain(demo, tmp_path):
+def test_the_damping_that_a_rig_declares_is_that_of_the_fitted_gain(demo, logged):
     rig = load_rig(demo[0])
     (name,) = rig.joints
     stated = replace(rig, drive_gain={name: 2e-4}, derivative_gain={name: 15.0})
     runs = load_runs(demo[1], stated)
     known, limits, _ = joint_from_logs(stated, runs, name)
     assert_allclose(known.servo_damping, 2e-4 * 15.0 / known.numbers.gain, rtol=1e-12)
-    plain = joint_from_logs(rig, runs, name)[1]
-    assert 0.5 * plain.torque < limits.torque < 1.1 * plain.torque
+    assert 0.5 * logged[1].torque < limits.torque < 1.1 * logged[1].torque
 
 
 def test_columns_that_are_judged_have_the_rows_and_the_friction_of_a_diagnosis(joint):

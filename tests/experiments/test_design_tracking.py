@@ -12,12 +12,9 @@ from drake_tc.effects.base import Context
 from drake_tc.experiments.design.expected import FOLLOWED, followed, followed_up_to, tracking_warning
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.sizes import JointNumbers
-from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import load_rig
 
 LIMITS = JointLimits((-1.0, 1.0), 4.0, 25.0)
 
@@ -61,9 +58,8 @@ def test_a_motion_at_the_resonance_is_warned_of_and_a_slow_one_is_not(soft):
     assert tracking_warning(soft, replace(LIMITS, bandwidth_hz=0.8), wave(0.4, 0.9), 5e-3) == ()
 
 
-def test_a_design_says_so(demo):
-    rig = load_rig(demo[0])
-    joint, limits, _ = joint_from_logs(rig, load_runs(demo[1], rig), rig.joints[0])
+def test_a_design_says_so(logged):
+    joint, limits = logged
     n = joint.numbers
     heavy = replace(joint, numbers=replace(n, inertia=1.0 / (n.gain * (2.0 * np.pi * 3.0) ** 2), viscous=0.01))
     fast = replace(limits, torque=math.inf, acceleration=400.0)

@@ -13,8 +13,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from drake_tc.actuation.joint_effects import Models
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
-from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw, motor_arrays
-from drake_tc.control.series_elastic.spec import SeriesElasticSpec
+from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw, SeriesElasticSpec, motor_arrays
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
 from drake_tc.types import Call, FloatArray
