@@ -75,7 +75,7 @@ class SpringBesideWeight(CableSpring):
     def obstacle(self, context: Context) -> str:
         """Only a load whose force does not follow the position lacks a column of this form."""
         if context.load != "unknown":
-            return "the load is known: a spring has a preload of its own"
+            return "the load is known, so that the spring with a preload is looked for instead"
         return context.taken_up if context.load_follows_position else ""
 
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:

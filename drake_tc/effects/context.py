@@ -12,7 +12,7 @@ __all__ = ["BETWEEN_ENCODERS", "EFFORT_UNIT", "NO_INERTIA", "Context", "DriveKin
 
 DriveKind = Literal["position_servo", "current", "voltage", "torque"]
 LoadKind = Literal["torque", "pendulum", "robot", "links", "unknown"]
-BETWEEN_ENCODERS = "the balance does not hold it; a note says what the two encoders show of it, where they resolve it"
+BETWEEN_ENCODERS = "the balance at the motor does not contain it; a note states what the two encoders show of it"
 NO_INERTIA = "the rig file states no value of rotor_inertia, so this effect cannot be distinguished from others"
 """Why an effect that needs a known inertia cannot be looked for; `declared: [rotor_inertia]` states no value."""
 

@@ -86,7 +86,7 @@ class CommandDelay(Delay):
 
     def obstacle(self, context: Context) -> str:
         """For other drives the command is the effort."""
-        return "" if context.drive == "position_servo" else "the command is the effort: the loop's delay covers it"
+        return "" if context.drive == "position_servo" else "the command is the effort, so that delay.loop describes it"
 
     def transform(self, effort: FloatArray, signals: Signals, shape: Shape) -> FloatArray:
         """The late effort y - (q_d - q_d(t - d))."""

@@ -39,7 +39,7 @@ class EffortBias(EquationEffect):
     def obstacle(self, context: Context) -> str:
         """A position servo's effort is computed from the position, and an unknown load has a constant of its own."""
         if context.drive == "position_servo":
-            return "the effort is the position error: the encoder's offset covers it"
+            return "the effort is the position error, so that an offset of it is the same as an offset of the encoder"
         return context.taken_up or super().obstacle(context)
 
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -83,7 +83,7 @@ class SeparateEncoderEccentricity(EncoderEccentricity):
 
     def obstacle(self, context: Context) -> str:
         """Only a position servo has an effort that the error enters."""
-        return "" if context.drive == "position_servo" else "the drive does not use the position"
+        return "" if context.drive == "position_servo" else "the drive does not use the encoder's position"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 2): the shared encoder's, and the servo's stiffness times the error."""

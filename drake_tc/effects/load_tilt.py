@@ -31,7 +31,7 @@ class LoadTilt(EquationEffect):
 
     def obstacle(self, context: Context) -> str:
         """Only a load computed from the angle can be tilted; a measured one has all of it."""
-        return "" if context.load == "pendulum" else "the load is measured, not computed from the angle"
+        return "" if context.load == "pendulum" else "the load is measured and not computed from the angle"
 
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """A wave of one cycle a turn."""

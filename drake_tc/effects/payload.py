@@ -28,8 +28,8 @@ LOAD_ERROR_RANGE = Plausible(
     "a load of less than a fifth or of six times the declared one is another load",
 )
 CARRIED: Mapping[LoadKind, str] = {
-    "links": "what a link carries is part of its fitted parameters",
-    "robot": "what a link carries is looked for on all joints together",
+    "links": "a payload is part of the fitted parameters of the link",
+    "robot": "a payload is looked for on all joints together",
 }
 """Why a single joint has no payload, where a robot's model gives the load."""
 HANG_ANGLE_RANGE = Plausible(-np.inf, np.inf, "where the pendulum hangs is declared in the rig file")
@@ -179,7 +179,7 @@ def _on_pendulum(context: Context, *, gain_declared: bool) -> str:
     if told := context.taken_up or CARRIED.get(context.load, ""):
         return told
     if context.load != "pendulum":
-        return "the load is measured, whatever its mass"
+        return "the measured load torque contains that of a payload"
     if gain_declared and not context.declared.get("drive_gain"):
         return "no drive gain is declared"
     if not gain_declared and context.declared.get("drive_gain"):

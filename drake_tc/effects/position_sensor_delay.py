@@ -34,9 +34,9 @@ class PositionSensorDelay(SensorDelay):
     def obstacle(self, context: Context) -> str:
         """Needs a measured torque, and an effort that does not hold the position."""
         if context.load != "torque":
-            return "the load is computed from the position: a late encoder is the same as a late command"
+            return "the load is computed from the position, so that a late encoder is the same as a late command"
         if context.drive == "position_servo":
-            return "a servo's effort holds the position: a late encoder acts as viscous friction"
+            return "the effort of a servo contains the position, so that a late encoder acts like viscous friction"
         return super().obstacle(context)
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:

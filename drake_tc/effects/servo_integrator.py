@@ -48,7 +48,7 @@ class ServoIntegrator(DriveEffect):
 
     def obstacle(self, context: Context) -> str:
         """Another drive's effort is recorded behind any integral action."""
-        return "" if context.drive == "position_servo" else "the effort holds what the integral action adds"
+        return "" if context.drive == "position_servo" else "the recorded effort contains the integral action"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """-int y dt (T, 1)."""

@@ -40,9 +40,9 @@ class SlidingPayload(EquationEffect):
     def obstacle(self, context: Context) -> str:
         """Not beside a model of the load that has a mass of its own."""
         if context.load == "links":
-            return "what a link carries is part of its fitted parameters"
+            return "a payload is part of the fitted parameters of the link"
         if context.load == "robot":
-            return "what a link carries is looked for on all joints together"
+            return "a payload is looked for on all joints together"
         return context.taken_up
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:

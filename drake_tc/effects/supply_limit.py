@@ -46,7 +46,7 @@ class SupplyLimit(DriveEffect):
     def obstacle(self, context: Context) -> str:
         """Needs a recorded supply."""
         if context.imposes_current:
-            return "the limit of a current drive is its current, which `saturation` names"
+            return "a current drive has a limit of the current, which `saturation` describes"
         return super().obstacle(context)
 
     def shape_grid(self, context: Context) -> list[dict[str, float]]:

@@ -59,7 +59,7 @@ class WindingLag(CurrentLag):
 
     def obstacle(self, context: Context) -> str:
         """Only a voltage is opposed by a back-EMF."""
-        return "" if context.drive == "voltage" else "only the current of a voltage drive feels the back-EMF"
+        return "" if context.drive == "voltage" else "back-EMF changes the current of voltage drives only"
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """lag[qdot] - qdot (T, 1)."""

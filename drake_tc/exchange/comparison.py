@@ -209,7 +209,7 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
     """
     before, after = read_joints(into, ParamsError), joints_of_text(text, into, ParamsError)
     files = ", ".join(_INCLUDE.findall(into.read_text(encoding="utf-8")))
-    lines = [f"What your file includes is in the written file: {files}."] if files else []
+    lines = [f"The files that your file includes were merged into the written file: {files}."] if files else []
     for each in projections:
         was, now = (found.get(each.joint, found.get(ANY_JOINT)) for found in (before, after))
         if was is None or now is None:
@@ -228,10 +228,10 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
         gone += [told for told in words if told not in still and told.startswith(("its actuator", "the command of"))]
         left += [told for told in dict.fromkeys(still) if told in words]
         if gone:
-            told = f"{each.joint}: your file had {', '.join(gone)}, which the model lacks: removed."
+            told = f"{each.joint}: removed from your file, because the model does not have it: {', '.join(gone)}."
             lines.append(in_units_of(each.joint_type, told))
         if left:
-            told = f"{each.joint}: your file has beside the model, and keeps: {', '.join(left)}."
+            told = f"{each.joint}: kept from your file, although the model does not have it: {', '.join(left)}."
             lines.append(in_units_of(each.joint_type, told))
     return lines
 

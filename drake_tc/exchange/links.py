@@ -72,7 +72,7 @@ def with_links(
         mine = [each for each in causes if each.get("where") == name]
         if name not in bodies:
             why = reason or f"{into.name if into else 'the file'} has no link of this name"
-            told += [f"{_named(each)} is not written: {why}." for each in mine]
+            told += [f"{_named(each)} was not written: {why}." for each in mine]
             told += [f"{name}: its fitted inertial parameters are not written: {why}."] if name in links else []
             continue
         told += _put(name, bodies[name], mine, links.get(name))
@@ -87,17 +87,16 @@ def _put(name: str, body: Body, causes: Sequence[Mapping[str, Any]], fitted: Map
     for cause in causes:
         found = changed(whole, cause)
         if found is None:
-            told.append(f"{_named(cause)} is not written: the target has no such error of a link")
+            told.append(f"{_named(cause)} was not written: the target has no such error of a link")
             continue
         whole = found
         told.append(f"{_named(cause)} was written")
     own = consistent(body.own + whole - body.whole)
     body.write(own)
     moved = np.abs(own - (body.own + whole - body.whole)).max()
-    lost = (
-        f"; no body has these, the nearest one differs by up to {moved:.2g} kg, kg m or kg m^2" if moved > 1e-9 else ""
-    )
-    mass = f"; the link weighs {own[0]:.4g} kg, {body.own[0]:.4g} kg before"
+    impossible = f"; no rigid body has these parameters, and the written ones differ by up to {moved:.2g} (SI units)"
+    lost = impossible if moved > 1e-9 else ""
+    mass = f"; the mass of the link is now {own[0]:.4g} kg instead of {body.own[0]:.4g} kg"
     return [f"{line}{lost}{mass}." if line is told[-1] else f"{line}." for line in told]
 
 

@@ -139,7 +139,7 @@ def _drive_lost(terms: Terms, target: Vocabulary) -> tuple[Loss, ...]:
     if terms.drive in target.drives or (terms.drive == "torque" and terms.kp == 1.0):
         return ()
     unit = EFFORT_UNIT[terms.drive].replace("*", " ")
-    return (Loss("drive gain", f"your controller has to apply {terms.kp:.6g} N m for 1 {unit}"),)
+    return (Loss("drive gain", f"your controller has to apply {terms.kp:.6g} N m per {unit}"),)
 
 
 def _keys(model: ActuatorModel) -> tuple[str, ...]:
@@ -184,7 +184,7 @@ def _direct(model: ActuatorModel, target: Vocabulary, *, refits_load: bool) -> t
     armature = model.inertia if target.has("armature") else 0.0
     if found["lag"] and found["integral_rate"] and model.drive.kind == "position_servo":
         key = next(value.key for value in model.effects if value.effect.id == "current_lag")
-        losses.append(Loss(key, "a servo with integral action has no filter of its command there"))
+        losses.append(Loss(key, "the target has no filter of the command of a servo with integral action"))
         found["lag"] = 0.0
     limit = found.pop("torque_limit")
     terms = replace(
@@ -250,26 +250,26 @@ def _terms(value: EffectValue, drive: str, kp: float) -> dict[str, float]:
 
 OF_A_SENSOR = "an error of the sensor, not of the actuator"
 IN_THE_ARMATURE = (
-    "its inertia is a part of the rotor inertia there; its weight belongs to the link: change the link's mass in the"
-    " robot's model, and take this inertia off the rotor inertia if that mass has it"
+    "its inertia was added to the rotor inertia; its weight belongs to the link: change the link's mass in the robot's"
+    " model, and subtract this inertia from the rotor inertia if that mass includes it"
 )
-SCALES_ALL = "the error of the gain also scales the delayed and limited part of the effort there"
-_WINDING = "the resistance of the winding is the same at all temperatures there"
+SCALES_ALL = "in the target, the error of the gain also scales the delayed and limited part of the effort"
+_WINDING = "the target's winding has the same resistance at all temperatures"
 LOST = {
-    "deadzone": "the servo answers small errors in the target, where the real one rests: errors at rest are too small",
-    "elasticity": "the gear is stiff there",
+    "deadzone": "the target's servo reacts to the smallest error, so that errors at rest are too small",
+    "elasticity": "the target's gear is stiff",
     "asymmetric_friction": "the mean of both directions is exported",
     "presliding_hysteresis": "the target's friction at rest is stiff or creeps",
-    "load_dependent_friction": "friction does not grow with the load there; with --rig and --log of runs with known"
-    " loads, its mean is refitted",
-    "directional_efficiency": "friction does not grow with the load there",
-    "torque_ripple": "the target's torque is smooth over the turn",
-    "position_dependent_friction": "friction is the same over the turn there",
-    "thermal_friction": "friction is that at 25 degrees Celsius there",
-    "current_lag.command": "the target's drive takes its command at once",
+    "load_dependent_friction": "the target's friction does not grow with the load; with --rig and --log of runs with"
+    " known loads, its mean is fitted instead",
+    "directional_efficiency": "the target's friction does not grow with the load",
+    "torque_ripple": "the target's torque does not depend on the position",
+    "position_dependent_friction": "the target's friction is the same at all positions",
+    "thermal_friction": "the target's friction is that at 25 degrees Celsius",
+    "current_lag.command": "the target's drive follows its command at once",
     "saturation.servo": "the target limits the torque of the gain without that of the damping",
-    "current_lag": "the target's drive answers at once",
-    "velocity_sign_switch": "the servo's switch at reversals is not there",
+    "current_lag": "the target's drive reacts at once",
+    "velocity_sign_switch": "the target's servo does not depend on the sign of the velocity",
     "servo_integrator": "the target's servo has no integrator",
     "effort_bias": OF_A_SENSOR,
     "delay.loop": "the target delays the command of a servo, not the position that the servo measures",
@@ -279,11 +279,11 @@ LOST = {
     "winding_heat": _WINDING,
     "winding_temperature": _WINDING,
     "drive_compression": "the target's torque is proportional to the effort",
-    "gain_ripple": "the target's torque for an effort is the same over the turn",
-    "load_stribeck": "friction does not grow with the load there",
+    "gain_ripple": "the target's torque for an effort is the same at all positions",
+    "load_stribeck": "the target's friction does not grow with the load",
     "load_tilt": "belongs to the link: change its centre of mass in the robot's model",
     "position_dependent_load": "the target has no load that is a curve over the position",
-    "run_in_friction": "friction is that of a joint that has run in there",
+    "run_in_friction": "the target's friction is that of a joint that has run in",
     "payload": "belongs to the link: change its mass in the robot's model",
     "cable_spring": "the target's joint has no spring",
     "unknown_load": "belongs to the link: change its mass and centre of mass in the robot's model",

@@ -10,16 +10,16 @@ from drake_tc.simulator_files.terms import Terms
 PHYSICS_STEP = 0.005
 """Of Isaac Lab's examples [s], in which its delays are counted."""
 _NO_DELAY = "delay the commands in your controller's loop instead"
-_NO_BACKLASH = "the gear has no play there"
+_NO_BACKLASH = "the target's gear has no play"
 _REDUCED_MJCF = frozenset(
     {"armature", "frictionloss", "torque_limit", "backlash", "stiffness", "preload", "compliance", "derivative_gain"}
 )
 """What readers of MJCF other than MuJoCo itself take."""
-_DELAYED_POSITION = "the position command is delayed there, the position that the servo measures is not"
+_DELAYED_POSITION = "the target delays the position command, and not the position that the servo measures"
 
 
 def _no_motor(_terms: Terms) -> str:
-    return "the back-EMF is a part of the viscous friction there"
+    return "the back-EMF is a part of the viscous friction in the target"
 
 
 def _no_motor_of_isaaclab(terms: Terms) -> str:
@@ -112,7 +112,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             },
             drives=frozenset({"voltage"}),
             inexact={
-                "load_friction": "the load is that of the solver's last step",
+                "load_friction": "its load is that of the last step of the solver",
                 "delay": _DELAYED_POSITION,
             },
             delay_step=PHYSICS_STEP,
@@ -123,7 +123,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
             {"backlash": _NO_BACKLASH, "torque_limit": "BAM limits the voltage by the supply"},
             drives=frozenset({"voltage"}),
             inexact={
-                "load_friction": "the load is gravity and what is outside there, without the link's inertia",
+                "load_friction": "its load consists of gravity and external forces, without the inertia of the link",
                 "delay": _DELAYED_POSITION,
             },
         ),

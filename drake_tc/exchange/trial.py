@@ -45,11 +45,12 @@ def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str
             has = f"has no {' and '.join(map(title_of, r.effects))}"
             if each.terms.stribeck is not None and "stribeck" in r.effects:
                 others = " and ".join(title_of(name) for name in r.effects if name != "stribeck")
-                has = f"has a Stribeck peak of the exponent {each.terms.stribeck.exponent:g} alone"
+                has = f"has Stribeck friction with the exponent {each.terms.stribeck.exponent:g} only"
                 has += f", and no {others}" if others else ""
             lines.append(
-                f"{each.joint}: {target.name} {has}: the friction that it has was refitted over {where}; RMS error of"
-                f" the friction torque {r.refitted:.3g} N m, {r.dropped:.3g} N m without the refit."
+                f"{each.joint}: {target.name} {has}. The friction that it has was fitted to the model's over {where};"
+                f" the RMS error of the friction torque is {r.refitted:.3g} N m, and {r.dropped:.3g} N m without this"
+                " fit."
             )
         for loss in each.losses:
             effect = title_of(loss.effect)

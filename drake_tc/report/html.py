@@ -47,6 +47,7 @@ from drake_tc.report.sentences.words import (
     WRONG_SET_UP,
     band_sentence,
     capital,
+    correlation_words,
     dependence_words,
     floors_left,
     headline,
@@ -256,6 +257,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
     tried, barred = rejected_rows(joint.rejected)
     scale = scale_for(joint.after.heldout, joint.unit)
     left = joint.unexplained
+    correlograms, correlated = correlation_plots(joint.heldout, prefix)
     return {
         "id": prefix,
         "name": joint.joint,
@@ -281,7 +283,8 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "run_errors": run_error_rows(joint),
         "signatures": signature_plots(joint, prefix, budget.held),
         "spectrum": spectrum_plot(joint, prefix),
-        "correlations": correlation_plots(joint.heldout, prefix),
+        "correlations": correlograms,
+        "correlated": correlation_words(correlated, left),
         "effort_plot": effort_plot(joint, prefix, budget.trace_samples),
         "position_plot": position_plot(joint, prefix, budget.trace_samples),
         "equations": model_equations(joint),

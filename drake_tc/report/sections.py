@@ -6,7 +6,7 @@ The report's section on links whose inertial parameters were fitted.
 
 What the refinement on free runs did, as a reader sees it: one sentence, and the changed numbers.
 
-The report's section on causes that no single joint owns: what, where, by how much, and which joints say so.
+The report's section on causes that several joints share: what, where, by how much, and which joints say so.
 """
 
 import math
@@ -41,8 +41,8 @@ def headings(rows: Sequence[ExportErrors], runner: str) -> tuple[str, ...]:
         rows: One a joint and run.
         runner: What ran the export, such as "MuJoCo".
     """
-    known = ("joint", "run", "our model, Drake", f"export, {runner}")
-    return (*known, f"your file, {runner}") if _has_original(rows) else known
+    known = ("joint", "run", "model after (Drake)", f"export ({runner})")
+    return (*known, f"your file ({runner})") if _has_original(rows) else known
 
 
 def cells(
@@ -182,8 +182,8 @@ def _declared(value: float, estimate: Estimate) -> str:
 
 WHY_NOT: dict[RefinementStatus, str] = {
     "accepted": "",
-    "no_gain": "the free runs do not improve by at least 5 %",
-    "worse_held_out": "the free runs of the held-out runs are less accurate with it",
+    "no_gain": "it does not lower the mean absolute position error by at least 5 %",
+    "worse_held_out": "it follows the held-out runs less closely",
     "implausible": "the refined values are not physically possible",
     "resolved": "the free runs already follow the position as closely as the encoder resolves it",
     "nothing_to_simulate": "the joint cannot be simulated from these logs",
@@ -197,8 +197,8 @@ class RefinementSection:
 
     Attributes:
         sentence: What came of it.
-        parameters: (effect, parameter, equation error's value, output error's value, unit, at a bound).
-        balance: Sentence on the equation error under the refined numbers; "" where it is not known.
+        parameters: (effect, parameter, value of the model after, refined value, unit, at a bound).
+        balance: Sentence on the error of the effort under the refined numbers; "" where it is not known.
     """
 
     sentence: str
@@ -207,24 +207,26 @@ class RefinementSection:
 
 
 def refinement_sentence(refinement: Refinement, units: JointUnits = TURNING) -> str:
-    """What came of the output error, in one or two sentences."""
-    train, left_out = (_fall(pair, units) for pair in (refinement.train, refinement.cross_validated))
-    runs = f" on the training runs, {left_out} on the runs left out in turn" if left_out else " on the training runs"
+    """What came of it, in one to three sentences; errors of whole runs and of stretches of them are never compared."""
+    train, left_out = (_change(pair, units) for pair in (refinement.train, refinement.cross_validated))
     if refinement.accepted:
-        return f"Output error: {MODEL_FILE} follows the recorded position better; mean absolute error {train}{runs}."
+        text = f"{MODEL_FILE} follows the recorded position more closely. On the training runs, its mean absolute error"
+        text = f"Refinement on free runs: {text} is {train}."
+        return text + (f" In cross-validation, on stretches of these runs, it is {left_out}." if left_out else "")
     why = f" ({refinement.why.rstrip('.')})" if refinement.why else ""
-    if refinement.status == "no_gain":
-        where = f"{left_out} on the runs left out in turn" if left_out else train
-        why = f" (mean absolute error {where})"
-    return f"Output error: there is no refined model, because {WHY_NOT[refinement.status]}{why}."
+    if refinement.status == "no_gain" and (left_out or train):
+        where = "in cross-validation on stretches of the training runs" if left_out else "on the training runs"
+        why = f" ({where}, it is {left_out or train})"
+    return f"Refinement on free runs: there is no refined model, because {WHY_NOT[refinement.status]}{why}."
 
 
-def _fall(pair: tuple[float, float] | None, units: JointUnits) -> str:
-    """`20 mrad → 5 mrad`: with the model after, and refined."""
+def _change(pair: tuple[float, float] | None, units: JointUnits) -> str:
+    """`5 mrad instead of 20 mrad`: refined, and with the model after."""
     if pair is None:
         return ""
     scale = scale_for(max(pair), units.position)
-    return " → ".join(scale.quantity(value) for value in pair)
+    after, refined = (scale.quantity(value) for value in pair)
+    return f"{refined} instead of {after}"
 
 
 def refinement_section(joint: JointResult) -> RefinementSection | None:
@@ -252,8 +254,8 @@ def _balance(joint: JointResult, found: Refinement) -> str:
     after, refined = joint.after.heldout, found.error_heldout
     scale = scale_for(after, joint.unit)
     return (
-        f"Equation error on the held-out runs: {scale.quantity(after)} with the model after, {scale.quantity(refined)} "
-        "with the refined numbers. The verdict, the effects and their intervals are those of the equation error."
+        f"Held-out error of the effort: {scale.quantity(after)} with the model after, {scale.quantity(refined)} with "
+        "the refined numbers. The verdict, the effects and their intervals are those of the model after."
     )
 
 

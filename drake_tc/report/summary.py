@@ -97,8 +97,7 @@ def say_result(console: Console, result: CloseLoopResult) -> None:
         say_joint(console, joint)
         loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
         if loop is not None and loop.changed:
-            simulated = " (simulated with the model after as plant, so an upper bound)" if loop.reference.size else ""
-            say(console, f"  closed loop{simulated}: {_tracking(loop, joint.units)}")
+            say(console, f"  closed loop: {_tracking(loop, joint.units)}")
     if result.closed_loop is not None:
         for note in result.closed_loop.notes:
             say(console, f"closed loop: {escape(note)}")
@@ -118,7 +117,7 @@ def say(console: Console, markup: str) -> None:
 
 
 def _say_robot(console: Console, result: CloseLoopResult) -> None:
-    """What no single joint owns."""
+    """What several joints share."""
     for note in note_sentences(result.notes):
         say(console, f"[bold]all joints[/bold]: ! {escape(note)}")
     ranking = ranked_effects(result)
@@ -176,13 +175,17 @@ def _parameter(name: str, estimate: Estimate) -> str:
 def _tracking(loop: JointClosedLoop, units: JointUnits) -> str:
     """Tracking errors before and after, or why there are none."""
     if not loop.reference.size:
-        return "tracking was not simulated; the report lists the linear loop's margins"
+        return "tracking was not simulated; the report lists the margins of the linear loop"
     figures = [1e3 * each.rms_error for each in (loop.before, loop.after)]
     if not all(math.isfinite(value) for value in figures):
         return (
-            "no tracking error (not simulated to the end with both models); the report lists the linear loop's margins"
+            "no tracking error (not simulated to the end with both models); the report lists the margins of the linear "
+            "loop"
         )
-    return units.text(f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after")
+    return units.text(
+        f"tracking error {figures[0]:.3g} mrad before, {figures[1]:.3g} mrad after; simulated with the model after as "
+        "plant, so the improvement is an upper bound"
+    )
 
 
 def _errors_table(joint: JointResult) -> Table:
@@ -190,15 +193,15 @@ def _errors_table(joint: JointResult) -> Table:
     unit, absolute = joint.unit, mean_absolute_errors(joint)
     rows: list[tuple[str, float | None, float | None, float | None]] = []
     for name, errors in (("before", joint.before), ("after", joint.after)):
-        mean = absolute[name]
-        rows.append((name, errors.train, errors.heldout, errors.free_run_heldout))
-        rows.append(("  mean absolute", mean["train"], mean["heldout"], mean["free_run_heldout"]))
+        rows.append((f"RMS error {name}", errors.train, errors.heldout, errors.free_run_heldout))
     refined = joint.refinement
     if refined is not None and refined.accepted:
-        rows.append(("refined", refined.error_train, refined.error_heldout, refined.free_run_heldout))
+        rows.append(("RMS error refined", refined.error_train, refined.error_heldout, refined.free_run_heldout))
+    for name, mean in absolute.items():
+        rows.append((f"mean absolute {name}", mean["train"], mean["heldout"], mean["free_run_heldout"]))
     free_run = any(free is not None for *_, free in rows)
     table = Table(box=None, padding=(0, 2))
-    headers = ["", "train", "held-out", *([escape(f"free run [{joint.units.position}]")] if free_run else [])]
+    headers = ["", "training", "held-out", *([escape(f"free run [{joint.units.position}]")] if free_run else [])]
     for header in headers:
         table.add_column(header, justify="left" if not header else "right")
     for name, train, heldout, free in rows:
@@ -206,7 +209,7 @@ def _errors_table(joint: JointResult) -> Table:
         table.add_row(name, *cells[: len(headers) - 1])
     table.add_row("noise floor", "", _figure(joint.noise_floor, f" {unit}"))
     if joint.noise_floor > 0.0:
-        table.add_row("noise floors left", "", _figure(floors_left(joint)))
+        table.add_row("after / noise floor", "", _figure(floors_left(joint)))
     return table
 
 

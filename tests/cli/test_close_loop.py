@@ -152,7 +152,7 @@ def test_an_export_can_be_tried_in_the_same_call(bench, tmp_path):
     assert row["original"] > row["model"] and row["export"] > row["model"]
     assert "export, Drake's plant" in done.stdout and "has no Stribeck friction" in done.stdout
     names, errors = export_table((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
-    assert names[2:] == ["our model, Drake", "export, Drake's plant", "your file, Drake's plant"]
+    assert names[2:] == ["model after (Drake)", "export (Drake's plant)", "your file (Drake's plant)"]
     unit = {"mrad": 1e-3, "µrad": 1e-6}
     shown = [float(number) * unit[prefixed] for number, prefixed in map(str.split, errors[2:])]
     assert shown == pytest.approx([row["model"], row["export"], row["original"]], rel=0.01)  # three digits

@@ -142,8 +142,11 @@ def test_it_shows_effects_with_intervals_errors_and_noise_floors(result):
     shown = repr(result)
     assert f"quadratic_viscous {value.value:.4g} [{low:.4g}, {high:.4g}] N·m·s²/rad²" in shown
     table = {line.split("  ")[1]: line.split() for line in shown.splitlines() if line.startswith("  ")}
-    assert f"{joint.before.heldout:.3g}" in table["before"] and f"{joint.after.heldout:.3g}" in table["after"]
-    assert f"{joint.after.heldout / joint.noise_floor:.3g}" in table["noise floors left"]
+    assert (
+        f"{joint.before.heldout:.3g}" in table["RMS error before"]
+        and f"{joint.after.heldout:.3g}" in table["RMS error after"]
+    )
+    assert f"{joint.after.heldout / joint.noise_floor:.3g}" in table["after / noise floor"]
 
 
 def test_colours_of_a_terminal_do_not_reach_the_text(result, monkeypatch):

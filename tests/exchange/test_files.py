@@ -311,7 +311,7 @@ def test_the_inertia_of_a_payload_is_lost_only_in_part():
 def test_a_gain_that_a_file_has_no_place_for_is_lost(target, drive, lost):
     model = ActuatorModel("knee", drive, (EffectValue("viscous", {"viscous": 0.8}),))
     found = [loss.why for loss in project(model, TARGETS[target]).losses if loss.effect == "drive gain"]
-    unit = {"position_servo": "5000 N m for 1 rad", "current": "2 N m for 1 A", "voltage": "2 N m for 1 V"}
+    unit = {"position_servo": "5000 N m per rad", "current": "2 N m per A", "voltage": "2 N m per V"}
     assert found == ([f"your controller has to apply {unit[drive.kind]}"] if lost else [])
 
 
@@ -382,7 +382,7 @@ def test_the_command(tmp_path, capsys):
     printed = capsys.readouterr()
     assert (
         printed.out.startswith("<?xml")
-        and "URDF has no dead zone of the drive: the servo answers small errors" in printed.err
+        and "URDF has no dead zone of the drive: the target's servo reacts to the smallest error" in printed.err
     )
     servo = ActuatorModel("m", Drive("voltage", 2.0), (EffectValue("viscous", {"viscous": 0.8}),))
     save_models({"m": servo}, tmp_path / "servo.yaml")

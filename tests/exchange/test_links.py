@@ -60,7 +60,7 @@ def test_a_mass_scales_the_link_with_what_is_welded_to_it(tmp_path, kind, text):
     written, (told,) = with_links(text, kind, path, [MASS], {})
     before = whole_of_drake(text, kind)
     assert_allclose(whole_of_drake(written, kind), before * (1.0 + 0.7 / before[0]), rtol=1e-8, atol=1e-10)
-    assert told.startswith("arm: link mass (mass +0.7) was written; the link weighs 2.7 kg, 2 kg before")
+    assert told.startswith("arm: link mass (mass +0.7) was written; the mass of the link is now 2.7 kg instead of 2 kg")
 
 
 def test_a_mass_scales_the_body_of_an_mjcf_file(tmp_path):
@@ -78,13 +78,13 @@ def test_a_centre_of_mass_moves_and_fitted_parameters_replace_those_of_the_file(
     fitted = dict(zip(NAMES, (before * 1.1).tolist(), strict=True))
     written, (told,) = with_links(URDF, "urdf", path, [], {"arm": fitted})
     assert_allclose(whole_of_drake(written, "urdf"), 1.1 * before, rtol=1e-8, atol=1e-10)
-    assert "fitted inertial parameters were written" in told and "no body" not in told
+    assert "fitted inertial parameters were written" in told and "no rigid body" not in told
 
 
 def test_parameters_of_no_body_become_those_of_the_nearest_one_and_the_loss_is_told(tmp_path):
     wrong = dict(zip(NAMES, [0.4, 0.5, 0.0, 0.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.02], strict=True))
     written, (told,) = with_links(URDF, "urdf", tmp_path / "robot.urdf", [], {"arm": wrong})
-    assert "no body has these, the nearest one differs by up to" in told
+    assert "no rigid body has these parameters, and the written ones differ by up to" in told
     after = consistent(whole_of_drake(written, "urdf"))
     assert_allclose(after, whole_of_drake(written, "urdf"), rtol=1e-9)
     possible = np.array([2.0, 0.2, 0.0, 0.1, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1])
@@ -102,6 +102,6 @@ def test_parameters_of_no_body_become_those_of_the_nearest_one_and_the_loss_is_t
 def test_what_is_not_written_is_named(tmp_path, target, into, where, why):
     path = tmp_path / "robot.urdf" if into else None
     text, (told,) = with_links(URDF, target, path, [MASS | {"where": where}], {})
-    assert text.endswith(URDF) and told.startswith(f"{where}: link mass (mass +0.7) is not written: {why}")
+    assert text.endswith(URDF) and told.startswith(f"{where}: link mass (mass +0.7) was not written: {why}")
     bias = {"effect": "ft_bias", "where": "foot", "fx": 1.0}
     assert "an error of the sensor" in with_links(URDF, "urdf", path, [bias], {})[1][0]

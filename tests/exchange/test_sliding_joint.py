@@ -35,7 +35,7 @@ def test_a_bench_has_a_sliding_joint():
 
 def test_what_is_lost_is_told_in_newtons_and_metres():
     said = " ".join(sentences(projected("urdf"), TARGETS["urdf"]))
-    assert "m/s; RMS error of the friction torque" in said and "100 N for 1 A" in said
+    assert "m/s; the RMS error of the friction torque" in said and "100 N per A" in said
     assert "N m" not in said and "rad" not in said
     assert "# efforts are forces: 100 N for one unit" in to_isaaclab(projected("isaaclab"))
 

@@ -192,5 +192,5 @@ def test_a_reason_agrees_with_the_number_of_terms_that_explain_the_effect(checke
         sentence(effect("asymmetric_friction"), Hidden(facts, size, math.inf, 0.0, names, 0.0, 1.0))
         for names in (["A"], ["A", "B"])
     )
-    assert one == "At these motions A explains all of what it does."
-    assert two == "At these motions A and B together explain all of what it does."
+    assert one == "In these motions, A imitates all of its contribution."
+    assert two == "In these motions, A and B together imitate all of its contribution."

@@ -50,7 +50,7 @@ def test_a_unit_that_no_rig_file_may_name_is_not_taken_for_si(tmp_path, unit):
     found = inspect_log(tmp_path / "run.csv")
     (torque,) = [column for column in found.columns if column.canonical == "joint/torque"]
     assert torque.unit == "" and unit.replace("µ", "µ") in torque.why
-    assert any("is not clear: say it under `units:`" in note for note in found.notes)
+    assert any("is not clear: state it under `units:`" in note for note in found.notes)
 
 
 def mine() -> pd.DataFrame:
@@ -72,7 +72,7 @@ def test_a_line_of_units_below_the_names_gives_the_rig_file(tmp_path):
     found = inspect_log(path)
     assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg", "joint/torque": "N*mm"}
     assert trial(found) == "" and found.rows == len(bench())
-    assert [c.why for c in found.columns if c.name == "angle"] == ["called angle; line 2 of the file states deg"]
+    assert [c.why for c in found.columns if c.name == "angle"] == ["alias angle; line 2 of the file states deg"]
     run = load_run(path, parse_rig(dict(found.rig)))
     plain = tmp_path / "plain.csv"
     bench().to_csv(plain, index=False)

@@ -78,7 +78,7 @@ def test_a_name_tells_degrees_of_a_motion_that_could_be_in_rad(tmp_path):
     path = write(table.assign(q_deg=table["q_deg"] / 20.0, q_ref_deg=table["q_ref_deg"] / 20.0), tmp_path / "run.csv")
     found = inspect_log(path)
     assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg"}
-    assert next(column.why for column in found.columns if column.name == "q_deg") == "called q; its name states deg"
+    assert next(column.why for column in found.columns if column.name == "q_deg") == "alias q; its name states deg"
 
 
 @pytest.mark.parametrize("name", ["foo", "status", "pi", "mass_kg", "error"])
@@ -155,7 +155,7 @@ def test_an_effort_beside_the_position_command_is_pointed_out(tmp_path):
     assert found.rig["drive"] == "position_servo"
     (told,) = [note for note in found.notes if "also has" in note]
     assert "torque command of joint" in told
-    assert "`drive: torque` with `columns: {joint/torque_command: joint/effort}` uses it." in told
+    assert "write `drive: torque` and `columns: {joint/torque_command: joint/effort}` in the rig file." in told
 
 
 def of_a_test_stand() -> pd.DataFrame:
@@ -193,7 +193,7 @@ def test_the_command_writes_the_rig_and_says_what_it_took(invoke_inspect, tmp_pa
     path = write(renamed(), tmp_path / "run.csv")
     rig = tmp_path / "rig.yaml"
     outcome = invoke_inspect(path, "--rig", rig)
-    assert outcome.code == 0 and outcome.out.endswith(f"{rig}\n") and "called q_ref" in outcome.out
+    assert outcome.code == 0 and outcome.out.endswith(f"{rig}\n") and "alias q_ref" in outcome.out
     assert load_run(path, load_rig(rig)).notes == ()
     document = json.loads(invoke_inspect(path, "--json").out)
     assert document["rig"] == yaml.safe_load(rig.read_text()) and document["problem"] is None
@@ -205,7 +205,7 @@ def test_a_log_without_joints_lists_its_columns_and_writes_no_rig(invoke_inspect
     path = write(pd.DataFrame({"t": np.arange(100) * 0.01, "foo": 1.0}), tmp_path / "run.csv")
     outcome = invoke_inspect(path, "--rig", tmp_path / "rig.yaml")
     assert outcome.code == 2 and "foo" in outcome.out and not (tmp_path / "rig.yaml").exists()
-    assert "no rig file was written: No joint has a position and a command" in outcome.err
+    assert "no rig file was written: No joint has both a position and a command" in outcome.err
 
 
 @pytest.fixture

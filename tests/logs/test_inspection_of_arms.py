@@ -41,7 +41,7 @@ def test_the_efforts_of_an_arm_are_those_of_its_drives(tmp_path, effort, drive, 
     assert (found.rig["drive"], len(found.rig["joints"])) == (drive, 6) and trial(found) == ""
     if column is not None:
         assert found.rig["columns"][column] == effort.format("joint3")
-    assert found.comment.startswith("drive: the recorded") and "position_servo" in found.comment
+    assert found.comment.startswith("drive: this rig file uses the recorded") and "position_servo" in found.comment
     assert any(found.comment[1:] in note for note in found.notes)
 
 
@@ -51,7 +51,7 @@ def test_efforts_without_position_commands_may_be_currents_and_inspect_says_so(t
     table[[name for name in table if not name.endswith("_command")]].to_csv(path, index=False)
     found = inspect_log(path)
     assert found.rig["drive"] == "torque"
-    assert any("many drivers put currents there" in note and "drive: current" in note for note in found.notes)
+    assert any("many drivers publish currents there" in note and "drive: current" in note for note in found.notes)
 
 
 def test_a_motor_s_current_is_that_of_its_joint(tmp_path):
@@ -70,7 +70,7 @@ def test_the_rig_file_says_what_was_chosen_and_how_to_change_it(tmp_path):
     assert run(["inspect", str(path), "--rig", str(rig)]) == 0
     text = rig.read_text()
     (comment,) = [line for line in text.splitlines() if line.startswith("# drive:")]
-    assert "position_servo fits a stiffness" in comment and "write current here" in comment
+    assert "With `drive: position_servo`" in comment and "write `drive: current`" in comment
     assert load_run(path, load_rig(rig)).columns["joint1/torque_command"].shape == TIME.shape
     # the two changes that the comment names give rig files that read the log
     servo, amperes = tmp_path / "servo.yaml", tmp_path / "amperes.yaml"

@@ -130,7 +130,7 @@ def test_the_console_does_not_call_a_loop_simulated_that_has_margins_alone(close
     joint = replace(a_joint(none, none), reference=nothing, error_before=nothing, error_after=nothing)
     print_summary(replace(result, closed_loop=replace(closed, joints={"knee": joint}, time=None, notes=())), tmp_path)
     said = " ".join(capsys.readouterr().out.split())
-    assert "closed loop: tracking was not simulated; the report lists the linear loop's margins" in said
+    assert "closed loop: tracking was not simulated; the report lists the margins of the linear loop" in said
     assert "not simulated to the end" not in said
 
 

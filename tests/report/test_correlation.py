@@ -1,10 +1,20 @@
 """Correlation with gaps, against closed forms, numpy's correlate and the rate at which bands are left."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.plots.correlation import Correlation, Gridded, autocorrelation, cross_correlation, on_grid
+from drake_tc.report.plots.correlation import (
+    Correlation,
+    Gridded,
+    autocorrelation,
+    cross_correlation,
+    on_grid,
+    outside,
+)
+from drake_tc.report.sentences.words import correlation_words
 
 
 def ar1(rng: np.random.Generator, size: int, memory: float) -> np.ndarray:
@@ -83,3 +93,18 @@ def test_a_thinned_correlation_is_broken_where_pairs_are_too_few() -> None:
     broken = np.isnan(thin.value)
     assert_allclose(thin.lag[broken], [5.01])
     assert np.all(np.isnan(thin.band) == broken)
+
+
+def test_a_correlation_outside_its_band_and_no_structure_are_explained_together(joint: JointResult) -> None:
+    lag = np.linspace(-1.0, 1.0, 200)
+    band, chance = np.full(200, 0.11), np.where(np.arange(200) < 10, 0.2, 0.05)
+    assert outside("velocity", Correlation(lag, chance, band)) is None
+    found = outside("velocity", Correlation(lag, np.where(lag > 0.0, -0.28 * lag, 0.0), band))
+    assert found is not None and (found.value, found.lag) == (-0.28, 1.0)
+    assert outside("velocity", Correlation(lag, np.where(lag > 0.0, -0.28 * lag, 0.0), band), reach=1.0) is None
+    left = replace(joint.unexplained, structured=False, fraction=0.03)
+    said = correlation_words([found], left)
+    assert (
+        "velocity (-0.28 at a lag of 1.0 s, band ±0.11)" in said and "(3.0\u00a0% of its variance) is too small" in said
+    )
+    assert correlation_words([found], replace(left, structured=True)) == "" == correlation_words([], left)

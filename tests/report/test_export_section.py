@@ -18,7 +18,7 @@ def text_of(html):
 
 
 def test_errors_have_one_prefix_and_a_dash_where_nothing_ran():
-    assert headings(ROWS, "MuJoCo")[2:] == ("our model, Drake", "export, MuJoCo", "your file, MuJoCo")
+    assert headings(ROWS, "MuJoCo")[2:] == ("model after (Drake)", "export (MuJoCo)", "your file (MuJoCo)")
     assert [[c.replace("\u00a0", " ") for c in row[2:]] for row in cells(ROWS)] == [
         ["0.0206 mrad", "1.18 mrad", "3.96 mrad"],
         ["0.0300 mrad", "–", "–"],
@@ -27,7 +27,7 @@ def test_errors_have_one_prefix_and_a_dash_where_nothing_ran():
 
 def test_a_column_that_nothing_is_in_is_left_out():
     alone = tuple(replace(row, original=None) for row in ROWS)
-    assert headings(alone, "MuJoCo")[-1] == "export, MuJoCo" and {len(row) for row in cells(alone)} == {4}
+    assert headings(alone, "MuJoCo")[-1] == "export (MuJoCo)" and {len(row) for row in cells(alone)} == {4}
 
 
 def test_the_report_shows_the_trial(result):

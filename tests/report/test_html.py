@@ -119,7 +119,7 @@ def test_the_numbers_and_words_are_there(page: Page, joint: JointResult) -> None
     text = " ".join(page.text.split())
     assert "Missing in the model: Stribeck friction and torque ripple." in text
     assert "look for peaks at zero velocity" in text
-    assert "cannot tell Stribeck friction from" in text
+    assert "cannot distinguish Stribeck friction from" in text
     assert "temperature not recorded" in text
     assert "at bound" in text
     assert "40.0 mrad" in text

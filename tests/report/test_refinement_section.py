@@ -1,4 +1,4 @@
-"""The output error in the report: what came of it, the errors of each run, the numbers that changed."""
+"""The refinement on free runs in the report: what came of it, the errors of each run, the numbers that changed."""
 
 from dataclasses import replace
 
@@ -49,13 +49,13 @@ def test_the_page_shows_errors_numbers_and_what_the_verdict_rests_on(
     result: CloseLoopResult, joint: JointResult
 ) -> None:
     page = render(replace(result, joints={"knee": refined(joint)}))
-    assert "<h2>Output error</h2>" in page
+    assert "<h2>Refinement on free runs</h2>" in page
     sentence = refinement_sentence(ACCEPTED)
     assert sentence in page
-    for said in ("model_refined.yaml", "20.0", "5.00", "21.0", "8.00", "runs left out in turn"):
+    for said in ("model_refined.yaml", "20.0", "5.00", "21.0", "8.00", "In cross-validation"):
         assert said in sentence
     assert "1.751" in page and "at bound" in page
-    assert "The verdict, the effects and their intervals are those of the equation error" in page
+    assert "The verdict, the effects and their intervals are those of the model after" in page
     assert "RMS refined" in page and "2.00\u00a0mrad" in page
 
 
@@ -76,7 +76,7 @@ def test_models_that_were_not_simulated_have_no_column(joint: JointResult) -> No
 @pytest.mark.parametrize("status", [s for s in WHY_NOT if s != "accepted"])
 def test_a_model_that_stays_says_why(status: str) -> None:
     said = refinement_sentence(Refinement(status, why="It is 3 N*m." if status == "implausible" else ""))  # type: ignore[arg-type]
-    assert said.startswith("Output error: there is no refined model, because ")
+    assert said.startswith("Refinement on free runs: there is no refined model, because ")
     assert ("(It is 3 N*m)" in said) == (status == "implausible")
 
 

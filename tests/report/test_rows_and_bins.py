@@ -39,6 +39,15 @@ def test_bins_skip_what_is_not_finite() -> None:
     assert_allclose(binned(x, y, 4).middle, 7.0, rtol=1e-15)
 
 
+def test_no_bin_lies_across_a_gap() -> None:
+    """A step whose sides lie in two stretches of x leaves no bin with both values, and no shading from one to other."""
+    x = np.concatenate([np.linspace(-1.0, -0.2, 1003), np.linspace(0.2, 1.0, 1010)])
+    found = binned(x, np.sign(x), 24)
+    assert np.count_nonzero(np.isnan(found.x)) == 1
+    known = np.isfinite(found.x)
+    assert_allclose(found.low[known], found.high[known], rtol=0.0, atol=0.0)
+
+
 def test_thinning_keeps_both_ends() -> None:
     index = evenly(100_000, 3000)
     assert (index[0], index[-1], index.size) == (0, 99_999, 3000)

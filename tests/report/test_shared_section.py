@@ -1,4 +1,4 @@
-"""The section on causes that no single joint owns: there when there are some, and what it says."""
+"""The section on causes that several joints share: there when there are some, and what it says."""
 
 from dataclasses import replace
 

@@ -97,7 +97,7 @@ def test_more_than_noise_says_how_many_floors_and_which_share(joint, found):
         "the remaining error on the held-out runs is 41 times the noise floor (52 times on the training runs)"
         in said.replace("The remaining", "the remaining")
     )
-    assert "12 % of the effort's RMS. It depends on no recorded signal" in said
+    assert "12 % of the effort's RMS. It does not depend on the recorded signals" in said
     assert said.startswith("Missing in the model: " if found else "No effect of the library was added")
     assert ("However, the remaining error" in said) == found
     assert (" The remaining error" in said) != found
@@ -111,7 +111,7 @@ def test_beside_fitted_links_a_wrong_drive_gain_is_a_possible_cause(joint):
     alone = replace(with_errors(joint, 0.2, 0.0816, 0.002), unexplained=left, verdict="unexplained_residual")
     assert "drive gain" not in unexplained(alone)
     said = unexplained(replace(alone, links_fitted=True))
-    assert "no recorded signal of this joint" in said
+    assert "not depend on the recorded signals of this joint" in said
     assert "a wrong drive gain of this or another joint" in said
     assert "a load in some of the runs that the rig file does not declare" in said
 
@@ -321,7 +321,9 @@ def test_what_must_not_be_overlooked(joint):
         made = replace(free, after=replace(free.after, free_run_heldout=after))
         assert any("position error of the free run" in w for w in warnings(made)) == said
     either = warnings(replace(sound, indistinguishable=(("stribeck", "delay"),)))
-    assert either == [f"These logs cannot tell {title_of('stribeck')} from {title_of('delay')}; both fit equally well."]
+    assert either == [
+        f"These logs cannot distinguish {title_of('stribeck')} from {title_of('delay')}; both fit equally well."
+    ]
     bound = {"stribeck": {"stribeck_exponent": Estimate(4.0, "-", (3.0, 4.0), True)}}
     at_bound = warnings(replace(sound, final_parameters={**sound.final_parameters, **bound}))
     assert at_bound == [
@@ -340,7 +342,7 @@ def test_an_effect_that_was_tried_is_told_with_its_log_odds_and_another_with_its
 @pytest.mark.parametrize(
     ("fraction", "structured", "names", "structure", "depends"),
     [
-        (0.05, False, (), "no", "nothing recorded"),
+        (0.05, False, (), "no", "no recorded signal"),
         (
             0.54,
             False,

@@ -19,6 +19,7 @@ from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.logs.record import Run
+from drake_tc.report.sentences.words import joined
 from drake_tc.types import FloatArray
 
 Level = Literal["good", "note", "warning"]
@@ -108,7 +109,11 @@ def _effort_step(prepared: Prepared) -> Finding | None:
         return None
     coarse = step > COARSE * spread
     text = f"The command has steps of {step:.3g} {unit}"
-    text += f", {100.0 * step / max(spread, 1e-300):.0f} % of the effort's spread: record it finer." if coarse else "."
+    text += (
+        f", {100.0 * step / max(spread, 1e-300):.0f} % of the effort's standard deviation, which is too coarse."
+        if coarse
+        else "."
+    )
     return Finding("command step", "warning" if coarse else "good", step, unit, text)
 
 
@@ -120,7 +125,11 @@ def _limit(prepared: Prepared) -> Finding | None:
     share = float(np.mean(np.abs(effort) > 0.995 * largest))
     if share < AT_LIMIT:
         return Finding(
-            "largest effort", "good", largest, unit, f"The effort rarely reaches its maximum of {largest:.3g} {unit}."
+            "largest effort",
+            "good",
+            largest,
+            unit,
+            f"The effort reaches its maximum ({largest:.3g} {unit}) only rarely, so it shows no limit.",
         )
     text = f"The effort stays at its maximum of {largest:.3g} {unit} in {100.0 * share:.1f} % of the samples."
     return Finding("largest effort", "note", largest, unit, text)
@@ -194,8 +203,8 @@ def _effects(fitted: FittedJoint) -> Finding | None:
     if not names:
         return None
     text = (
-        f"The most probable model has {', '.join(names)} beside the declared one; close-loop asks held-out runs "
-        "whether it holds."
+        f"The most probable model contains {joined(names)} in addition to the declared model; close-loop tests on "
+        "held-out runs whether this holds."
     )
     return Finding("effects", "note", float(len(names)), "-", text)
 
@@ -237,11 +246,14 @@ def _gravity(prepared: Prepared) -> Finding | None:
     left = 1.0 - float(np.var(tau - basis @ beta) / max(np.var(tau), 1e-300))
     inertia = float(beta[2])
     if inertia < 0.0 and left > 0.9:
-        text = f"The load torque falls with the acceleration ({inertia:.2g} kg*m^2): its sign, or its clock, is wrong."
+        text = (
+            f"The load torque decreases with the acceleration ({inertia:.2g} kg*m^2): its sign or its time stamps are "
+            "wrong."
+        )
         return Finding("gravity", "warning", moment, "N*m", text)
     text = (
-        f"Gravity (m g l = {moment:.3g} N*m) and inertia explain {100.0 * left:.0f} % of the load torque; the rest is "
-        "other loads."
+        f"Gravity (m g l = {moment:.3g} N*m) and inertia explain {100.0 * left:.0f} % of the variance of the load "
+        "torque; the rest comes from other loads."
     )
     return Finding("gravity", "good", moment, "N*m", text)
 
@@ -252,11 +264,11 @@ def _moved_mass(acceleration: FloatArray, force: FloatArray) -> Finding:
     mass, constant = (float(b) for b in np.linalg.lstsq(basis, force, rcond=None)[0])
     share = 1.0 - float(np.var(force - basis @ [mass, constant]) / max(np.var(force), 1e-300))
     if mass < 0.0 and share > 0.9:
-        text = f"The load force falls with the acceleration ({mass:.2g} kg): its sign, or its clock, is wrong."
+        text = f"The load force decreases with the acceleration ({mass:.2g} kg): its sign or its time stamps are wrong."
         return Finding("gravity", "warning", constant, "N", text)
     text = (
         f"A mass of {max(mass, 0.0):.3g} kg and a constant force of {constant:.3g} N explain {100.0 * share:.0f} % of "
-        "the load force; the rest is other loads."
+        "the variance of the load force; the rest comes from other loads."
     )
     return Finding("gravity", "good", constant, "N", text)
 
@@ -309,13 +321,23 @@ def late_columns(fitted: FittedJoint, runs: Sequence[Run], joint: str) -> tuple[
     """
     out = [*_recorded_late(fitted), *(_acting_late(fitted, term) for term in fitted.found if term.effect.key in ACTING)]
     if not any(each.level == "warning" or each.name == "clocks" for each in out):
-        out.append(Finding("clocks", "good", 0.0, "s", "Every channel is as old as its sampling explains."))
+        out.append(
+            Finding(
+                "clocks",
+                "good",
+                0.0,
+                "s",
+                "The delays between the channels are no longer than their sampling explains.",
+            )
+        )
     return (*out, *_late_velocity(fitted.prepared, runs, joint))
 
 
 def _acting_late(fitted: FittedJoint, term: Term) -> Finding:
     delay = fitted.parameters[term.effect.key]["delay"]
-    text = f"The {ACTING[term.effect.key]} acts {_size(delay.value, delay.ci95)} late: a delay is missing."
+    text = (
+        f"The {ACTING[term.effect.key]} acts {_size(delay.value, delay.ci95)} late: the declared model lacks a delay."
+    )
     return Finding("clocks", "note", delay.value, "s", text, delay.ci95)
 
 
@@ -328,7 +350,7 @@ def _recorded_late(fitted: FittedJoint) -> list[Finding]:
     torque = age_of(fitted, "torque")
     if torque.known(least):
         late, against = ("torque", "position") if torque.seconds > 0.0 else ("position", "torque")
-        text = f"The {late} comes {_size(torque.seconds, torque.interval)} late against the {against}"
+        text = f"The {late} is recorded {_size(torque.seconds, torque.interval)} later than the {against}"
         out.append(_finding("delay of the torque", torque, text))
     if context.drive == "position_servo":  # the derivatives of its command take up an age
         return out
@@ -341,13 +363,16 @@ def _recorded_late(fitted: FittedJoint) -> list[Finding]:
         out.append(_finding("delay of the effort", effort, text))
         return out
     acts = Age(-effort.seconds, effort.half, effort.expected)
-    text = f"The effort acts {_size(acts.seconds, acts.interval)} after its record, or the torque comes as late."
+    text = (
+        f"The effort acts {_size(acts.seconds, acts.interval)} after its record, or the torque is recorded late by as "
+        "much."
+    )
     out.append(Finding("clocks", "note", acts.seconds, "s", text, acts.interval))
     return out
 
 
 def _finding(name: str, age: Age, text: str) -> Finding:
-    why = ", which its sampling explains." if age.expected else ": by a filter, a bus or another clock."
+    why = ", which its sampling explains." if age.expected else ", because of a filter, a bus or another clock."
     return Finding(name, "note" if age.expected else "warning", age.seconds, "s", text + why, age.interval)
 
 
@@ -380,7 +405,8 @@ def _late_velocity(prepared: Prepared, runs: Sequence[Run], joint: str) -> tuple
     late, against = ("velocity", "position") if seconds > 0.0 else ("position", "velocity")
     interval = (seconds - half, seconds + half)
     text = (
-        f"The {late} comes {_size(seconds, interval)} late against the {against}: by a filter, a bus or another clock."
+        f"The {late} is recorded {_size(seconds, interval)} later than the {against}, because of a filter, a bus or "
+        "another clock."
     )
     return (Finding(LATE_VELOCITY, "warning", seconds, "s", text, interval),)
 

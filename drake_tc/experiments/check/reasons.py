@@ -93,18 +93,18 @@ def _load_sign(f: MotionFacts) -> str:
 def _load_change(f: MotionFacts) -> str:
     if f.load_change > 0.35:
         return ""
-    return f"The load torque hardly changes its size: it varies by {100 * f.load_change:.0f} % about its mean."
+    return f"The magnitude of the load torque hardly changes: it varies by {100 * f.load_change:.0f} % about its mean."
 
 
 def _never_slow(f: MotionFacts) -> str:
     if f.slow > 0.05:
         return ""
     tenth = f"a tenth of {f.speed:.3g} {f.units.position}/s"
-    return f"The joint is hardly ever slow: {100 * f.slow:.0f} % of the rows are below {tenth}."
+    return f"The joint is rarely slow: only {100 * f.slow:.0f} % of the samples are below {tenth}."
 
 
 def _temperature(f: MotionFacts) -> str:
-    return "" if not f.rise < 5.0 else f"The recorded temperature changes by {f.rise:.2g} K only."
+    return "" if not f.rise < 5.0 else f"The recorded temperature changes by only {f.rise:.2g} K."
 
 
 def _effort_sign(f: MotionFacts) -> str:
@@ -112,7 +112,7 @@ def _effort_sign(f: MotionFacts) -> str:
 
 
 def _few_reversals(f: MotionFacts) -> str:
-    return "" if f.reversals >= 8 else f"The motion turns over {f.reversals} times only."
+    return "" if f.reversals >= 8 else f"The motion reverses only {f.reversals} times."
 
 
 def _slow_accelerations(f: MotionFacts) -> str:
@@ -120,15 +120,15 @@ def _slow_accelerations(f: MotionFacts) -> str:
     if f.inertial > 0.15 * largest:
         return ""
     shares = f"{f.inertial:.2g} {f.units.torque} of torques up to {largest:.3g} {f.units.torque}"
-    return f"The accelerations are slow: inertia accounts for {shares}."
+    return f"The accelerations are low: inertia accounts for {shares}."
 
 
 def _small_travel(f: MotionFacts) -> str:
-    return "" if f.span > f.units.large_travel else f"The joint travels over {f.span:.2g} {f.units.position} only."
+    return "" if f.span > f.units.large_travel else f"The joint moves over only {f.span:.2g} {f.units.position}."
 
 
 def _short(f: MotionFacts) -> str:
-    return "" if f.duration > 60.0 else f"The longest run lasts {f.duration:.3g} s."
+    return "" if f.duration > 60.0 else f"The longest run lasts only {f.duration:.3g} s."
 
 
 def _limit(f: MotionFacts) -> str:
@@ -195,9 +195,9 @@ def sentence(effect: Effect, hidden: Hidden) -> str:
     size = size.removesuffix(" -")
     if hidden.kept < IMITATED and hidden.imitators:
         share = min(99.9, 100.0 * (1.0 - hidden.kept**2))
-        verb = "explains" if len(hidden.imitators) == 1 else "together explain"
+        verb = "imitates" if len(hidden.imitators) == 1 else "together imitate"
         part = "all" if hidden.kept <= NUMERICAL else f"{share:.3g} %"
-        return f"At these motions {' and '.join(hidden.imitators)} {verb} {part} of what it does."
+        return f"In these motions, {' and '.join(hidden.imitators)} {verb} {part} of its contribution."
     unit = hidden.facts.units.torque
-    asked = f", and the noise asks for {hidden.least:.2g} {unit}" if math.isfinite(hidden.least) else ""
+    asked = f", but the noise requires at least {hidden.least:.2g} {unit}" if math.isfinite(hidden.least) else ""
     return f"An effect{size} changes the torque by {hidden.remainder:.2g} {unit}{asked}."

@@ -240,8 +240,8 @@ def summary(name: str, joint: JointCheck) -> str:
     possible = sum(not e.obstacle for e in joint.effects.effects)
     doubts = sum(f.level == "warning" for f in joint.findings)
     text = (
-        f"{name}: of the {possible} effects that can be looked for, these logs would show {len(shown)} of typical "
-        f"size, and {len(blurred)} that they cannot separate from another effect."
+        f"{name}: of the {possible} effects that can be looked for, these logs would show {len(shown)} at their "
+        f"typical size, and cannot separate {len(blurred)} from another effect."
     )
     if not doubts:
         return text
@@ -257,16 +257,16 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
     doubtful = [f.text for f in joint.findings if f.level == "warning"]
     noise, unit = joint.effects.noise, pretty_unit(joint.effects.facts.units.torque)
     explain = (
-        f"Noise leaves {significant(noise.floor)} {unit} of the torque balance; the most probable model leaves "
-        f"{significant(noise.left)} {unit} with {significant(noise.independent)} independent samples. An effect is "
-        "found from the size on at which close-loop would name it in 95 % of such logs, whatever most of its other "
-        "parameters are. "
-        "“Seen” compares this size with the typical size, from which on an effect matters to the user of a model."
+        f"The sensor noise alone leaves an error of {significant(noise.floor)} {unit} (RMS) in the torque balance; the "
+        f"most probable model leaves {significant(noise.left)} {unit}, with {significant(noise.independent)} "
+        "independent samples. The smallest size is the size at which close-loop would name the effect in 95 % of such "
+        "logs, for most values of its other parameters. “Seen” means that it is at most the typical size, from which "
+        "on an effect matters to the user of a model."
     )
     table = PageTable(
-        ("effect", "these logs", "found from", "typical", "unit", "why"),
+        ("effect", "these logs", "smallest size", "typical size", "unit", "why"),
         [_row(each) for each in joint.effects.effects if not each.obstacle],
-        ("found from", "typical"),
+        ("smallest size", "typical size"),
     )
     labels = {each.key: _label(each) for each in joint.effects.effects}
     never = PageTable(
@@ -285,7 +285,7 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
 
 
 def _row(found: Visibility) -> tuple[str, ...]:
-    why = found.reason or (f"At these motions it is {found.why}." if found.why else "")
+    why = found.reason or (f"In these motions it is {found.why}." if found.why else "")
     return (
         _label(found),
         WORDS[found.status],

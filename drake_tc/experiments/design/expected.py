@@ -2,15 +2,14 @@
 
 All of it is read off posteriors: of the logs so far, and of the logs that the experiments would give (`next_log`).
 
-Whether a position servo follows a designed motion, or its stiffness and the joint's inertia resonate with it.
-
-A servo of stiffness 1/K that is commanded to q_d moves the joint, but for dry friction and gravity, as
+Whether a position servo follows a designed motion, or its stiffness and the joint's inertia resonate with it: a servo
+of stiffness 1/K that is commanded to q_d moves the joint, but for dry friction and gravity, as
 
     J q'' + F_v q' = (q_d - q)/K,   H(w) = 1/(1 - K J w^2 + i K F_v w)                              (following)
 
 with the rotor's and the load's inertia J. The motion that the joint then makes is H applied to the designed one.
 
-Which limit stands in the way of a goal: the criterion of rough motions, each limit in turn twice as wide.
+And which limit stands in the way of a goal: the criterion of rough motions, each limit in turn twice as wide.
 """
 
 import math
@@ -92,7 +91,7 @@ def _of_discrimination(criterion: Discrimination, fitted: FittedJoint | None) ->
     odds = None if fitted is None else _odds(fitted, forms)
     apart, probable, distances = [], [], []
     for truth, other in criterion.orders:
-        name = f"{truth.effect.key} fitted by {other.effect.key}: distance in standard deviations"
+        name = f"error if {truth.effect.key} is fitted by {other.effect.key}, in standard deviations"
         found = [odds.apart(v, other.effect, truth.strength) for v in _variants(odds, truth)] if odds else [(0.0, 0.0)]
         apart.append(min(each[0] for each in found))
         distances.append((name, "-", math.sqrt(min(each[1] for each in found))))
@@ -108,8 +107,10 @@ def _of_discrimination(criterion: Discrimination, fitted: FittedJoint | None) ->
             (odds.beside(form.effect).information(*v.at(form.strength)) for v in _variants(odds, form)) if odds else [0]
         )
         apart.append(min(each))
-        seen.append((f"{form.effect.key} not modelled: distance in standard deviations", "-", math.sqrt(information)))
-    probability = ("probability that these runs alone distinguish them", "-", min(probable, default=0.0))
+        seen.append(
+            (f"error if {form.effect.key} is not modelled, in standard deviations", "-", math.sqrt(information))
+        )
+    probability = ("probability that the runs distinguish them", "-", min(probable, default=0.0))
     least = min(distance for *_, distance in distances)
     return Worth((probability, *distances, *seen), min(apart), math.log(least) if least > 0.0 else -math.inf)
 
@@ -218,11 +219,11 @@ def _all_shown(criterion: AllEffects, rows: tuple[Expected, ...], noun: str) -> 
 
     by_design, by_default = (sum(shown(f, getattr(r, name)) for f, r in pairs) for name in ("after", "default"))
     text = (
-        f"Of {len(rows)} effects of typical size the {noun} shows {by_design}, a growing sinusoid of the same length "
-        f"and limits {by_default}."
+        f"Of {len(rows)} effects of typical size, the {noun} shows {by_design}; a growing sinusoid of the same length "
+        f"and limits shows {by_default}."
     )
     never = [form.effect.key for form, row in pairs if math.isinf(row.after)]
-    return (text, *((f"The {noun} shows no size (∞) of {', '.join(never)}.",) if never else ()))
+    return (text, *((f"The {noun} shows {', '.join(never)} at no size (∞).",) if never else ()))
 
 
 FOLLOWED = 1.05

@@ -27,8 +27,8 @@ FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
 
 REFIT = (
-    "Give the new run as --log and the earlier ones as --holdout. If they were fitted together, the earlier runs alone "
-    "would also have to predict the new run, and their bias could make the diagnosis withdraw the true effect."
+    "Pass the new run as --log and the earlier runs as --holdout. Fitted together with it, the earlier runs could bias "
+    "the fit and hide the true effect."
 )
 
 

@@ -101,7 +101,11 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
     choice = taken(mine, others)
     main = _main(choice, needed, path)
     rate = (len(main.time) - 1) / max(1e-9, 1e-9 * float(main.time[-1] - main.time[0]))
-    notes = [f"Rows are the {len(main.time)} messages of {main.stream.topic} ({rate:.4g} Hz).", *robots, *main.notes]
+    notes = [
+        f"The rows are the {len(main.time)} messages of {main.stream.topic} ({rate:.4g} Hz).",
+        *robots,
+        *main.notes,
+    ]
     columns: dict[str, FloatArray] = {"time": 1e-9 * (main.time - main.time[0]).astype(np.float64)}
     columns |= dict(zip(main.stream.names, main.table.T, strict=True))
     delay = _delay(main.stream)
@@ -275,11 +279,11 @@ def _how(timed: _Timed) -> str:
     how = {
         Kind.measured: "interpolated",
         Kind.feedback: "interpolated",
-        Kind.commanded: "held",
+        Kind.commanded: "the last value is held",
         Kind.planned: "interpolated between points, then held",
     }
     what = ", ".join(sorted({name.rpartition("/")[2] for name in timed.stream.names if "[" not in name}))
-    return f"{timed.stream.topic} ({rate}) was {how[timed.stream.kind]} at these rows{what and ': '}{what}."
+    return f"{what or 'What'} of {timed.stream.topic} ({rate}) was resampled to these rows ({how[timed.stream.kind]})."
 
 
 def _assigned(columns: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[str]]:
@@ -302,7 +306,7 @@ def _assigned(columns: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], li
             continue
         told = [f"{joint}/{suffix}" for joint in joints[: len(names)]]
         columns = {dict(zip(names, told, strict=True)).get(name, name): values for name, values in columns.items()}
-        notes.append(f"The values of {topic} were taken for {', '.join(told)}: {why}.")
+        notes.append(f"The values of {topic} were assigned to {', '.join(told)}: {why}.")
     return columns, notes
 
 

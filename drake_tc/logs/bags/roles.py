@@ -95,7 +95,7 @@ def taken(streams: Sequence[Stream], others: Sequence[Stream]) -> Taken:
     measured = {name for stream in result for name in stream.names}
     for stream in others:
         result.append(_named_by_topic(stream))
-        aside |= dict.fromkeys(result[-1].names, f"of {stream.topic}, whose name says that it is no measurement")
+        aside |= dict.fromkeys(result[-1].names, f"of {stream.topic}, which by its name is not a measurement")
         lone = [name for name in stream.names if name not in measured and name not in undecided]
         undecided |= {name: (*undecided.get(name, ()), stream.topic) for name in lone}
     return Taken(tuple(result), aside, undecided, (*_commands_hint(result, aside), *hints))

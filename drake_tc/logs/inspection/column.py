@@ -98,7 +98,7 @@ def describe(
     if told.unit:
         unit, why = told.unit, f"{told.unit_by} states {told.unit}"
     elif told.unknown_unit and not (whole and told.unknown_unit.lower() in COUNTS):
-        unit, why = "", f"{told.unit_by} states {told.unknown_unit}, which is no unit of it that a rig file may name"
+        unit, why = "", f"{told.unit_by} states {told.unknown_unit}, which is not among the units of this quantity"
     elif told.by in DUTY_CYCLE:
         unit, why = "", "a duty cycle: its unit is the voltage [V] of one step of it, 0.12 for percent of 12 V"
     elif told.quantity != "time":
@@ -110,8 +110,8 @@ def describe(
     canonical = "time" if told.quantity == "time" else f"{told.joint or NAMELESS}/{told.quantity}"
     if told.quantity == "enabled" and not told.joint:
         canonical = "enabled"
-    called = f"called {told.by}" if told.by else "recognised by its unit"
-    by = "canonical name" if name == canonical else called
+    alias = f"alias {told.by}" if told.by else "recognised by its unit"
+    by = "canonical name" if name == canonical else alias
     return Column(name, canonical, unit, f"{by}; {why}" if why else by, low, high, step, missing)
 
 
@@ -125,12 +125,12 @@ def _unit(quantity: str, low: float, high: float, *, whole: bool) -> tuple[str, 
             counts = 2 ** max(10, int(np.ceil(np.log2(largest + 1.0))))
             return f"{2.0 * np.pi / counts:.10g}", f"whole numbers: encoder counts, perhaps {counts} a turn"
         if largest < MOST_DEGREES:
-            return "deg", f"spans {span:.4g}, more than two turns in rad"
-        return "", f"spans {span:.4g}: neither rad nor deg"
+            return "deg", f"spans {span:.4g}, which in rad would be more than two turns"
+        return "", f"spans {span:.4g}, which is too much for rad and deg"
     if quantity == "velocity" and largest > FASTEST:
-        return "", f"reaches {largest:.4g}: no joint does in rad/s"
+        return "", f"reaches {largest:.4g}, which is too fast for rad/s"
     if quantity == "current" and largest > MOST_AMPERES:
-        return "mA", f"reaches {largest:.4g}, more than joints draw in A"
+        return "mA", f"reaches {largest:.4g}, which is too large for A"
     if quantity in ("voltage", "supply_voltage") and largest > MOST_VOLTS:
-        return "mV", f"reaches {largest:.4g}, more than joints are fed in V"
+        return "mV", f"reaches {largest:.4g}, which is too large for V"
     return SI.get(quantity, ""), ""

@@ -55,7 +55,7 @@ def with_units_of_rates(
         if told is not None and not told.unit and "rpm" not in told.by and q is not None and v is not None:
             unit = _unit_of_rate(q, v, time, units[position])
             if unit and unit != column.unit:
-                why = f"called {told.by}; in {unit} it is the rate of {position!r}"
+                why = f"alias {told.by}; in {unit} it is the rate of {position!r}"
                 column = replace(column, unit=unit, why=why)
         out.append(column)
     return tuple(out)
@@ -192,7 +192,7 @@ def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, 
         told = meanings.get(column.name)
         if told is not None and not told.unit and told.joint in sliding and told.quantity in SLIDING:
             unit = stated.get((told.joint, SAME_UNIT.get(told.quantity, "")), SLIDING[told.quantity])
-            why = f"called {told.by}; another column of the joint has a unit of length or force"
+            why = f"alias {told.by}; another column of the joint has a unit of length or force"
             column = replace(column, unit=unit, why=why)
         out.append(column)
     return tuple(out)
@@ -224,8 +224,8 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     others = sorted(joints - {joint, ""})
     if others:
         notes.append(
-            "The log has every quantity only once, so its columns are taken for those of one joint "
-            f"(named {joint or NAMELESS}). No joint of their own: {', '.join(others)}."
+            "The log has every quantity only once, so all columns are assumed to belong to one joint "
+            f"(named {joint or NAMELESS}). These names are not joints of their own: {', '.join(others)}."
         )
     return {name: replace(of_joints[name], joint=joint) if name in of_joints else told for name, told in found.items()}
 

@@ -52,11 +52,13 @@ def effort_drive(
 def comment_on(drive: EffortDrive, columns: tuple[Column, ...]) -> str:
     """One line for the rig file: the choice that was made, and how to change it."""
     name = "currents" if drive == "current" else "torques"
-    text = f"drive: the recorded {name} are taken for the efforts of the drives, and the position commands are not used"
-    other = "position_servo fits a stiffness between command and position instead"
+    text = (
+        f"drive: this rig file uses the recorded {name} as the efforts of the drives, and ignores the position "
+        "commands. With `drive: position_servo`, a stiffness between command and position is fitted instead."
+    )
     if drive == "torque" and any(each.name.endswith("/effort") for each in columns):
-        other += "; if the efforts are in A, write current here and /current for /torque_command under columns"
-    return f"{text}; {other}."
+        text += " If the efforts are currents in A, write `drive: current`, and /current for /torque_command."
+    return text
 
 
 def _is_effort(column: Column, told: Meaning, quantity: str, largest: float) -> bool:
@@ -124,7 +126,7 @@ def suggested_rig(
                     "position cannot be looked for."
                 )
     if not drives:
-        notes.append("No joint has a position and a command: say under `columns:` which columns they are.")
+        notes.append("No joint has both a position and a command: name their columns under `columns:` in a rig file.")
         return {}, ""
     commands = dict(DRIVES)
     used = [time] if time else []
@@ -137,13 +139,14 @@ def suggested_rig(
     switches = [each for each in switches if _is_switch(each)]
     doubtful = [column.name for column in used if not column.unit]
     if doubtful:
-        notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: say it under `units:`.")
+        notes.append(f"The unit of {', '.join(map(repr, doubtful))} is not clear: state it under `units:`.")
     notes += _other_drives(drives, by_joint)
     efforts = [by_joint[j]["torque_command"].name for j, kind in drives.items() if kind == "torque"]
     if chosen is None and any(name.endswith("/effort") for name in efforts):
         notes.append(
-            "The efforts of the joint states are taken for torques in N m, but many drivers put currents there: if they"
-            " are in A, write `drive: current`, and /current for /torque_command under `columns:`."
+            "The efforts of the joint states are assumed to be commanded torques in N m, but many drivers publish"
+            " currents there. If they are in A, write `drive: current`, and /current for /torque_command under"
+            " `columns:`."
         )
     document: dict[str, Any] = {"joint": next(iter(drives))} if len(drives) == 1 else {"joints": list(drives)}
     document["drive"] = _same(drives)
@@ -151,9 +154,9 @@ def suggested_rig(
     document["load"] = _same(loads)
     if "unknown" in loads.values():
         notes.append(
-            "No torque was measured: `load: unknown` fits a pendulum to each such joint that turns, and a mass with a"
-            " constant force to each one that slides. With a URDF, `robot: FILE` and `load: {robot: fitted}` fit the"
-            " links of the whole robot instead."
+            "Not every joint has a measured torque. With `load: unknown`, the load of a revolute joint without one is"
+            " fitted as a pendulum, and that of a prismatic joint as a mass with a constant force. With a URDF,"
+            " `robot: FILE` and `load: {robot: fitted}` fit the links of the whole robot instead."
         )
     if enabled is not None and _is_switch(enabled):
         document["enabled"] = enabled.name
@@ -181,10 +184,10 @@ def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str,
         if columns:
             renamed = [f"{each.canonical}: {each.name}" for each in columns.values() if each.canonical != each.name]
             told.append(
-                f"The log also has the {command.replace('_', ' ')} of {', '.join(columns)}. If it is the effort of the "
-                f"drive, `drive: {kind}`{' with' if renamed else ''}"
-                + (f" `columns: {{{', '.join(renamed)}}}`" if renamed else "")
-                + " uses it."
+                f"The log also has the {command.replace('_', ' ')} of {', '.join(columns)}. To use it as the effort of "
+                f"the drive, write `drive: {kind}`"
+                + (f" and `columns: {{{', '.join(renamed)}}}`" if renamed else "")
+                + " in the rig file."
             )
     return told
 

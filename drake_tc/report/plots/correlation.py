@@ -121,8 +121,41 @@ MOST_LAGS = 150
 """Drawn of each curve."""
 
 
-def correlation_plots(split: DataSplit, prefix: str) -> Sequence[str]:
-    """Auto-correlation, then cross-correlation with velocity, acceleration and load torque: four panels of SVG."""
+@dataclass(frozen=True)
+class Outside:
+    """A correlation of the residual after that leaves its band at more lags than chance makes it leave.
+
+    Attributes:
+        title: Of its panel.
+        value: Farthest outside. band: half the width of the band there. lag: There [s].
+    """
+
+    title: str
+    value: float
+    band: float
+    lag: float
+
+
+BY_CHANCE = 0.05
+"""Share of the lags that lie outside a 95 % band by chance."""
+
+
+def outside(title: str, found: Correlation, reach: float = 0.0) -> Outside | None:
+    """Where a correlation is farthest outside its band, beyond the lags that the filters alone correlate [s]."""
+    counted = np.isfinite(found.value) & (np.abs(found.lag) > reach)
+    beyond = np.where(counted, np.abs(found.value) / found.band, 0.0)
+    if np.count_nonzero(beyond > 1.0) <= BY_CHANCE * np.count_nonzero(counted):
+        return None
+    at = int(np.argmax(beyond))
+    return Outside(title, float(found.value[at]), float(found.band[at]), float(found.lag[at]))
+
+
+def correlation_plots(split: DataSplit, prefix: str) -> tuple[Sequence[str], Sequence[Outside]]:
+    """Auto-correlation, then cross-correlation with velocity, acceleration and load torque.
+
+    Returns:
+        Four panels of SVG, and those of them in which the residual after leaves its band.
+    """
     samples = split.samples
     time = samples.signals.time[samples.rows]
     longest = min(LONGEST_S, 0.25 * float(np.ptp(time)))
@@ -130,6 +163,7 @@ def correlation_plots(split: DataSplit, prefix: str) -> Sequence[str]:
     reach = (samples.light.margin + samples.kernel.margin) * samples.signals.period
     own = [autocorrelation(r, longest) for r in (before, after)]
     pictures = [_panel(f"{prefix}-auto", "residual with itself", own[0], own[1], reach)]
+    left = [outside("itself", own[1], reach)]
     for name in SIGNALS:
         values = getattr(samples.signals, name)[samples.rows]
         if not np.isfinite(values).all():
@@ -137,7 +171,8 @@ def correlation_plots(split: DataSplit, prefix: str) -> Sequence[str]:
         signal = on_grid(samples, values)
         pair = [cross_correlation(r, signal, longest) for r in (before, after)]
         pictures.append(_panel(f"{prefix}-cross-{name}", f"residual with {LABELS[name][0]}", pair[0], pair[1], 0.0))
-    return pictures
+        left.append(outside(LABELS[name][0], pair[1]))
+    return pictures, [each for each in left if each is not None]
 
 
 def _panel(name: str, title: str, before: Correlation, after: Correlation, reach: float) -> str:

@@ -130,6 +130,8 @@ def _time(samples: Samples, stretches: Sequence[TimeStretch]) -> Quantity:
 MOST_POINTS = 3000
 BINS = 24
 LEAST_IN_BIN = 8
+GAP_BINS = 1.5
+"""Width of a gap across which no bin lies, in bins of equal width."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,8 @@ class Binned:
 def binned(x: FloatArray, y: FloatArray, bins: int = BINS) -> Binned:
     """Medians and quartiles of y (N,) in bins of equally many x (N,): fine where the data are dense.
 
-    Values that are not finite take no part. Bins with fewer than 8 points are left out; all may be.
+    Values that are not finite take no part. Bins with fewer than 8 points are left out; all may be. No bin lies across
+    a gap in x as wide as `GAP_BINS` bins of equal width: the bins on both sides of it are separated by one of NaN.
     """
     good = np.isfinite(x) & np.isfinite(y)
     order = np.argsort(x[good], kind="stable")
@@ -153,10 +156,15 @@ def binned(x: FloatArray, y: FloatArray, bins: int = BINS) -> Binned:
     count = min(bins, xs.size // LEAST_IN_BIN)
     if count < 1:
         return Binned(*(np.zeros(0) for _ in range(4)))
-    parts = np.array_split(np.arange(xs.size), count)
-    quartiles = np.array([np.percentile(ys[p], (25.0, 50.0, 75.0)) for p in parts])
-    middle = np.array([np.median(xs[p]) for p in parts])
-    return Binned(middle, quartiles[:, 0], quartiles[:, 1], quartiles[:, 2])
+    gaps = np.flatnonzero(np.diff(xs) > GAP_BINS / count * (xs[-1] - xs[0])) + 1
+    rows: list[FloatArray] = []
+    for stretch in np.split(np.arange(xs.size), gaps):
+        if stretch.size < LEAST_IN_BIN:
+            continue
+        rows += [np.full(4, np.nan)] if rows else []
+        for part in np.array_split(stretch, max(1, count * stretch.size // xs.size)):
+            rows.append(np.array([np.median(xs[part]), *np.percentile(ys[part], (25.0, 50.0, 75.0))]))
+    return Binned(*np.reshape(rows, (-1, 4)).T)
 
 
 def evenly(size: int, most: int = MOST_POINTS) -> IntArray:

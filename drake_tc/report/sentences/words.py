@@ -15,6 +15,7 @@ from drake_tc.diagnosis.thresholds import LEAST_FRACTION, MOST_GROWTH
 from drake_tc.effects.library import all_effects
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, scale_for, significant, times
+from drake_tc.report.plots.correlation import Outside
 from drake_tc.report.plots.rows import LABELS
 
 VERDICTS: dict[Verdict, str] = {
@@ -28,8 +29,8 @@ WRONG_SET_UP = "Wrong set-up"
 REASONS: dict[Withdrawal, tuple[str, str]] = {
     "noise_of_one_channel": (
         "explains the noise of one channel",
-        "It is probable only if the noise belongs to one channel: a lag of the effort that acts in the drive is seen "
-        "whether the noise is that of the effort or that of the load.",
+        "It is probable only if all noise is attributed to one channel. A lag that acts in the drive would be probable "
+        "with the noise attributed to the effort and with the noise attributed to the load.",
     ),
     "worse_on_held_out": (
         "does not hold in the held-out runs",
@@ -55,13 +56,13 @@ NEAR = 0.25
 MOSTLY = 0.5
 """Share of the held-out error that effects leave, above which the report says that they may stand for another cause."""
 NO_CAUSE = (
-    "It depends on no recorded signal: possible causes are an unrecorded disturbance, a sensor that drifts, or an "
-    "effect that needs another sensor"
+    "It does not depend on the recorded signals: possible causes are an unrecorded disturbance, a sensor that drifts, "
+    "or an effect that needs another sensor"
 )
 NO_CAUSE_OF_AN_ARM = (
-    "It depends on no recorded signal of this joint: possible causes are an unrecorded disturbance, a sensor that "
-    "drifts, an effect that needs another sensor, a wrong drive gain of this or another joint (the links were fitted "
-    "at the declared gains), or a load in some of the runs that the rig file does not declare (unknown_payload)"
+    "It does not depend on the recorded signals of this joint: possible causes are an unrecorded disturbance, a sensor "
+    "that drifts, an effect that needs another sensor, a wrong drive gain of this or another joint (the links were "
+    "fitted at the declared gains), or a load in some of the runs that the rig file does not declare (unknown_payload)"
 )
 GEAR = ("backlash", "elasticity")
 """Effects of the gear between the encoders, which not every drive shows."""
@@ -165,7 +166,21 @@ def dependence_words(left: Unexplained) -> str:
     """The signals on which what is left depends."""
     if not left.depends_on and _is_function(left):
         return "not determined"
-    return joined([signal_name(n) for n in left.depends_on]) or "nothing recorded"
+    return joined([signal_name(n) for n in left.depends_on]) or "no recorded signal"
+
+
+def correlation_words(outside: Sequence[Outside], left: Unexplained) -> str:
+    """Why a residual that is correlated may have no structure; "" where it has, or where no correlation is left."""
+    if left.structured or not outside:
+        return ""
+    names = joined(
+        [f"{o.title} ({o.value:.2f} at a lag of {significant(o.lag, 2)} s, band ±{o.band:.2f})" for o in outside]
+    )
+    return (
+        f"The residual of the model after is correlated with {names}. It still counts as without structure: what the "
+        f"recorded signals predict of it ({percent(max(left.fraction, 0.0))} of its variance) is too small to count, "
+        "and it stands out at no frequency and in no stretch of time."
+    )
 
 
 def _is_function(left: Unexplained) -> bool:

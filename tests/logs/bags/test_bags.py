@@ -35,7 +35,7 @@ def test_joint_states_alone(tmp_path, mcap):
     for i in range(3):
         assert_allclose(table[f"j{i}/position"], swing(TIME, i), rtol=1e-12)
         assert_allclose(table[f"j{i}/effort"], STATES["j0"][2], rtol=1e-12)
-    assert "Rows are the 2000 messages of /joint_states (500 Hz)" in notes(table)
+    assert "The rows are the 2000 messages of /joint_states (500 Hz)" in notes(table)
     if mcap:  # the file alone, without the metadata beside it
         (file,) = path.glob("*.mcap")
         assert read_table(file).equals(table)
@@ -52,7 +52,7 @@ def test_commands_of_a_forward_controller_find_their_joints(tmp_path):
         arrays("/position_controller/commands", ticks, sent),
     )
     table = read_table(path)
-    assert "taken for j2/position_command, j0/position_command, j1/position_command: each to the joint" in notes(table)
+    assert "assigned to j2/position_command, j0/position_command, j1/position_command: each to the joint" in notes(table)
     assert "not certain" not in notes(table) and "/position_controller/commands has no stamps" in notes(table)
     held = np.floor(TIME / 0.01 + 1e-6) * 0.01
     for i in range(3):
@@ -99,7 +99,7 @@ def test_sensors_at_their_own_rates_and_clocks(tmp_path):
     assert "The clock of /torso/imu/data differs from that of /joint_states by -12.5 s" in notes(table)
     assert_allclose(table["imu_torso/gyro_y"][inside], TIME[inside], rtol=0, atol=1e-6)
     assert_allclose(table["ft_left_foot/tz"][inside], 0.2 * TIME[inside], rtol=0, atol=1e-9)
-    assert "/ft_sensor/wrench (200 Hz) was interpolated" in notes(table)
+    assert "of /ft_sensor/wrench (200 Hz) was resampled to these rows (interpolated)" in notes(table)
 
 
 def test_a_bag_is_a_log(tmp_path):
