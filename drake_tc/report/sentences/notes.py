@@ -109,7 +109,7 @@ def _run_sentence(note: RunNote) -> str:
         case SilentEffort(_, column, share):
             return (
                 f"Column {column} is exactly 0 in {100 * share:.0f} % of the samples in which the joint moves: its "
-                "report has a dead zone, which no model of the joint explains."
+                "recorded values have a dead zone, which no model of the joint explains."
             )
         case _:
             assert_never(note)
@@ -155,7 +155,7 @@ LARGER = 1.02
 def warnings(joint: JointResult) -> Sequence[str]:
     """What the reader must not overlook, one sentence each."""
     out = [
-        f"These logs cannot tell {title_of(a)} from {title_of(b)}; both fit equally well."
+        f"These logs cannot distinguish {title_of(a)} from {title_of(b)}; both fit equally well."
         for a, b in joint.indistinguishable
     ]
     for key, group in joint.final_parameters.items():
