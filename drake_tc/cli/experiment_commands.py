@@ -211,16 +211,19 @@ def expected_lines(expected: "Sequence[Expected]") -> list[str]:
     """What each quantity is expected to be, as lines of text."""
     from drake_tc.report.numbers import significant
 
-    out = []
+    heads = ("logs so far", "growing sinusoid", "designed motion")
+    rows = [("", heads)]
     for each in expected:
-        values = ", ".join(
-            f"{label} {significant(value)}"
-            for label, value in (("logs", each.before), ("sinusoid", each.default), ("designed", each.after))
-            if value == value
-        )
         unit = f" [{each.unit}]" if each.unit not in ("", "-") else ""
-        out.append(f"  {each.name}{unit}: {values}")
-    return out
+        before, default, after = (
+            "-" if value != value else significant(value) for value in (each.before, each.default, each.after)
+        )
+        rows.append((f"{each.name}{unit}", (before, default, after)))
+    wide = max(len(name) for name, _ in rows)
+    return [
+        f"  {name:{wide}}  " + "  ".join(f"{text:>{len(head)}}" for text, head in zip(cells, heads, strict=True))
+        for name, cells in rows
+    ]
 
 
 def rehearse_command(

@@ -54,7 +54,7 @@ def inspect_command(
         for note in found.notes:
             print(note)
         if problem:
-            print(f"close-loop would refuse it: {problem}", file=sys.stderr)
+            print(f"close-loop cannot use this log: {problem}", file=sys.stderr)
     if rig is not None and not found.rig:
         raise LogError(f"{log}: no rig file was written: {found.notes[-1]}")
     if not as_json:
@@ -67,20 +67,20 @@ def inspect_command(
 def _after(log: Path, rig: Path | None) -> str:
     """What follows: writing a rig file, or checking what the logs can show with the one that was written."""
     if rig is None:
-        return f"{command_line('inspect', log, '--rig', 'rig.yaml')} writes a rig file to start from"
+        return f"{command_line('inspect', log, '--rig', 'rig.yaml')} writes a first rig file"
     return f"correct the guesses in the rig file, then {command_line('check', '--rig', rig, '--log', log)}"
 
 
 def _print(found: "Inspection") -> None:
     timed = "no time" if math.isnan(found.rate) else f"{found.duration:.4g} s at {found.rate:.4g} Hz"
-    print(f"{found.path}: {found.rows} rows, {timed}{f', {found.gaps} gaps' if found.gaps else ''}")
+    print(f"{found.path}: {found.rows} rows, {timed}{_gaps(found.gaps)}")
     if found.topics:
         kinds = [
             (t.name, t.kind, str(t.messages), _number(t.rate), "read" if t.read else "not read") for t in found.topics
         ]
         print_wide(("topic", "type", "messages", "rate [Hz]", ""), kinds, left=("topic", "type", ""))
         print()
-    headings = ("column", "taken for", "unit", "from", "to", "step", "missing", "why")
+    headings = ("column", "read as", "unit", "from", "to", "step", "missing", "why")
     rows = [
         (
             column.name,
@@ -94,7 +94,11 @@ def _print(found: "Inspection") -> None:
         )
         for column in found.columns
     ]
-    print_wide(headings, rows, left=("column", "taken for", "unit", "why"))
+    print_wide(headings, rows, left=("column", "read as", "unit", "why"))
+
+
+def _gaps(count: int) -> str:
+    return f", {count} gap{'s' if count > 1 else ''}" if count else ""
 
 
 def _number(value: float) -> str:
@@ -237,7 +241,7 @@ def print_check(result: "CheckResult") -> None:
             for each in joint.effects.effects
             if not each.obstacle
         ]
-        headings = ("effect", "these logs", "found from", "unit", "why")
+        headings = ("effect", "these logs", "smallest size", "unit", "why")
         print_wide(headings, rows, left=("effect", "these logs", "unit", "why"))
         _print_reasons("Cannot be looked for", own[name])
     print()
