@@ -61,7 +61,6 @@ if TYPE_CHECKING:
     from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
     from drake_tc.tsid.law import Law
     from drake_tc.watch.compare import compare
-    from drake_tc.watch.monitor import ModelMonitor, ModelMonitorSpec
 
 __version__ = "0.1.0"
 
@@ -86,8 +85,6 @@ __all__ = [
     "LcmLink",
     "LcmRobot",
     "LimitKind",
-    "ModelMonitor",
-    "ModelMonitorSpec",
     "MomentumResidual",
     "MonitorSpec",
     "RealTimeLoop",
@@ -173,8 +170,6 @@ _HOMES = {
     "LcmLink": "hardware.lcm_link",
     "LcmRobot": "hardware.lcm_link",
     "LimitKind": "tsid.kinds",
-    "ModelMonitor": "watch.monitor",
-    "ModelMonitorSpec": "watch.monitor",
     "MomentumResidual": "estimation.joint_torque",
     "MonitorSpec": "sensor_validation.monitor_spec",
     "RealTimeLoop": "hardware.loop",
