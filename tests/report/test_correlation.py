@@ -105,6 +105,6 @@ def test_a_correlation_outside_its_band_and_no_structure_are_explained_together(
     left = replace(joint.unexplained, structured=False, fraction=0.03)
     said = correlation_words([found], left)
     assert (
-        "velocity (-0.28 at a lag of 1.0 s, band ±0.11)" in said and "(3.0\u00a0% of its variance) is too small" in said
+        "velocity (−0.28 at a lag of 1.0 s, band ±0.11)" in said and "(3.0\u00a0% of its variance) is too small" in said
     )
     assert correlation_words([found], replace(left, structured=True)) == "" == correlation_words([], left)

@@ -130,8 +130,8 @@ def _time(samples: Samples, stretches: Sequence[TimeStretch]) -> Quantity:
 MOST_POINTS = 3000
 BINS = 24
 LEAST_IN_BIN = 8
-GAP_BINS = 1.5
-"""Width of a gap across which no bin lies, in bins of equal width."""
+WIDEST = 1.5
+"""Width of the widest bin, in bins of equal width."""
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,8 @@ class Binned:
 def binned(x: FloatArray, y: FloatArray, bins: int = BINS) -> Binned:
     """Medians and quartiles of y (N,) in bins of equally many x (N,): fine where the data are dense.
 
-    Values that are not finite take no part. Bins with fewer than 8 points are left out; all may be. No bin lies across
-    a gap in x as wide as `GAP_BINS` bins of equal width: the bins on both sides of it are separated by one of NaN.
+    Values that are not finite take no part. A bin that is wider than `WIDEST` bins of equal width is cut at its widest
+    gaps; bins with fewer than 8 points are left out; all may be. A row of NaN stands where a gap is as wide.
     """
     good = np.isfinite(x) & np.isfinite(y)
     order = np.argsort(x[good], kind="stable")
@@ -156,15 +156,19 @@ def binned(x: FloatArray, y: FloatArray, bins: int = BINS) -> Binned:
     count = min(bins, xs.size // LEAST_IN_BIN)
     if count < 1:
         return Binned(*(np.zeros(0) for _ in range(4)))
-    gaps = np.flatnonzero(np.diff(xs) > GAP_BINS / count * (xs[-1] - xs[0])) + 1
-    rows: list[FloatArray] = []
-    for stretch in np.split(np.arange(xs.size), gaps):
-        if stretch.size < LEAST_IN_BIN:
-            continue
-        rows += [np.full(4, np.nan)] if rows else []
-        for part in np.array_split(stretch, max(1, count * stretch.size // xs.size)):
-            rows.append(np.array([np.median(xs[part]), *np.percentile(ys[part], (25.0, 50.0, 75.0))]))
-    return Binned(*np.reshape(rows, (-1, 4)).T)
+    widest = WIDEST / count * float(xs[-1] - xs[0])
+    left, rows, end = np.array_split(np.arange(xs.size), count)[::-1], [np.zeros((0, 4))], np.inf
+    while left:
+        part = left.pop()
+        if part.size >= LEAST_IN_BIN and xs[part[-1]] - xs[part[0]] > widest:
+            cut = int(np.argmax(np.diff(xs[part]))) + 1
+            left += [part[cut:], part[:cut]]
+        elif part.size >= LEAST_IN_BIN:
+            if xs[part[0]] - end > widest:
+                rows.append(np.full((1, 4), np.nan))
+            rows.append(np.array([[np.median(xs[part]), *np.percentile(ys[part], (25.0, 50.0, 75.0))]]))
+            end = float(xs[part[-1]])
+    return Binned(*np.concatenate(rows).T)
 
 
 def evenly(size: int, most: int = MOST_POINTS) -> IntArray:

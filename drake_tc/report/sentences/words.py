@@ -173,9 +173,11 @@ def correlation_words(outside: Sequence[Outside], left: Unexplained) -> str:
     """Why a residual that is correlated may have no structure; "" where it has, or where no correlation is left."""
     if left.structured or not outside:
         return ""
-    names = joined(
-        [f"{o.title} ({o.value:.2f} at a lag of {significant(o.lag, 2)} s, band ±{o.band:.2f})" for o in outside]
+    told = (
+        (o.title, significant(o.value, 2), f"at a lag of {significant(o.lag, 2)} s, band ±{significant(o.band, 2)}")
+        for o in outside
     )
+    names = joined([f"{title} ({value} {where})" for title, value, where in told])
     return (
         f"The residual of the model after is correlated with {names}. It still counts as without structure: what the "
         f"recorded signals predict of it ({percent(max(left.fraction, 0.0))} of its variance) is too small to count, "
