@@ -102,6 +102,7 @@ PARTS = {
         alone=True,
     ),
     "fuzz": Part("twenty thousand damaged inputs for the commands", ("fuzz/*",), alone=True),
+    "drawn-files": Part("drawn model files in other simulators and in ours", ("exchange/test_drawn_files.py::*",)),
     "diagnosis": Part(
         "small blind benchmarks, of single joints, arms and a leg",
         (

@@ -31,8 +31,9 @@ from ..simulator_files.drawn_mjcf import drawn_mjcf
 
 MJCF_FILES, DRAKE_FILES = 200, 50
 """Of each kind: with URDF and SDFormat files 300."""
-SHARES = 20
-"""Tests over which they are spread."""
+SHARES, QUICK = 20, 8
+"""Tests over which they are spread, and how many of these are not slow."""
+NUMBERS = [pytest.param(n, marks=[pytest.mark.slow] if n >= QUICK else []) for n in range(SHARES)]
 H, STEPS = 1e-3, 1500
 TIME = np.arange(STEPS) * H
 NONE = np.zeros(STEPS)
@@ -94,7 +95,7 @@ def share(count, number):
     return range(number * count // SHARES, (number + 1) * count // SHARES)
 
 
-@pytest.mark.parametrize("number", range(SHARES))
+@pytest.mark.parametrize("number", NUMBERS)
 def test_a_drawn_mjcf_file_comes_back_and_moves_as_our_model(tmp_path, number):
     pytest.importorskip("mujoco", minversion="3.12")
     moved = 0
@@ -133,7 +134,7 @@ def test_a_drawn_mjcf_file_comes_back_and_moves_as_our_model(tmp_path, number):
     assert moved >= 2
 
 
-@pytest.mark.parametrize("number", range(SHARES))
+@pytest.mark.parametrize("number", NUMBERS)
 @pytest.mark.parametrize("kind", ["urdf", "sdf"])
 def test_a_drawn_file_of_drake_comes_back_and_moves_as_our_model(tmp_path, kind, number):
     draw = {"urdf": drawn_urdf, "sdf": drawn_sdf}[kind]
