@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
     from drake_tc.tsid.law import Law
     from drake_tc.watch.compare import compare
+    from drake_tc.watch.monitor import ModelMonitor, ModelMonitorSpec
 
 __version__ = "0.1.0"
 
@@ -85,6 +86,8 @@ __all__ = [
     "LcmLink",
     "LcmRobot",
     "LimitKind",
+    "ModelMonitor",
+    "ModelMonitorSpec",
     "MomentumResidual",
     "MonitorSpec",
     "RealTimeLoop",
@@ -170,6 +173,8 @@ _HOMES = {
     "LcmLink": "hardware.lcm_link",
     "LcmRobot": "hardware.lcm_link",
     "LimitKind": "tsid.kinds",
+    "ModelMonitor": "watch.monitor",
+    "ModelMonitorSpec": "watch.monitor",
     "MomentumResidual": "estimation.joint_torque",
     "MonitorSpec": "sensor_validation.monitor_spec",
     "RealTimeLoop": "hardware.loop",

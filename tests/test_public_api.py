@@ -36,6 +36,8 @@ FRONT_DOOR = {
     "LcmLink",
     "LcmRobot",
     "LimitKind",
+    "ModelMonitor",
+    "ModelMonitorSpec",
     "MomentumResidual",
     "MonitorSpec",
     "RealTimeLoop",

@@ -20,7 +20,7 @@ VERDICTS = {
     "new_effect": "A new effect appeared",
     "cannot_tell": "These logs cannot tell",
 }
-HEADINGS = ("parameter", "then", "now", "change", "95 % interval of the change", "log odds", "")
+HEADINGS = ("parameter", "then", "now", "change", "log odds", "")
 WIDEST = 2.0
 """Largest relative change that the picture shows."""
 
@@ -70,7 +70,7 @@ def sentences(joint: JointComparison) -> list[str]:
     out = [f"{joint.why[0].upper()}{joint.why[1:]}."] if joint.why else []
     out += [change_sentence(p) for p in joint.parameters if p.changed]
     out += [effect_sentence(e) for e in joint.effects if e.status != "present"]
-    heat = [f"{p.key}.{p.name}" for p in joint.parameters if p.heat]
+    heat = [label_of(f"{p.key}.{p.name}") for p in joint.parameters if p.heat]
     then, now = joint.temperature
     if heat:
         out.append(
@@ -87,14 +87,22 @@ def sentences(joint: JointComparison) -> list[str]:
     return out
 
 
+def label_of(name: str) -> str:
+    """A parameter "effect.parameter" for people: one name where both are the same."""
+    effect, _, parameter = name.rpartition(".")
+    return parameter if parameter == effect else name
+
+
 def change_sentence(p: ParameterChange) -> str:
     """A changed parameter in one sentence."""
     value, ends = interval(p.change.value, *p.change.ci95)
     share = f" ({percent(p.share)})" if math.isfinite(p.share) else ""
     other = (
-        f", or else {' or '.join(p.alternatives)} did, which these logs do not distinguish" if p.alternatives else ""
+        f", or else {' or '.join(map(label_of, p.alternatives))} did, which these logs do not distinguish"
+        if p.alternatives
+        else ""
     )
-    return f"{p.key}.{p.name} changed by {value} {ends} {pretty_unit(p.unit)}{share}{other}."
+    return f"{label_of(f'{p.key}.{p.name}')} changed by {value} {ends} {pretty_unit(p.unit)}{share}{other}."
 
 
 def effect_sentence(e: EffectChange) -> str:
@@ -114,8 +122,8 @@ def _row(p: ParameterChange) -> tuple[str, ...]:
     then, now = (" ".join(interval(k.value, *k.ci95)).strip() for k in (p.then, p.now))
     change, ends = interval(p.change.value, *p.change.ci95)
     mark = "changed" if p.changed else "temperature" if p.heat else ""
-    name = p.key if p.name == p.key else f"{p.key}.{p.name}"
-    return (f"{name} [{pretty_unit(p.unit) or '-'}]", then, now, change, ends, significant(p.log_odds), mark)
+    name = f"{label_of(f'{p.key}.{p.name}')} [{pretty_unit(p.unit) or '-'}]"
+    return (name, then, now, f"{change} {ends}".strip(), significant(p.log_odds), mark)
 
 
 def change_picture(joint: JointComparison) -> str:

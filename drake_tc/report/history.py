@@ -1,16 +1,15 @@
 """The history of joints: trends as sentences, the spread between units, and a picture of each joint."""
 
 from collections.abc import Sequence
-from datetime import timedelta
 
 import numpy as np
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
-from drake_tc.exchange.ranges.distribution import distribution, of_units
+from drake_tc.report.comparison import label_of
 from drake_tc.report.numbers import interval, percent, pretty_unit
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import AFTER, BACKWARD, MUTED, REFINED, SHADE, new_figure, page_style, to_svg
-from drake_tc.watch.history import DAY_S, Session, Trend, trends
+from drake_tc.watch.history import Session, Trend, further_unit, trends
 
 MONTH = 30.0
 AHEAD = 0.5
@@ -27,7 +26,9 @@ def history_sentences(sessions: Sequence[Session]) -> list[str]:
             unit = _units(sessions, joint)
             for name, found in trends(sessions, serial, joint).items():
                 if found.drifts:
-                    out.append(f"{_unit_name(serial)}{joint}: {name} drifts by {_monthly(found, unit[name])}.")
+                    out.append(
+                        f"{_unit_name(serial)}{joint}: {label_of(name)} drifts by {_monthly(found, unit[name])}."
+                    )
     return out
 
 
@@ -63,7 +64,7 @@ def _section(sessions: Sequence[Session], joint: str) -> PageSection:
             slope, ends = interval(*(MONTH * x for x in (found.slope, *found.slope_ci95)))
             latest, ahead = found.values[-1], found.at(found.days[-1] + MONTH)
             share = percent(MONTH * found.slope / abs(latest)) if latest else ""
-            label = f"{name} [{pretty_unit(units[name]) or '-'}]"
+            label = f"{label_of(name)} [{pretty_unit(units[name]) or '-'}]"
             rows.append(
                 (serial or "-", label, interval(latest, *found.at(found.days[-1])[1:])[0], slope, ends, share,
                  " ".join(interval(*ahead)))
@@ -76,16 +77,15 @@ def _section(sessions: Sequence[Session], joint: str) -> PageSection:
 
 
 def _between_units(sessions: Sequence[Session], joint: str, units: dict[str, str]) -> list[tuple[str, str, str]]:
-    """What a further unit may have, from the latest session of each: as `drake-tc export --ranges` states it."""
+    """What a further unit may have, from the latest session of each."""
     latest = {s.serial: s for s in sessions if joint in s.parameters}
     rows = []
     for name in units if len(latest) > 1 else ():
         known = [s.parameters[joint][name] for s in latest.values() if name in s.parameters[joint]]
         if len(known) > 1:
-            lower = 0.0 if all(k.value > 0.0 for k in known) else -np.inf
-            found = of_units([distribution(k.value, k.deviation, lower) for k in known])
-            value, ends = interval(found.value, *found.interval)
-            rows.append((f"{name} [{pretty_unit(units[name]) or '-'}]", value, ends))
+            found = further_unit(known)
+            value, ends = interval(found.value, *found.ci95)
+            rows.append((f"{label_of(name)} [{pretty_unit(units[name]) or '-'}]", value, ends))
     return rows
 
 
@@ -94,7 +94,7 @@ def history_picture(sessions: Sequence[Session], joint: str) -> str:
     names = list(_units(sessions, joint))
     units = _units(sessions, joint)
     rows = -(-len(names) // COLUMNS)
-    first = sessions[0].time
+    first = float(date2num(sessions[0].time))
     with page_style(f"history-{joint}"):
         figure = new_figure(7.2, 0.5 + 1.45 * rows)
         figure.subplots_adjust(left=0.09, right=0.98, hspace=0.65, wspace=0.28, top=1.0 - 0.3 / (0.5 + 1.45 * rows))
@@ -104,7 +104,7 @@ def history_picture(sessions: Sequence[Session], joint: str) -> str:
                 colour = COLOURS[number % len(COLOURS)]
                 own = [s for s in sessions if s.serial == serial and name in s.parameters.get(joint, {})]
                 known = [s.parameters[joint][name] for s in own]
-                times = [s.time for s in own]
+                times = date2num([s.time for s in own])
                 half = [1.96 * k.deviation for k in known]
                 axes.errorbar(times, [k.value for k in known], half, fmt="o", color=colour, markersize=3.5,
                               elinewidth=1.0, label=serial or None)  # fmt: skip
@@ -113,13 +113,12 @@ def history_picture(sessions: Sequence[Session], joint: str) -> str:
                     span = float(np.ptp(found.days))
                     days = np.linspace(found.days[0], found.days[-1] + AHEAD * span, 60)
                     value, low, high = np.array([found.at(d) for d in days]).T
-                    when = [first + timedelta(seconds=DAY_S * float(d)) for d in days]
+                    when = first + days
                     axes.fill_between(when, low, high, color=SHADE, linewidth=0.0)
                     past = days <= found.days[-1]
-                    axes.plot(np.array(when)[past], value[past], color=colour)
-                    axes.plot(np.array(when)[~past], value[~past], color=colour, linestyle=(0, (3, 2)))
-            label = name.split(".")[-1] if name.split(".")[0] == name.split(".")[-1] else name
-            axes.set_title(f"{label} [{pretty_unit(units[name]) or '-'}]")
+                    axes.plot(when[past], value[past], color=colour)
+                    axes.plot(when[~past], value[~past], color=colour, linestyle=(0, (3, 2)))
+            axes.set_title(f"{label_of(name)} [{pretty_unit(units[name]) or '-'}]")
             dates = AutoDateLocator(minticks=2, maxticks=4)
             axes.xaxis.set_major_locator(dates)
             axes.xaxis.set_major_formatter(ConciseDateFormatter(dates, show_offset=False))

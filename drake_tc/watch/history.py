@@ -12,7 +12,7 @@ the weighted residuals (Knapp and Hartung, 2003). Beyond the sessions a trend go
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -110,8 +110,7 @@ def trend_of(days: FloatArray, values: Sequence[Known]) -> Trend | None:
     def excess(r: float) -> float:
         return _line(t, y, 1.0 / (s**2 + r**2))[0] - (t.size - 2)
 
-    largest = 10.0 * (float(np.ptp(y)) + float(s.max()))
-    spread = float(brentq(excess, 0.0, largest)) if excess(0.0) > 0.0 > excess(largest) else 0.0
+    spread = _root_of(excess, 10.0 * (float(np.ptp(y)) + float(s.max())))
     weighted, origin, level, slope, variances = _line(t, y, 1.0 / (s**2 + spread**2))
     scale = weighted / (t.size - 2)
     return Trend(t, y, s, origin, level, slope, (scale * variances[0], scale * variances[1]), spread, t.size - 2)
@@ -124,6 +123,32 @@ def _line(t: FloatArray, y: FloatArray, w: FloatArray) -> tuple[float, float, fl
     slope = float(w @ ((t - origin) * y)) / moment
     residual = y - level - slope * (t - origin)
     return float(w @ residual**2), origin, level, slope, (1.0 / float(w.sum()), 1.0 / moment)
+
+
+def further_unit(units: Sequence[Known]) -> Known:
+    """What one more unit may have, from the values of at least two units.
+
+    With the spread r between units as that between sessions, w_k = 1/(s_k^2 + r^2), the value is the mean by these
+    weights and the variance r^2 + 1/sum w_k.
+    """
+    y = np.array([u.value for u in units])
+    s = np.maximum([u.deviation for u in units], 1e-9 * max(float(np.abs(y).max()), 1e-300))
+
+    def weights(r: float) -> FloatArray:
+        return np.asarray(1.0 / (s**2 + r**2))
+
+    def excess(r: float) -> float:
+        w = weights(r)
+        return float(w @ (y - w @ y / w.sum()) ** 2) - (y.size - 1)
+
+    spread = _root_of(excess, 10.0 * (float(np.ptp(y)) + float(s.max())))
+    w = weights(spread)
+    return Known(float(w @ y / w.sum()), math.sqrt(spread**2 + 1.0 / float(w.sum())))
+
+
+def _root_of(excess: Callable[[float], float], largest: float) -> float:
+    """The r in [0, largest] where the falling function is 0; 0 where it is negative everywhere."""
+    return float(brentq(excess, 0.0, largest)) if excess(0.0) > 0.0 > excess(largest) else 0.0
 
 
 def add_session(found: ComparisonResult, folder: Path, serial: str, time: datetime) -> Path:

@@ -165,6 +165,21 @@ def months_benchmark(
     print_rows("", rows, as_json=False)
 
 
+@app.command("monitor", short_help="Alarms of the model monitor.")
+def monitor_benchmark(
+    joints: Annotated[int, typer.Option(min=2, help="Number of joints.")] = 40,
+    hours: Annotated[float, typer.Option(min=0.01, help="Joint-hours without a change.")] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of joints, motions and noise.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Measure false alarms, delays and the cost of a tick of ModelMonitor at 1 kHz, on joints with noisy signals."""
+    from tests.benchmarks.monitor_hours import monitor_rows
+
+    with progress_bar("bench monitor", quiet=as_json) as progress:
+        rows = monitor_rows(joints, hours, seed, progress)
+    print_rows("monitor", rows, as_json=as_json)
+
+
 @app.command("real-time", short_help="Deadlines of a real-time controller.")
 def real_time(
     seconds: Annotated[

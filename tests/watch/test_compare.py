@@ -51,7 +51,7 @@ def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, tmp
     assert code == 1
     document = json.loads(capsys.readouterr().out)
     assert document == json.loads((out / "compare.json").read_text(encoding="utf-8"))
-    assert "coulomb.coulomb changed by" in (out / "report.html").read_text(encoding="utf-8")
+    assert "coulomb changed by" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_model_without_a_rig_file_says_what_to_give(diagnosed, tmp_path, capsys):

@@ -13,7 +13,7 @@ from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.report.history import history_page, history_sentences
 from drake_tc.watch.changes import Known
-from drake_tc.watch.history import Session, read_history, trend_of, trends
+from drake_tc.watch.history import Session, further_unit, read_history, trend_of, trends
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
 
@@ -49,6 +49,15 @@ def test_two_sessions_have_no_trend_and_its_uncertainty_grows_beyond_the_last():
     assert widths[0] < widths[1] < widths[2] and found.drifts
 
 
+def test_a_further_unit_spreads_as_the_units_do():
+    rng = np.random.default_rng(3)
+    units = [Known(4.0 + rng.normal(0.0, 0.5), 0.01) for _ in range(200)]
+    found = further_unit(units)
+    assert found.value == pytest.approx(4.0, abs=0.15) and found.deviation == pytest.approx(0.5, rel=0.15)
+    alike = further_unit([Known(4.0, 0.2), Known(4.0, 0.2)])
+    assert alike.deviation == pytest.approx(0.2 / np.sqrt(2.0))
+
+
 def sessions(serial: str, slope: float, seed: int) -> list[Session]:
     rng = np.random.default_rng(seed)
     out = []
@@ -65,7 +74,7 @@ def sessions(serial: str, slope: float, seed: int) -> list[Session]:
 def test_a_page_names_what_drifts_and_the_spread_between_units():
     both = sorted([*sessions("A1", 0.2, 1), *sessions("B2", 0.0, 2)], key=lambda s: s.time)
     (sentence,) = history_sentences(both)
-    assert sentence.startswith("A1, knee: coulomb.coulomb drifts by 0.4")
+    assert sentence.startswith("A1, knee: coulomb drifts by 0.4")
     assert trends(both, "A1", "knee")["coulomb.coulomb"].drifts
     page = history_page(both)
     assert "a further unit, 95 %" in page and "<svg" in page
