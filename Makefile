@@ -13,7 +13,7 @@ export MPLBACKEND ?= Agg
 SCRIPT_TYPES := --allow-redefinition-new --local-partial-types --follow-imports silent --cache-dir .mypy_cache/scripts \
 	--disable-error-code union-attr --disable-error-code arg-type --disable-error-code operator
 
-.PHONY: help demo bench test test-slow lint unit coverage times wheel resolve notebook docs benchmark-records clean
+.PHONY: help demo bench test test-slow lint unit coverage times wheel resolve notebook docs pictures benchmark-records clean
 
 help: ## what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -75,6 +75,10 @@ notebook: $(VENV)/.installed-test ## run the notebooks' scripts and store them r
 docs: $(VENV)/.installed-test ## build the documentation site into out/site; warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 	@echo out/site/index.html
+
+pictures: $(VENV)/.installed-test ## draw the stored pictures of the documentation; some of them: NAMES="logs run"
+	$(BIN)/python docs/draw_pictures.py $(NAMES)
+	@echo 'commit the pictures, then: $(BIN)/python docs/record_pictures.py'
 
 benchmark-records: $(VENV)/.installed-test ## run benchmarks and store their results for the documentation: NAMES="leg qp"
 	$(BIN)/python docs/record_benchmark.py $(NAMES)

@@ -2,14 +2,17 @@
 
 import json
 import re
+import subprocess
+from datetime import date
 
 import pytest
 
-from .conftest import DOCS, ROOT
+from .conftest import ROOT
 
 pictures = pytest.importorskip("site_pages.pictures")
 GROUPS = pictures.listed()
 RECORD = json.loads(pictures.RECORD.read_text("utf-8"))
+OLDEST_DAYS = 31
 
 
 @pytest.mark.parametrize("name", GROUPS)
@@ -20,10 +23,24 @@ def test_the_record_is_of_these_pictures(name):
     assert len(RECORD[name]["commit"]) == 40 and re.fullmatch(r"\d{4}-\d\d-\d\d", RECORD[name]["date"])
 
 
-def test_every_stored_picture_of_the_gallery_is_listed():
-    targets = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", (DOCS / "gallery.md").read_text("utf-8"))
-    shown = {(DOCS / target).resolve().relative_to(ROOT).as_posix() for target in targets}
-    assert shown == {path for said in GROUPS.values() for path in said["pictures"]}
+@pytest.mark.parametrize("page", ["docs/gallery.md", "docs/tutorial.md", "docs/log_files.md", "README.md"])
+def test_every_stored_picture_of_these_pages_is_listed(page):
+    targets = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", (ROOT / page).read_text("utf-8"))
+    shown = {((ROOT / page).parent / target).resolve().relative_to(ROOT).as_posix() for target in targets}
+    assert shown and shown <= {path for said in GROUPS.values() for path in said["pictures"]}
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_no_picture_is_much_older_than_what_draws_it(name):
+    """Pictures are made anew by `make pictures` within a month of a change."""
+    changed = [path for path in pictures.changed(GROUPS[name], RECORD[name]) if (ROOT / path).exists()]
+    asked = subprocess.run(
+        ["git", "log", "-1", "--format=%cs", "--", *changed], cwd=ROOT, capture_output=True, text=True
+    )
+    if not changed or asked.returncode != 0 or not asked.stdout.strip():
+        return
+    age = date.fromisoformat(asked.stdout.strip()) - date.fromisoformat(RECORD[name]["date"])
+    assert age.days <= OLDEST_DAYS, f"make pictures NAMES={name}: changed since {RECORD[name]['date']}: {changed}"
 
 
 def test_every_pattern_has_files():
