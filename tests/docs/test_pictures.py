@@ -25,7 +25,7 @@ def test_the_record_is_of_these_pictures(name):
 
 @pytest.mark.parametrize("page", ["docs/gallery.md", "docs/tutorial.md", "docs/log_files.md", "README.md"])
 def test_every_stored_picture_of_these_pages_is_listed(page):
-XX.read_text("utf-8"))
+    targets = re.findall(r"!\[[^\]]*\]\(([^)]+\.png)\)", (ROOT / page).read_text("utf-8"))
     shown = {((ROOT / page).parent / target).resolve().relative_to(ROOT).as_posix() for target in targets}
     assert shown and shown <= {path for said in GROUPS.values() for path in said["pictures"]}
 
