@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
-from site_pages import api, benchmarks, commands, effects, graphs, papers, pictures, references, repository
+from site_pages import api, benchmarks, commands, effects, graphs, papers, pictures, real_logs, references, repository
 from site_pages.navigation import navigation
 from site_pages.units import UnitBrackets
 
@@ -51,6 +51,7 @@ PARTS = {
     "graphs": graphs.overview,
     "comparison": graphs.comparison,
     "pictures": pictures.overview,
+    "real_logs": real_logs.overview,
 }
 """Name in a comment `<!-- generated: NAME -->` of a page to what stands there on the site."""
 

@@ -78,7 +78,10 @@ TREE: list[Entry] = [
     ("Commands", "cli/"),
     ("Python", "api/"),
     ("Methods", "methods/"),
-    ("Figures", [("Benchmarks", "benchmarks.md"), ("Papers", "papers.md"), ("", "papers/")]),
+    (
+        "Figures",
+        [("Real logs", "real_logs.md"), ("Benchmarks", "benchmarks.md"), ("Papers", "papers.md"), ("", "papers/")],
+    ),
 ]
 """Title and page, folder of generated pages, or list of these; a folder without a title takes no level of its own."""
 

@@ -19,7 +19,7 @@ SHOWN = {
     "drake_tc/tsid/README.md": "methods/tsid.md",
     "drake_tc/tsid/qp/README.md": "methods/qp.md",
     "drake_tc/estimation/base/README.md": "methods/base_estimation.md",
-    "tests/benchmarks/REAL_LOGS.md": "methods/real_logs.md",
+    "tests/benchmarks/REAL_LOGS.md": "real_logs.md",
     "diagrams/README.md": "methods/diagrams.md",
     "diagrams/limits.md": "methods/diagram_limits.md",
     "diagrams/humanoid_tsid.md": "methods/humanoid_tsid.md",
