@@ -151,11 +151,11 @@ def unpacked_gzip(path: Path) -> bytes:
             while not member.eof:
                 part = member.decompress(rest, 2**24)
                 if not part and not member.unconsumed_tail and not member.eof:
-                    raise LogError(f"{path}: {refused}: the file is cut after {len(packed)} bytes; copy it anew")
+                    raise LogError(f"{path}: {refused}: the file is cut after {len(packed)} bytes; copy it again")
                 parts.append(part)
                 size, rest = size + len(part), member.unconsumed_tail
                 check_size(path, len(packed), size)
         except zlib.error:
-            raise LogError(f"{path}: {refused}: the packed data are damaged; copy it anew") from None
+            raise LogError(f"{path}: {refused}: the packed data are damaged; copy it again") from None
         rest = member.unused_data
     return b"".join(parts)

@@ -143,7 +143,7 @@ def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):
     table = renamed().assign(angle=0.1, pos_elbow=np.linspace(0, 1, 6000))
     found = inspect_log(write(table, tmp_path / "run.csv"))
     told = " ".join(found.notes)
-    assert "'q_meas' and 'angle' seem to be the same; 'q_meas' is taken" in told
+    assert "'q_meas' and 'angle' seem to be the same; 'q_meas' is used" in told
     assert "Joint elbow is left out of the rig file, because it lacks a command" in told
     assert found.rig["joint"] == "joint"
 

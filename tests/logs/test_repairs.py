@@ -292,7 +292,7 @@ def test_a_run_that_is_not_clear_follows_the_others(tmp_path):
 
 def test_wrong_sign_and_lag_of_the_velocity(tmp_path, table):
     run = load(table.assign(**{"joint/velocity": -table["joint/velocity"]}), tmp_path)
-    assert noted(run, "joint/velocity runs against")
+    assert noted(run, "joint/velocity has the opposite sign")
     assert_allclose(run.columns["joint/velocity"], table["joint/velocity"], rtol=1e-12, atol=1e-15)
     rng = np.random.default_rng(5)
     rough = table.copy()

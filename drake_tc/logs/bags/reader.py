@@ -173,7 +173,7 @@ SUFFIXES = (".mcap", ".db3", ".bag")
 METADATA = "metadata.yaml"
 REMEDIES = {
     "Truncated record": "; the file is damaged: `mcap recover IN.mcap -o OUT.mcap` may repair it",
-    "seems to be empty": "; record it anew",
+    "seems to be empty": "; record it again",
     "malformed": "; the file is damaged: `sqlite3 IN.db3 .recover | sqlite3 OUT.db3`, then `ros2 bag"
     " reindex` of its folder, may repair it",
     "database files are missing": "; put the .db3 or .mcap file beside metadata.yaml, or run `ros2 bag reindex`",

@@ -336,8 +336,8 @@ def _without_spikes(values: FloatArray, name: str, raw: RawLog, pulses: BoolArra
     if count > MOST_SPIKES * values.size:
         raise LogError(
             f"{raw.path}: column {name} has spikes in {count} of {values.size} rows, the first in"
-            f" {file_row(raw.path, first)} ({values[first]:.4g}); expected a sensor without: mend the wiring or the"
-            " logger, and record again"
+            f" {file_row(raw.path, first)} ({values[first]:.4g}); expected a column without spikes: repair the"
+            " wiring or the logger, and record again"
         )
     largest = float(np.max(np.abs(values[wild] - np.nanmedian(values))))
     note = (

@@ -122,8 +122,8 @@ def check_speed(velocity: FloatArray, rig: Rig, joint: str, path: Path) -> None:
         return
     if fastest > FASTEST_UNSTATED and not scale_of(name, rig.units).stated:
         raise LogError(
-            f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} rad/s, no geared joint does: it "
-            "looks like rpm or deg/s; set units: {velocity: rpm} in the rig file (or velocity: rad/s if it is right)"
+            f"{path}: column {rig.columns.get(name, name)!r} reaches {fastest:.4g} rad/s, which no geared joint does: "
+            "it looks like rpm or deg/s; set units: {velocity: rpm} in the rig file (or velocity: rad/s if it is right)"
         )
 
 
@@ -185,7 +185,7 @@ def check_velocity(
                 )
         if correlation < 0:
             columns[name] = -columns[name]
-            notes += (f"Column {name} runs against the rate of the position: its sign was turned.",)
+            notes += (f"Column {name} has the opposite sign of the rate of the position: its sign was changed.",)
         if not 0.8 < ratio < 1.25:
             notes += (f"Column {name} is {ratio:.3g} times the rate of the position.",)
     return notes

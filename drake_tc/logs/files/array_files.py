@@ -114,9 +114,9 @@ def read_mat(path: Path) -> dict[str, Value]:
             raise _Damaged(f"the file has {len(content)} bytes")
         return _version_4(content) if 0 in bytes(content[:4]) else _version_5(content, path)
     except zlib.error:
-        raise LogError(f"{path}: cannot be read as .mat: the packed data are damaged; save it anew") from None
+        raise LogError(f"{path}: cannot be read as .mat: the packed data are damaged; save it again") from None
     except _Damaged as error:
-        raise LogError(f"{path}: cannot be read as .mat: {error}; save it anew") from None
+        raise LogError(f"{path}: cannot be read as .mat: {error}; save it again") from None
 
 
 def _version_5(content: memoryview, path: Path) -> dict[str, Value]:
@@ -246,9 +246,9 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             check_size(path, path.stat().st_size, sum(info.file_size for info in archive.infolist()))
             return {info.filename.removesuffix(".npy"): _array(archive, info, path) for info in archive.infolist()}
     except OSError as error:  # a damaged directory points outside of the file
-        raise LogError(f"{path}: cannot be read as .npz: {error.strerror or 'it is damaged'}; save it anew") from None
+        raise LogError(f"{path}: cannot be read as .npz: {error.strerror or 'it is damaged'}; save it again") from None
     except DAMAGED as error:
-        raise LogError(f"{path}: cannot be read as .npz: {error}; save it anew") from None
+        raise LogError(f"{path}: cannot be read as .npz: {error}; save it again") from None
 
 
 def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: Path) -> np.ndarray:
@@ -267,6 +267,6 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: Path) -> np.nd
         raise LogError(f"{where} holds Python objects; expected an array of numbers")
     expected, there = math.prod(shape) * dtype.itemsize, len(content.getvalue()) - content.tell()
     if expected != there or any(length < 0 for length in shape):
-        raise LogError(f"{where} is cut: its header states {expected} bytes, and it has {there}; save it anew")
+        raise LogError(f"{where} is cut: its header states {expected} bytes, and it has {there}; save it again")
     values = np.frombuffer(content.read(), dtype) if expected else np.zeros(0, dtype)
     return values.reshape(shape, order="F" if by_columns else "C").copy()

@@ -116,7 +116,7 @@ def _parsed(text: str, path: Path, line: int | None = None) -> Any:
         return json.loads(text, object_pairs_hook=mapping) if text.strip() else []
     except json.JSONDecodeError as error:
         where = f"line {line or error.lineno}, column {error.colno}"
-        raise LogError(f"{path}: not valid JSON at {where}: {error.msg}; write the file anew") from None
+        raise LogError(f"{path}: not valid JSON at {where}: {error.msg}; write the file again") from None
     except RecursionError:
         raise LogError(f"{path}: expected {FORMS}, got mappings or lists inside each other without end") from None
 

@@ -165,7 +165,7 @@ def inspect_log(path: Path) -> Inspection:
     if time_name is not None and (time := numbers[time_name]) is not None:
         columns = with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
     if time_name is None:
-        notes.append("No column is called like a time; name it under `columns: {time: ...}`.")
+        notes.append("No column was recognised as the time; name it under `columns: {time: ...}`.")
     rig, comment = suggested_rig(columns, meanings, notes)
     notes += [f"{comment[0].upper()}{comment[1:]}"] if comment else []
     rate = 1.0 / period if period > 0 else float("nan")
@@ -253,7 +253,7 @@ def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str
             continue
         other = taken.setdefault((told.joint, told.quantity), name)
         if other != name:
-            notes.append(f"Columns {other!r} and {name!r} seem to be the same; {other!r} is taken.")
+            notes.append(f"Columns {other!r} and {name!r} seem to be the same; {other!r} is used.")
     return {name: told for (_, _), name in taken.items() if (told := found[name]) is not None}
 
 

@@ -52,7 +52,7 @@ def test_commands_of_a_forward_controller_find_their_joints(tmp_path):
         arrays("/position_controller/commands", ticks, sent),
     )
     table = read_table(path)
-    assert "assigned to j2/position_command, j0/position_command, j1/position_command: each to the joint" in notes(table)
+    assert "assigned to j2/position_command, j0/position_command, j1/position_command: each to" in notes(table)
     assert "not certain" not in notes(table) and "/position_controller/commands has no stamps" in notes(table)
     held = np.floor(TIME / 0.01 + 1e-6) * 0.01
     for i in range(3):
