@@ -20,7 +20,7 @@ from drake_tc.actuation.model_file import ModelFile, load_model_file
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.refinement.stage import equation_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.diagnosis.result.models import REFERENCE, reference_of
+from drake_tc.diagnosis.result.models import REFERENCE, gap_between_encoders, reference_of
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.run import Log, close_loop
 from drake_tc.diagnosis.search import Progress
@@ -43,12 +43,16 @@ SEVERITY: tuple[Verdict, ...] = ("new_effect", "parameters_changed", "cannot_tel
 """The verdict of several joints is the first of these that one of them has."""
 TESTS = 1.0 / 3.0
 """Share at the end of each log that tests what the rest of it chose, where no run is held out."""
+BETWEEN_ENCODERS = ("backlash", "gap_between_encoders")
+"""Key and name of the gap that two encoders show; the balance at the motor does not contain it."""
+LEAST_GAP = 5e-5
+"""Size of a gap's change that is no change, at least: rounding and noise of two encoders [rad]."""
 GONE = 3.0
 """Log odds from which an effect is gone."""
 MORE_LEFT = 1.5
 """Error over that of the stored model's own logs from which something changed that no effect explains."""
-VISIBLE = 0.2
-"""Relative half width of the interval of a change in the drive gain beyond which the logs tell nothing."""
+VISIBLE = {"gain": 0.2, "friction": 0.3}
+"""Half width of the interval of a change, over the value, beyond which the logs tell nothing of drive or friction."""
 
 
 @dataclass(frozen=True)
@@ -291,6 +295,9 @@ def _parameters(
     """Every parameter that the stored model and the new fit have, and that both limit."""
     gain = model.drive.gain
     then = {("drive", "gain"): Known.of(gain, reference.get("gain_ci95", (gain, gain)))}
+    gap = gap_between_encoders(joint.train.samples)
+    if "gap" in reference and gap is not None:
+        then[BETWEEN_ENCODERS] = Known.of(float(reference["gap"]["value"]), reference["gap"]["ci95"])
     for value in model.effects:
         for name, number in value.parameters.items():
             then[value.key, name] = Known.of(number, value.ci95.get(name, (number, number)))
@@ -298,12 +305,15 @@ def _parameters(
     for key, group in joint.final_parameters.items():
         for name, estimate in group.items():
             units[key, name], now[key, name] = estimate.unit, Known.of(estimate.value, estimate.ci95)
+    if gap is not None:
+        units[BETWEEN_ENCODERS], now[BETWEEN_ENCODERS] = joint.units.position, Known.of(*gap)
     both = [p for p in then if p in now and math.isfinite(then[p].deviation + now[p].deviation)]
     if not both:
         return ()
     size = np.array([max(abs(then[p].value), abs(now[p].value)) for p in both])
     spread = max(float(reference.get("run_spread", 0.0)), joint.run_spread)
     session = np.array([session_deviation(p[0], s, spread) for p, s in zip(both, size, strict=True)])
+    session[[k for k, p in enumerate(both) if p == BETWEEN_ENCODERS]] = LEAST_GAP / 2.0
     warmer = temperature[1] - temperature[0]
     if ThermalFriction.id in {value.key for value in model.effects} or math.isnan(warmer):
         warmer = 0.0
@@ -339,8 +349,11 @@ def _correlation(joint: JointResult, places: Sequence[tuple[str, str]]) -> np.nd
     """(p, p) of the new fit."""
     if joint.correlation is None:
         return np.eye(len(places))
-    at = [joint.correlation.names.index(".".join(p)) for p in places]
-    return np.asarray(joint.correlation.matrix[np.ix_(at, at)])
+    names, out = joint.correlation.names, np.eye(len(places))
+    own = [k for k, p in enumerate(places) if ".".join(p) in names]
+    at = [names.index(".".join(places[k])) for k in own]
+    out[np.ix_(own, own)] = joint.correlation.matrix[np.ix_(at, at)]
+    return out
 
 
 def _gone(joint: JointResult, model: ActuatorModel, parameters: Sequence[ParameterChange]) -> tuple[EffectChange, ...]:
@@ -414,11 +427,27 @@ def _verdict(joint: JointComparison, error: object) -> tuple[Verdict, str]:
     if any(p.changed for p in joint.parameters) or any(each.status == "gone" for each in joint.effects):
         return "parameters_changed", ""
     before = float(error.get("heldout", math.nan)) if isinstance(error, Mapping) else math.nan
-    unexplained = joint.diagnosis.verdict in ("unexplained_structure", "unexplained_residual")
-    if unexplained and joint.diagnosis.after.heldout > MORE_LEFT * before:
+    if joint.floors_now > MORE_LEFT and joint.diagnosis.after.heldout > MORE_LEFT * before:
         return "cannot_tell", "more is left than on the model's own logs, and no effect or parameter explains it"
-    gain = next((p for p in joint.parameters if p.key == "drive"), None)
-    narrow = gain is not None and 1.96 * gain.change.deviation < VISIBLE * abs(gain.then.value)
-    if joint.diagnosis.verdict == "cannot_tell" or not narrow:
-        return "cannot_tell", "these logs could not have shown a change of the drive gain or an effect of a tenth"
+    if joint.diagnosis.verdict == "cannot_tell":
+        return "cannot_tell", "these logs could not have shown an effect of a tenth of the effort"
+    wide = [what for what, share in _uncertain(joint).items() if not share < VISIBLE[what]]
+    if wide:
+        limits = " or ".join(f"{100.0 * VISIBLE[what]:.0f} % in the {what}" for what in wide)
+        return "cannot_tell", f"these logs could not have shown a change of {limits}"
     return "unchanged", ""
+
+
+def _uncertain(joint: JointComparison) -> dict[str, float]:
+    """Half widths of the intervals of a change over the value: of the drive gain, and of friction at the RMS speed."""
+    known = {p.name: p for p in joint.parameters if p.key in ("drive", "viscous", "coulomb")}
+    samples = joint.diagnosis.train.samples
+    speed = float(np.sqrt(np.mean(samples.signals.velocity[samples.rows] ** 2)))
+    friction = [(known[n], s) for n, s in (("coulomb", 1.0), ("viscous", speed)) if n in known]
+    size = sum(abs(p.then.value) * s for p, s in friction)
+    half = 1.96 * math.hypot(*(p.change.deviation * s for p, s in friction))
+    gain = known.get("gain")
+    return {
+        "gain": math.inf if gain is None else 1.96 * gain.change.deviation / abs(gain.then.value),
+        "friction": half / size if size > 0.0 else 0.0,
+    }

@@ -1,12 +1,17 @@
 """`compare`: a joint without a change, one with more friction, and input that cannot be used."""
 
 import json
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import yaml
 
 import drake_tc
 from drake_tc.cli.main import run
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.result.models import gap_between_encoders
+from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.report.comparison import comparison_json
 
@@ -61,3 +66,24 @@ def test_a_model_without_a_rig_file_says_what_to_give(diagnosed, tmp_path, capsy
         drake_tc.compare(alone, [diagnosed.later(1)])
     assert run(["compare", "--model", str(alone), "--log", str(tmp_path / "none.csv")]) == 2
     assert capsys.readouterr().err.count("drake-tc: ") == 1
+
+
+def test_a_gap_between_two_encoders_is_the_one_of_the_gear():
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 20.0, 2e-3)
+    q, tau = 0.5 * np.sin(2.0 * np.pi * 0.31 * time), 12.0 * np.cos(2.0 * np.pi * 0.57 * time)
+    motor = q + 3e-5 * tau + 4e-4 * np.sign(tau) + 2e-3 + 1e-5 * rng.standard_normal(time.size)
+    rows = np.arange(0, time.size, 10)
+    signals = plain_signals(time.size, {"position": q, "load_torque": tau, "motor_position": motor})
+    samples = SimpleNamespace(signals=signals, rows=rows, block=rows // 250)
+    gap, (low, high) = gap_between_encoders(samples)
+    assert gap == pytest.approx(8e-4, abs=1e-5) and low < 8e-4 < high and high - low < 2e-5
+
+
+def test_the_stored_model_may_lack_what_only_close_loop_writes(diagnosed, tmp_path):
+    document = yaml.safe_load(diagnosed.model.read_text(encoding="utf-8"))
+    document.pop("provenance")
+    bare = tmp_path / "bare.yaml"
+    bare.write_text(yaml.safe_dump(document), encoding="utf-8")
+    found = drake_tc.compare(bare, [diagnosed.later(1)], diagnosed.rig, options=QUICK)
+    assert found.verdict == "unchanged"

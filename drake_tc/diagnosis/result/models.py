@@ -7,6 +7,7 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
 from drake_tc.config.files import utf8_name
+from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.notes import TorqueAsEffort
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
 from drake_tc.diagnosis.result.links import FittedLinks
@@ -16,6 +17,8 @@ MODEL_FILE = "model_refined.yaml"
 """File of the model that was refined on free runs."""
 REFERENCE = "reference"
 """Entry of the provenance that a later comparison reads, see `reference_of`."""
+LOADED = 0.2
+"""Load torque over its RMS beyond which a gear lies against one flank."""
 
 
 def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
@@ -127,7 +130,8 @@ def reference_of(joint: JointResult, *, final: bool) -> dict[str, object]:
     """What a later comparison needs of a joint beside its model.
 
     `gain_ci95`: 95 % interval of the drive gain; `run_spread`: standard deviation of each friction from run to run over
-    its mean; `temperature`: smallest, mean and largest value of the training rows [°C], where it was recorded.
+    its mean; `temperature`: smallest, mean and largest value of the training rows [°C], where it was recorded; `gap`:
+    see `gap_between_encoders`.
     """
     parameters = joint.final_parameters if final else joint.baseline_parameters
     out: dict[str, object] = {
@@ -138,7 +142,32 @@ def reference_of(joint: JointResult, *, final: bool) -> dict[str, object]:
     if samples.signals.has("temperature"):
         warm = samples.signals.temperature[samples.rows]
         out["temperature"] = [round(float(each), 2) for each in (np.nanmin(warm), np.nanmean(warm), np.nanmax(warm))]
-    return out
+    gap = gap_between_encoders(samples)
+    return out if gap is None else out | {"gap": {"value": gap[0], "ci95": list(gap[1])}}
+
+
+def gap_between_encoders(samples: Samples) -> tuple[float, tuple[float, float]] | None:
+    """Gap of the gear b [rad] with its 95 % interval, by an encoder on either side; None without.
+
+    The rows' twist is  theta - q = c_0 + c_1 tau + (b/2) sign(tau).  The balance at the motor does not contain it. The
+    interval is that of rows which are alike within blocks of half a second.
+    """
+    signals = samples.signals
+    if not signals.has("motor_position"):
+        return None
+    tau = signals.load_torque[samples.rows]
+    twist = (signals.motor_position - signals.position)[samples.rows]
+    loaded = np.isfinite(twist) & (np.abs(tau) > LOADED * np.sqrt(np.mean(tau**2)))
+    if np.unique(np.sign(tau[loaded])).size < 2:
+        return None
+    columns = np.column_stack([np.ones(loaded.sum()), tau[loaded], 0.5 * np.sign(tau[loaded])])
+    found = np.linalg.lstsq(columns, twist[loaded], rcond=None)[0]
+    scores = columns * (twist[loaded] - columns @ found)[:, None]
+    blocks = samples.block[loaded]
+    sums = np.array([scores[blocks == each].sum(axis=0) for each in np.unique(blocks)])
+    inverse = np.linalg.inv(columns.T @ columns)
+    half = 1.96 * float(np.sqrt((inverse @ sums.T @ sums @ inverse)[2, 2]))
+    return float(found[2]), (float(found[2]) - half, float(found[2]) + half)
 
 
 def _error(joint: JointResult, errors: Errors) -> dict[str, object]:
