@@ -155,7 +155,7 @@ def say_joint(console: Console, joint: JointResult) -> None:
         gain = f"held-out gain {100 * effect.heldout_gain:.0f} %"
         say(console, f"  + [bold]{effect.key}[/bold]  {values}  ({gain})")
     for withdrawn in joint.did_not_hold:
-        say(console, f"  - {withdrawn.key} did not hold: {REASONS[withdrawn.reason][1]}")
+        say(console, f"  - {withdrawn.key} did not hold. {REASONS[withdrawn.reason][1]}")
     for warning in warnings(joint):
         say(console, f"  ! {escape(warning)}")
     if joint.next_experiment is not None:

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, JointNumbers
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import Discrimination, Parameters
@@ -22,7 +22,7 @@ from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.request import DesignRequest, designed
 from drake_tc.experiments.design.run import DesignOptions, design_joint, joint_within
 from drake_tc.experiments.design.search import random_start
-from drake_tc.experiments.sizes import JointNumbers, size_of, sizes_found
+from drake_tc.experiments.sizes import size_of, sizes_found
 from drake_tc.filtering.common_kernel import CommonKernel
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=120.0, bandwidth_hz=2.0)
@@ -158,7 +158,7 @@ def test_a_designed_motion_separates_better_than_a_growing_sinusoid(joint):
 
 
 def test_two_effects_that_are_one_function_are_refused_with_the_identity(joint):
-    with pytest.raises(ParamsError, match=r"same function.*column of bias = .*offset.*random states") as found:
+    with pytest.raises(ParamsError, match=r"same function.*column of bias equals .*offset.*random states") as found:
         criterion_of(parse_goal("tell:torque_sensor_bias,encoder_offset"), joint, 30.0)
     assert "\n" not in str(found.value)
 

@@ -19,11 +19,11 @@ import numpy as np
 
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.regression import solve_bounded
-from drake_tc.effects.base import Effect, Signals
+from drake_tc.effects.base import Effect, JointNumbers, Signals
 from drake_tc.effects.library import effect
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
-from drake_tc.experiments.sizes import JointNumbers, Size, acts_through_shape, directions
+from drake_tc.experiments.sizes import Size, acts_through_shape
 from drake_tc.types import FloatArray
 
 MOST_SHAPES = 3
@@ -93,7 +93,7 @@ class EffectForm:
 @lru_cache
 def _phases(effect: Effect, numbers: JointNumbers) -> FloatArray:
     """Theta (k, p) of size 1, one column for each phase."""
-    return np.stack(directions(effect, numbers), axis=-1)
+    return np.stack(effect.unit_coefficients(numbers), axis=-1)
 
 
 def contributions(forms: Sequence[EffectForm], columns: BalanceColumns) -> list[FloatArray]:
@@ -244,7 +244,7 @@ def _written(
         terms = [
             f"{solution[i, j]:.6g} {names[i]}" for i in range(len(names)) if abs(weights[i]) > 1e-6 * max(size, 1e-300)
         ]
-        parts.append(f"column of {name} = {' + '.join(terms) or '0'}")
+        parts.append(f"the column of {name} equals {' + '.join(terms) or '0'}")
     return f"{'; '.join(parts)} at {basis.shape[0]} random states (largest difference {error:.1g})"
 
 

@@ -137,7 +137,8 @@ def _alike_late(forms: list[EffectForm], goal: Goal) -> list[EffectForm]:
 def _isolated(effect_id: str) -> str:
     from drake_tc.report.sentences.experiments import ISOLATES
 
-    return f"to show it alone, {ISOLATES[effect_id]}" if effect_id in ISOLATES else "design an experiment by hand"
+    how = ISOLATES.get(effect_id, "design an experiment by hand")
+    return f"to show {effect_id} alone, {how}"
 
 
 def require_different(
@@ -154,7 +155,7 @@ def require_different(
     if proof is not None and identity(joint, second, first, under) is not None:
         raise ParamsError(
             f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
-            f"distinguishes them: {proof}; {_isolated(first.effect.id)}, or {_isolated(second.effect.id)}"
+            f"distinguishes them: {proof}; {_isolated(first.effect.id)}; {_isolated(second.effect.id)}"
             f"{_by_loads(joint, first, second, under)}"
         )
 
