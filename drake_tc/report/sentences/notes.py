@@ -186,7 +186,8 @@ def warnings(joint: JointResult) -> Sequence[str]:
             "The position error of the free run on the held-out runs is larger with the model after than with the "
             "model before: look at the free-run plots before you simulate with the model after."
         )
-    refined = joint.refinement.free_run_heldout if joint.refinement is not None else None
+    refinement = joint.refinement
+    refined = refinement.free_run_heldout if refinement is not None and refinement.accepted else None
     if after is not None and refined is not None and refined > LARGER * after:
         out.append(
             f"The position error of the free run on the held-out runs is larger with {MODEL_FILE} than with the model "
