@@ -64,7 +64,7 @@ def refine_joint(
         executor: Runs the simulations beside each other; None runs them here.
         progress: Told how far it is.
     """
-    progress("output error", 0.0)
+    progress("refinement on free runs", 0.0)
     model = model_of(result, final=True)
     context = _context(result, rig, model)
     trials = trials_of(train, rig, result.joint, OPTIONS.step)
@@ -146,7 +146,7 @@ class _Case:
     def _step(self, folds: int) -> None:
         self.steps += 1
         expected = OPTIONS.evaluations * (folds + OPTIONS.rounds + ONE_ROUND.rounds)
-        self.progress("output error", min(self.steps / expected, 0.95))
+        self.progress("refinement on free runs", min(self.steps / expected, 0.95))
 
 
 def folds_of(trials: Sequence[Trial]) -> list[list[int]]:
