@@ -57,6 +57,13 @@ SAID = {
         "a spring of 8 N·m/rad is found: True",
         "a joint without a spring is said to have one: False",
     ),
+    "07_the_same_joint_next_month": (
+        "the interval holds the truth: True",
+        "changed: ['coulomb']",
+        "the trend's interval holds the truth: True",
+        "friction named at the end: True",
+        "the push is told as a push: True",
+    ),
 }
 """What a notebook's prose takes for granted, as its cells print it."""
 SHOWN = {
@@ -66,6 +73,7 @@ SHOWN = {
     "04_robust_tsid": {"image/png"},
     "05_coman": {"image/png"},
     "06_experiment_design": {"image/png"},
+    "07_the_same_joint_next_month": {"image/png"},
 }
 """Plots, and the block graph."""
 

@@ -35,6 +35,7 @@ TREE: list[Entry] = [
                     ("My robot", "your_own_robot.md"),
                     ("An arm with uncertain links", "whole_arm.md"),
                     ("Gain and friction without a diagnosis", "identify.md"),
+                    ("The same joint later", "same_joint_later.md"),
                     ("My effect", "your_own_effect.md"),
                 ],
             ),

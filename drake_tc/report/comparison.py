@@ -1,7 +1,9 @@
 """What changed since a model was made: as text, as HTML, as JSON, and as a page."""
 
+import base64
 import math
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import numpy as np
 from drake_tc.config.quoted import json_value
 from drake_tc.report.numbers import interval, percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
-from drake_tc.report.plots.svg import AFTER, BACKWARD, MUTED, new_figure, page_style, to_svg
+from drake_tc.report.plots.svg import AFTER, BACKWARD, MUTED, NotebookFigure, new_figure, page_style, to_svg
 from drake_tc.watch.changes import Known
 from drake_tc.watch.compare import ComparisonResult, EffectChange, JointComparison, ParameterChange
 
@@ -43,10 +45,12 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def comparison_html(found: ComparisonResult) -> str:
     """The same for a notebook, with the picture of each joint."""
-    from html import escape
-
-    pictures = "".join(f"<div>{change_picture(joint)}</div>" for joint in found.joints.values() if joint.parameters)
-    return f"<pre>{escape(comparison_text(found))}</pre>{pictures}"
+    figures = [change_figure(joint) for joint in found.joints.values() if joint.parameters]
+    images = [(f.screen_width, base64.b64encode(f.png()).decode("ascii")) for f in figures]
+    pictures = [
+        f'<img width="{width}" alt="changes" src="data:image/png;base64,{encoded}">' for width, encoded in images
+    ]
+    return f"<pre>{escape(comparison_text(found))}</pre>{''.join(pictures)}"
 
 
 def comparison_page(found: ComparisonResult) -> str:
@@ -127,7 +131,13 @@ def _row(p: ParameterChange) -> tuple[str, ...]:
 
 
 def change_picture(joint: JointComparison) -> str:
-    """An SVG element: the change of each parameter over its stored value, with its interval."""
+    """`change_figure` as an SVG element."""
+    with page_style(f"changes-{joint.joint}"):
+        return to_svg(change_figure(joint), f"changes of the parameters of {joint.joint}")
+
+
+def change_figure(joint: JointComparison) -> NotebookFigure:
+    """The change of each parameter over its stored value, with its interval."""
     shown = [p for p in joint.parameters if p.then.value]
     with page_style(f"changes-{joint.joint}"):
         figure = new_figure(6.4, 0.62 + 0.24 * len(shown))
@@ -143,7 +153,7 @@ def change_picture(joint: JointComparison) -> str:
         reach = max((abs(end) / abs(p.then.value) for p in shown for end in p.change.ci95), default=0.1)
         axes.set_xlim(*(100.0 * sign * 1.05 * min(reach, WIDEST) for sign in (-1.0, 1.0)))
         axes.set_xlabel("change since the model was made [% of the stored value]")
-        return to_svg(figure, f"changes of the parameters of {joint.joint}")
+        return figure
 
 
 def comparison_json(found: ComparisonResult) -> dict[str, Any]:

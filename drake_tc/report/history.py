@@ -8,7 +8,17 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from drake_tc.report.comparison import label_of
 from drake_tc.report.numbers import interval, percent, pretty_unit
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
-from drake_tc.report.plots.svg import AFTER, BACKWARD, MUTED, REFINED, SHADE, new_figure, page_style, to_svg
+from drake_tc.report.plots.svg import (
+    AFTER,
+    BACKWARD,
+    MUTED,
+    REFINED,
+    SHADE,
+    NotebookFigure,
+    new_figure,
+    page_style,
+    to_svg,
+)
 from drake_tc.watch.history import Session, Trend, further_unit, trends
 
 MONTH = 30.0
@@ -90,7 +100,13 @@ def _between_units(sessions: Sequence[Session], joint: str, units: dict[str, str
 
 
 def history_picture(sessions: Sequence[Session], joint: str) -> str:
-    """An SVG element: each parameter over time with intervals, the trend of each unit, and where it leads."""
+    """`history_figure` as an SVG element."""
+    with page_style(f"history-{joint}"):
+        return to_svg(history_figure(sessions, joint), f"history of {joint}")
+
+
+def history_figure(sessions: Sequence[Session], joint: str) -> NotebookFigure:
+    """Each parameter over time with intervals, the trend of each unit, and where it leads."""
     names = list(_units(sessions, joint))
     units = _units(sessions, joint)
     rows = -(-len(names) // COLUMNS)
@@ -124,4 +140,4 @@ def history_picture(sessions: Sequence[Session], joint: str) -> str:
             axes.xaxis.set_major_formatter(ConciseDateFormatter(dates, show_offset=False))
         if len({s.serial for s in sessions}) > 1:
             figure.axes[0].legend(loc="best")
-        return to_svg(figure, f"history of {joint}")
+        return figure

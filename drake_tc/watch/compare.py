@@ -49,7 +49,7 @@ LEAST_GAP = 5e-5
 """Size of a gap's change that is no change, at least: rounding and noise of two encoders [rad]."""
 GONE = 3.0
 """Log odds from which an effect is gone."""
-MORE_LEFT = 1.5
+MORE_LEFT = 2.0
 """Error over that of the stored model's own logs from which something changed that no effect explains."""
 VISIBLE = {"gain": 0.2, "friction": 0.3}
 """Half width of the interval of a change, over the value, beyond which the logs tell nothing of drive or friction."""

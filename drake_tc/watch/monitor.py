@@ -36,13 +36,13 @@ class ModelMonitorSpec:
         confirm: Time for which a CUSUM is over its limit before a cause is named [s].
     """
 
-    friction: float = 0.2
+    friction: float = 0.15
     torque_constant: float = 0.1
     payload: float = 2.0
     bias: float = 1.0
     delay: float = 4e-3
     backlash: float = 1e-3
-    limit: float = 25.0
+    limit: float = 40.0
     memory: float = 400.0
     rest: float = 0.05
     push: float = 6.0

@@ -36,7 +36,7 @@ def test_worn_friction_is_named_with_its_size(diagnosed):
     coulomb = next(p for p in joint.parameters if p.key == "coulomb")
     assert coulomb.change.ci95[0] < 0.3 * 6.0 < coulomb.change.ci95[1]
     assert joint.floors_then > 3.0 * joint.floors_now
-    assert "coulomb changed by" in repr(found) and "<svg" in found._repr_html_()
+    assert "coulomb changed by" in repr(found) and "image/png" in found._repr_html_()
     document = comparison_json(found)
     assert document["verdict"] == "parameters_changed"
 
