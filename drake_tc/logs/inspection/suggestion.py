@@ -153,10 +153,11 @@ def suggested_rig(
     loads = {joint: "torque" if "torque" in by_joint[joint] else "unknown" for joint in drives}
     document["load"] = _same(loads)
     if "unknown" in loads.values():
+        lacking = "The log has no" if "torque" not in loads.values() else "Some joints have no"
         notes.append(
-            "Not every joint has a measured torque. With `load: unknown`, the load of a revolute joint without one is"
-            " fitted as a pendulum, and that of a prismatic joint as a mass with a constant force. With a URDF,"
-            " `robot: FILE` and `load: {robot: fitted}` fit the links of the whole robot instead."
+            f"{lacking} measured joint torque. With `load: unknown`, the load of a revolute joint is fitted as a pendulum,"
+            " and that of a prismatic joint as a mass with a constant force. With a URDF, `robot: FILE` and"
+            " `load: {robot: fitted}` fit the links of the whole robot instead."
         )
     if enabled is not None and _is_switch(enabled):
         document["enabled"] = enabled.name
