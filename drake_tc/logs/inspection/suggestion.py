@@ -155,8 +155,8 @@ def suggested_rig(
     if "unknown" in loads.values():
         lacking = "The log has no" if "torque" not in loads.values() else "Some joints have no"
         notes.append(
-            f"{lacking} measured joint torque. With `load: unknown`, the load of a revolute joint is fitted as a pendulum,"
-            " and that of a prismatic joint as a mass with a constant force. With a URDF, `robot: FILE` and"
+            f"{lacking} measured joint torque. With `load: unknown`, the load of a revolute joint is fitted as a"
+            " pendulum, and that of a prismatic joint as a mass with a constant force. With a URDF, `robot: FILE` and"
             " `load: {robot: fitted}` fit the links of the whole robot instead."
         )
     if enabled is not None and _is_switch(enabled):
