@@ -5,9 +5,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import ASYMMETRY
+from drake_tc.types import FloatArray
 
 COULOMB_ASYMMETRY_RANGE = Plausible(
     -1.0,
@@ -62,6 +63,14 @@ class AsymmetricFriction(EquationEffect):
     def obstacle(self, context: Context) -> str:
         """Not beside an unknown load, which has a column of the same form."""
         return context.taken_up or super().obstacle(context)
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.friction
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([1.0, n.damping_ratio])[: len(self.coefficients)],)
 
 
 class CoulombAsymmetry(AsymmetricFriction):

@@ -27,7 +27,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from drake_tc.config.joint_units import JointType
-from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind
+from drake_tc.effects.context import EFFORT_UNIT, Context, DriveKind, JointNumbers
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, TorqueKernel, TorqueParts, Transmission
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.parameter import Parameter, Plausible, Values
@@ -40,6 +40,7 @@ __all__ = [
     "DriveEffect",
     "DriveKind",
     "Effect",
+    "JointNumbers",
     "Parameter",
     "Plausible",
     "SensorEffect",
@@ -91,6 +92,8 @@ class Effect(ABC):
     """The effect in the names of its `parameters` and of signals (`drake_tc.report.equation`): a report fills it in.
     Several equations are separated by ";". `tau_add` is the torque that the effect costs between drive and link."""
     signature: ClassVar[Signature]
+    size: ClassVar[tuple[str, str] | None] = None
+    """Name and unit of the number that tells how strong the effect is, where this is not its first parameter."""
     needs: ClassVar[frozenset[str]] = frozenset()
     isolated_by: ClassVar[str] = ""
     """The experiment that shows this effect alone, as an instruction ("let the free joint spin down")."""
@@ -161,6 +164,20 @@ class Effect(ABC):
         and the range of the log, say together. `drake_tc.effects.plausibility.implausible` asks for both.
         """
         return ""
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """Size from which on the effect matters to the user of a model, in the effect's own unit.
+
+        A tenth of the joint's own friction, 5 % of its largest torque (where nothing else is said), or a delay of 3 ms.
+        """
+        return n.part
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """Coefficients theta (k,) of size 1: one for each phase or place that the effect may have, all equally likely.
+
+        Empty for an effect whose size is a shape parameter.
+        """
+        return tuple(np.eye(len(self.coefficients)))
 
     @property
     def degrees_of_freedom(self) -> int:

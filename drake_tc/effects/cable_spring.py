@@ -3,9 +3,12 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+import numpy as np
+
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import SPRING
+from drake_tc.types import FloatArray
 
 SPRING_STIFFNESS_RANGE = Plausible(
     0.0,
@@ -62,6 +65,15 @@ class CableSpring(EquationEffect):
             f"The joint turns over {context.turns:.2g} turns of its output: a cable or spring fixed to both sides "
             f"allows at most some {MOST_TURNS:g}."
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 2.0 * n.part / max(n.span, 1e-9)
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """At rest in the middle, or at an end of the travel."""
+        places = (0.0, -0.5, 0.5) if len(self.coefficients) > 1 else (0.0,)
+        return tuple(np.array([1.0, share * n.span])[: len(self.coefficients)] for share in places)
 
 
 class SpringBesideWeight(CableSpring):

@@ -8,7 +8,7 @@ from typing import Literal
 from drake_tc.config.joint_units import EFFORT_UNIT, JointType, JointUnits
 from drake_tc.effects.parameter import Scale
 
-__all__ = ["BETWEEN_ENCODERS", "EFFORT_UNIT", "NO_INERTIA", "Context", "DriveKind", "LoadKind"]
+__all__ = ["BETWEEN_ENCODERS", "EFFORT_UNIT", "NO_INERTIA", "Context", "DriveKind", "JointNumbers", "LoadKind"]
 
 DriveKind = Literal["position_servo", "current", "voltage", "torque"]
 LoadKind = Literal["torque", "pendulum", "robot", "links", "unknown"]
@@ -128,3 +128,45 @@ class Context:
         }
         value = values[name]
         return math.inf if math.isnan(value) else value
+
+
+@dataclass(frozen=True)
+class JointNumbers:
+    """The declared model of a joint in numbers, with which sizes of effects are compared.
+
+    Attributes:
+        gain: K [effort/(N m)].
+        viscous: F_v [N m s/rad], at least 0.
+        coulomb: F_c [N m], at least 0.
+        inertia: Rotor and link together [kg m^2].
+        torque: Largest torque that the motor delivers [N m].
+        effort: Largest effort.
+        speed: Largest speed [rad/s].
+        span: Positions that the motion covers [rad].
+        rotor: Of `inertia`, the rotor's part, declared or fitted [kg m^2].
+    """
+
+    gain: float
+    viscous: float
+    coulomb: float
+    inertia: float
+    torque: float
+    effort: float
+    speed: float
+    span: float
+    rotor: float = 0.0
+
+    @property
+    def part(self) -> float:
+        """5 % of the largest torque [N m]."""
+        return 0.05 * self.torque
+
+    @property
+    def friction(self) -> float:
+        """A fifth of the Coulomb friction [N m], or 5 % of the largest torque where it is small."""
+        return 0.2 * self.coulomb if self.coulomb > 0.02 * self.torque else self.part
+
+    @property
+    def damping_ratio(self) -> float:
+        """F_v/F_c [s/rad]; 0 without Coulomb friction."""
+        return self.viscous / self.coulomb if self.coulomb > 0.0 else 0.0

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.kernels.equations import lagged
 from drake_tc.kernels.joint_layout import LAG
@@ -71,6 +71,10 @@ class CurrentLag(DriveEffect):
             return lagged(value, pole, new, old, memory, at)
 
         return DriveKernel(2, lambda value, effort: [value, value], step, kind=LAG, numbers=(pole, new, old))
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 3e-3
 
 
 class CommandLag(CurrentLag):

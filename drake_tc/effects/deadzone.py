@@ -4,7 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
+from drake_tc.effects.base import (
+    Context,
+    DriveEffect,
+    JointNumbers,
+    Parameter,
+    Plausible,
+    Shape,
+    Signals,
+    Signature,
+    Values,
+)
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, memoryless
 from drake_tc.kernels.equations import dead_zone, dead_zone_inverse
 from drake_tc.kernels.joint_layout import DEAD_ZONE
@@ -54,3 +64,7 @@ class Deadzone(DriveEffect):
         return InverseLaw(
             lambda effort, position, direction: float(dead_zone_inverse(effort, width, smoothing)), DEAD_ZONE, width
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.05 * n.effort

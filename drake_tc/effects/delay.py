@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.kernels.equations import delayed
 from drake_tc.kernels.joint_layout import DELAY
@@ -74,6 +74,10 @@ class Delay(DriveEffect):
         return DriveKernel(
             1 + ring, lambda value, effort: [0.0] + [value] * ring, step, kind=DELAY, numbers=(float(whole), part)
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 3e-3
 
 
 class CommandDelay(Delay):

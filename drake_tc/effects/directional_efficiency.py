@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.context import NO_INERTIA
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.held_gain import held_gain, scale_column
@@ -47,6 +47,7 @@ class DirectionalEfficiency(EquationEffect):
         Parameter("mean_load_friction", "-", 0.0, 1.0),
         Parameter("scaled_inertia", "-", -0.9, 0.9, description="w"),
     )
+    size = ("mean_load_friction", "-")
     signature = Signature(
         x="load_torque",
         split="direction",
@@ -93,3 +94,11 @@ class DirectionalEfficiency(EquationEffect):
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """(T,): see the class."""
         return self.equation_torque(signals, parameters)
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.1
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([1.0, 0.0]),)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT
 
@@ -45,3 +45,7 @@ class EffortBias(EquationEffect):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """Rest b."""
         return 0.0, 0.0, parameters["bias_torque"]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.friction

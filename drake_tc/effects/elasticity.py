@@ -4,7 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TransmissionEffect
+from drake_tc.effects.base import (
+    Context,
+    JointNumbers,
+    Parameter,
+    Plausible,
+    Shape,
+    Signals,
+    Signature,
+    TransmissionEffect,
+)
 from drake_tc.effects.context import BETWEEN_ENCODERS, NO_INERTIA
 from drake_tc.effects.held_gain import HELD_GAIN, held_gain, scale_column
 from drake_tc.effects.kernel import Transmission
@@ -44,6 +53,7 @@ class Elasticity(TransmissionEffect):
     kind = "transmission"
     linear = True
     coefficients = (Parameter("rates", "rad/(N*m)", 0.0), Parameter("wind_up", "-", 0.0, 0.98))
+    size = ("compliance", "rad/(N*m)")
     signature = Signature(
         x="acceleration", split="direction", look_for="a residual that follows the rate of the load torque"
     )
@@ -104,3 +114,11 @@ class Elasticity(TransmissionEffect):
     def transmission(self, parameters: Mapping[str, float]) -> Transmission:
         """A spring without play; stiffer than 10^9 N m/rad is taken as that."""
         return Transmission(half_gap=0.0, compliance=max(parameters["compliance"], 1e-9))
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.1 * n.gain
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([1.0, 1.0 / n.gain]),)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.effects.encoder_wave import encoder_wave
 from drake_tc.types import FloatArray
 
@@ -45,6 +45,7 @@ class EncoderEccentricity(SensorEffect):
             plausible=DISC_ERROR_RANGE,
         ),
     )
+    size = ("amplitude", "rad")
     signature = Signature(x="position", split="direction", look_for="one wave a turn that grows with the speed")
 
     def inconsistency(self, parameters: Mapping[str, float], context: Context) -> str:
@@ -75,11 +76,16 @@ class EncoderEccentricity(SensorEffect):
             true = replace(true, position=signals.position - error)
         return true
 
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.gain * n.part if context.drive == "position_servo" else 2e-3
+
 
 class SeparateEncoderEccentricity(EncoderEccentricity):
     """The same error on an encoder that the position servo does not use: its effort is off by the error itself."""
 
     form = "separate"
+    size = ("amplitude", "rad")
 
     def obstacle(self, context: Context) -> str:
         """Only a position servo has an effort that the error enters."""
@@ -90,3 +96,7 @@ class SeparateEncoderEccentricity(EncoderEccentricity):
         q = signals.position
         wave = np.stack([np.sin(q), np.cos(q)], axis=-1)
         return np.asarray(super().columns(signals, shape) - signals.stiffness * wave)
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 2e-3

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
 
 OFFSET_RANGE = Plausible(
@@ -53,3 +53,7 @@ class EncoderOffset(SensorEffect):
     def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Shift the position back."""
         return replace(signals, position=signals.position - parameters["offset"])
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.gain * n.part if context.drive == "position_servo" else 0.01

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.effects.encoder_wave import encoder_wave
 from drake_tc.types import FloatArray
 
@@ -39,6 +39,7 @@ class EncoderRipple(SensorEffect):
         Parameter("ripple_sine", "rad", description="sine part of the error of the reading", plausible=WAVE_RANGE),
         Parameter("ripple_cosine", "rad", description="cosine part of the error of the reading", plausible=WAVE_RANGE),
     )
+    size = ("amplitude", "rad")
     shapes = (
         Parameter(
             "cycles_per_turn",
@@ -96,3 +97,7 @@ class EncoderRipple(SensorEffect):
             error = self.corrupt(true, parameters).position - true.position
             true = replace(true, position=signals.position - error)
         return true
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 1e-3

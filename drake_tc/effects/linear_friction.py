@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.position_dependent_friction import WAVE_RANGE, PositionDependentFriction
 from drake_tc.kernels.torque_equations import FRICTION_LINE
@@ -71,3 +71,7 @@ class LinearPositionFriction(EquationEffect):
             f"The change of {change:.3g} N*m towards one end exceeds the Coulomb friction of {middle:.3g} N*m in the "
             f"middle: {WAVE_RANGE.source}."
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 2.0 * n.friction / max(n.span, 1e-9)

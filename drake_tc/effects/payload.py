@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.context import NO_INERTIA, LoadKind
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import LOAD_SHARE, PENDULUM
@@ -33,6 +33,9 @@ CARRIED: Mapping[LoadKind, str] = {
 }
 """Why a single joint has no payload, where a robot's model gives the load."""
 HANG_ANGLE_RANGE = Plausible(-np.inf, np.inf, "where the pendulum hangs is declared in the rig file")
+
+PAYLOAD_ARM = 0.035
+"""Inertia over first moment of a typical payload [kg m^2/(N m)]: a point mass at 0.35 m has l/g."""
 
 
 class Payload(EquationEffect):
@@ -76,6 +79,10 @@ class Payload(EquationEffect):
         """A pendulum that hangs at q = 0."""
         return parameters["payload_moment"], 0.0, 0.0
 
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([1.0, PAYLOAD_ARM])[: len(self.coefficients)],)
+
 
 class OwnArmPayload(Payload):
     """A mass beside a pendulum whose drive gain is declared: G_p sin(q - q_h) + J_p qddot [N m].
@@ -103,6 +110,10 @@ class OwnArmPayload(Payload):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """A pendulum that hangs where the declared one does."""
         return parameters["payload_moment"], parameters["hang_angle"], 0.0
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """Its moment alone, or its inertia alone."""
+        return tuple(np.eye(len(self.coefficients)))
 
 
 class PendulumPayload(OwnArmPayload):
@@ -159,6 +170,7 @@ class DeclaredGainPayload(Payload):
             plausible=LOAD_ERROR_RANGE,
         ),
     )
+    size = ("payload_share", "-")
     signature = Signature(x="load_torque", split="", look_for="a straight line through zero, over the known load")
 
     def obstacle(self, context: Context) -> str:

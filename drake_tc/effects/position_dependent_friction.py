@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.kernels.torque_equations import FRICTION_WAVE
@@ -43,6 +43,7 @@ class PositionDependentFriction(EquationEffect):
         ),
         Parameter("friction_sine", "N*m", description="sine part of the friction over the angle", plausible=WAVE_RANGE),
     )
+    size = ("amplitude", "N*m")
     shapes = (
         Parameter(
             "cycles_per_turn",
@@ -76,3 +77,7 @@ class PositionDependentFriction(EquationEffect):
         if amplitude <= mean:
             return ""
         return f"The wave of {amplitude:.3g} N*m exceeds the Coulomb friction of {mean:.3g} N*m: {WAVE_RANGE.source}."
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.friction

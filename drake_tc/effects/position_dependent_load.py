@@ -42,6 +42,7 @@ class PositionDependentLoad(TorqueEffect):
         Parameter(f"level_{k + 1}", "N*m", description=f"coefficient {k + 1} of the spline", plausible=LEVEL_RANGE)
         for k in range(SIZE)
     )
+    size = ("level", "N*m")
     given_shapes = (
         Parameter("curve_start", "rad", default=-1.0, description="q_a", plausible=END_RANGE),
         Parameter("curve_end", "rad", default=1.0, description="q_b > q_a", plausible=END_RANGE),

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Shape, Signals, Signature
 from drake_tc.effects.sensor_delay import SensorDelay
 from drake_tc.types import FloatArray
 
@@ -45,3 +45,7 @@ class PositionSensorDelay(SensorDelay):
             return np.zeros((len(signals), 1))
         jerk = np.gradient(signals.acceleration, signals.period)
         return np.asarray(signals.rotor_inertia * jerk + signals.viscous * signals.acceleration)[:, None]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 3e-3

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import HYSTERESIS
 from drake_tc.types import FloatArray
@@ -91,6 +91,10 @@ class PreslidingHysteresis(EquationEffect):
     def hysteresis_travel(self, parameters: Mapping[str, float]) -> float:
         """s_p: the Dahl state takes over the share F_p of the Coulomb friction, after any reversals."""
         return parameters["presliding_travel"]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 2.0 * n.friction
 
 
 class SlidingPresliding(PreslidingHysteresis):

@@ -1,6 +1,6 @@
 """Friction that grows with the square of the speed."""
 
-from drake_tc.effects.base import Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import QUADRATIC
 
@@ -32,3 +32,8 @@ class QuadraticViscous(EquationEffect):
     signature = Signature(
         x="velocity", split="", look_for="an S that steepens (or flattens) towards the highest speeds"
     )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        speed = max(n.speed, 1e-9)
+        return max(n.part, 0.2 * n.viscous * speed) / speed**2

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
@@ -53,3 +53,7 @@ class RotorInertia(EquationEffect):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """Zeros: it is an inertia alone."""
         return 0.0, 0.0, 0.0
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.1 * n.inertia if n.inertia > 0.0 else n.part / max(n.speed, 1.0)

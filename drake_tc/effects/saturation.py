@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel, memoryless
 from drake_tc.kernels.equations import saturated
 from drake_tc.kernels.joint_layout import SATURATION
@@ -47,6 +47,10 @@ class Saturation(DriveEffect):
         """No memory."""
         limit = parameters["limit"]
         return memoryless(lambda value, effort, direction: float(saturated(value, limit)), SATURATION, (limit,))
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.8 * n.effort
 
 
 class ServoSaturation(Saturation):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.kernels.equations import integrated
 from drake_tc.kernels.joint_layout import INTEGRAL
@@ -30,6 +30,7 @@ class ServoIntegrator(DriveEffect):
     linear = True
     unknown_start = True
     coefficients = (Parameter("integral_torque", "N*m/(effort*s)", 0.0),)
+    size = ("integral_rate", "1/s")
     shapes = ()
     signature = Signature(x="time", split="", look_for="a slow rise while the effort keeps its sign")
 
@@ -76,3 +77,11 @@ class ServoIntegrator(DriveEffect):
         return DriveKernel(
             2, lambda value, effort: [-period * effort, effort], step, kind=INTEGRAL, numbers=(rate, half)
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.2
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([1.0 / n.gain]),)

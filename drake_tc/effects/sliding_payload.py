@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+import numpy as np
+
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import GRAVITY, FloatArray
@@ -35,6 +37,7 @@ class SlidingPayload(EquationEffect):
         Parameter("payload_weight", "N*m", description="weight along the axis", plausible=WEIGHT_RANGE),
         Parameter("payload_mass", "kg*m^2", 0.0, description="mass", plausible=MASS_RANGE),
     )
+    size = ("payload_mass", "kg*m^2")
     signature = Signature(x="acceleration", split="", look_for="a straight line over the acceleration")
 
     def obstacle(self, context: Context) -> str:
@@ -62,3 +65,11 @@ class SlidingPayload(EquationEffect):
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """A constant force."""
         return 0.0, 0.0, parameters["payload_weight"]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.1 * n.inertia if n.inertia > 0.0 else n.part
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([0.0, 1.0]),)

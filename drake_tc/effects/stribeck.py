@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import STRIBECK
 
@@ -74,3 +74,7 @@ class Stribeck(EquationEffect):
             for v in np.geomspace(fastest / 120, fastest, 10)
             for m in (1.0, 2.0)
         ]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 2.0 * n.friction

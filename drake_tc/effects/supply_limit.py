@@ -5,7 +5,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.types import FloatArray
 
@@ -75,3 +75,7 @@ class SupplyLimit(DriveEffect):
             return max(-limit, min(limit, value))
 
         return DriveKernel(1, lambda value, effort: [inf], step, observe)
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.8 * n.effort / max(context.supply_voltage, 1.0) if context.supply_voltage > 0.0 else 0.0

@@ -1,8 +1,11 @@
 """Friction that changes with temperature."""
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+import numpy as np
+
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import THERMAL
+from drake_tc.types import FloatArray
 
 COULOMB_PER_KELVIN_RANGE = Plausible(
     -0.2,
@@ -73,3 +76,11 @@ class ThermalFriction(EquationEffect):
     def shape_grid(self, context: Context) -> list[dict[str, float]]:
         """Straight, and two exponentials."""
         return [{"thermal_rate": r} for r in (1e-4, 0.015, 0.04)]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.01 * max(n.coulomb, n.part)
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([-1.0, -n.damping_ratio]),)

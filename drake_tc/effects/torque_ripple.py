@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.kernels.torque_equations import WAVE
@@ -37,6 +37,7 @@ class TorqueRipple(EquationEffect):
         Parameter("ripple_cosine", "N*m", description="cosine part of the torque over the angle", plausible=WAVE_RANGE),
         Parameter("ripple_sine", "N*m", description="sine part of the torque over the angle", plausible=WAVE_RANGE),
     )
+    size = ("amplitude", "N*m")
     shapes = (
         Parameter(
             "cycles_per_turn",
@@ -68,3 +69,7 @@ class TorqueRipple(EquationEffect):
             f"The positions span {periods:.3g} of a period of a ripple of {cycles:.3g} cycles a turn: that is a load "
             "curve over the position."
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.friction

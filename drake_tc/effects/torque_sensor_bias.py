@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
 
 BIAS_RANGE = Plausible(
@@ -43,3 +43,7 @@ class TorqueSensorBias(SensorEffect):
     def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Take the bias off."""
         return replace(signals, load_torque=signals.load_torque - parameters["bias"])
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.friction

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Shape, Signals, Signature
 from drake_tc.effects.sensor_delay import SensorDelay
 from drake_tc.types import FloatArray
 
@@ -34,3 +34,7 @@ class TorqueSensorDelay(SensorDelay):
         if len(signals) < 2:
             return np.zeros((len(signals), 1))
         return np.asarray(np.gradient(signals.slow_torque, signals.period))[:, None]
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 3e-3

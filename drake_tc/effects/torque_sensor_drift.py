@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+import numpy as np
+
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.types import FloatArray
 
 DRIFT_RANGE = Plausible(
@@ -41,3 +43,7 @@ class TorqueSensorDrift(SensorEffect):
     def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Take the drift off."""
         return replace(signals, load_torque=signals.load_torque - parameters["drift"] * signals.time)
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return n.friction / (context.duration if np.isfinite(context.duration) else 30.0)

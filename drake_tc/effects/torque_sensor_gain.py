@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drake_tc.effects.base import Context, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.effects.context import NO_INERTIA
 from drake_tc.effects.held_gain import held_gain, scale_column
 from drake_tc.types import FloatArray
@@ -67,3 +67,7 @@ class TorqueSensorGain(SensorEffect):
     def restore(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Scale the torque back."""
         return replace(signals, load_torque=signals.load_torque / (1.0 + parameters["gain_error"]))
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.1

@@ -4,7 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
+from drake_tc.effects.base import (
+    Context,
+    DriveEffect,
+    JointNumbers,
+    Parameter,
+    Plausible,
+    Shape,
+    Signals,
+    Signature,
+    Values,
+)
 from drake_tc.effects.kernel import DriveKernel, InverseLaw, memoryless
 from drake_tc.kernels.equations import switch_inverse, switched
 from drake_tc.kernels.joint_layout import SWITCH
@@ -28,6 +38,7 @@ class VelocitySignSwitch(DriveEffect):
     equation = "y_eff = (1 + switch * sign(qdot)) * y"
     kind = "drive"
     coefficients = (Parameter("switch_torque", "N*m/effort"),)
+    size = ("switch", "-")
     signature = Signature(
         x="effort", split="direction", look_for="two straight lines of different slope that cross at zero"
     )
@@ -77,3 +88,11 @@ class VelocitySignSwitch(DriveEffect):
         return InverseLaw(
             lambda effort, position, direction: float(switch_inverse(effort, direction, switch)), SWITCH, switch
         )
+
+    def typical_size(self, n: JointNumbers, context: Context) -> float:
+        """See `Effect.typical_size`."""
+        return 0.05
+
+    def unit_coefficients(self, n: JointNumbers) -> tuple[FloatArray, ...]:
+        """See `Effect.unit_coefficients`."""
+        return (np.array([1.0 / n.gain]),)

@@ -40,6 +40,7 @@ class WindingTemperature(DriveEffect):
     kind = "drive"
     needs = frozenset({"temperature"})
     coefficients = (Parameter("back_emf_damping", "N*m*s/rad", 0.0, description="F_e"),)
+    size = ("back_emf_damping", "N*m*s/rad")
     shapes = (
         Parameter(
             "resistance_per_kelvin",

@@ -18,11 +18,10 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.search import find
-from drake_tc.effects.base import Context, Effect, Shape, Signals, Signature
+from drake_tc.effects.base import Context, Effect, JointNumbers, Shape, Signals, Signature
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.sensor_delay import SensorDelay
-from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.types import FloatArray
 
 

@@ -33,7 +33,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Effect
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.experiments.fitted import FittedJoint
-from drake_tc.experiments.sizes import Size, acts_through_shape, directions, size_of, strengths
+from drake_tc.experiments.sizes import Size, acts_through_shape, size_of, strengths
 from drake_tc.types import FloatArray, IntArray
 
 MOST_SHAPES = 14
@@ -369,7 +369,7 @@ class _Columns:
         term, model, gain = Term(effect, shape), self._model, self._fitted.gain
         blocks = model.blocks(model.train, [term])
         block = blocks[0] if isinstance(effect, ServoGain) else blocks[1]
-        ways = [np.ones(1)] if isinstance(effect, ServoGain) else directions(effect, self._fitted.numbers)
+        ways = [np.ones(1)] if isinstance(effect, ServoGain) else effect.unit_coefficients(self._fitted.numbers)
         places = self._added(block.values)
         widths = model.shape_prior([term]).deviation
         none: FloatArray = np.zeros(0)

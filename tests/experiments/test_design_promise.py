@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, JointNumbers
 from drake_tc.effects.library import effect
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
@@ -15,7 +15,6 @@ from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
-from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 

@@ -8,13 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, JointNumbers
 from drake_tc.experiments.design.expected import FOLLOWED, followed, followed_up_to, tracking_warning
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
-from drake_tc.experiments.sizes import JointNumbers
 
 LIMITS = JointLimits((-1.0, 1.0), 4.0, 25.0)
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.effects.base import Context
+from drake_tc.effects.base import Context, JointNumbers
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import Discrimination, Parameters
@@ -19,7 +19,7 @@ from drake_tc.experiments.design.load_design import LoadDesign, design_with_load
 from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.design.search import MotionSearch, RememberedColumns, StackedColumns, slow_passes, splits
-from drake_tc.experiments.sizes import JointNumbers, size_of
+from drake_tc.experiments.sizes import size_of
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_document.writing import rig_document
 from drake_tc.types import GRAVITY

@@ -15,8 +15,8 @@ from drake_tc.diagnosis.data.channels import channels_of
 from drake_tc.diagnosis.notes import LogRemark
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.effects.base import JointNumbers
 from drake_tc.experiments.fitted import FittedJoint
-from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.logs.record import Run
 from drake_tc.report.sentences.words import joined
@@ -278,7 +278,7 @@ LATE_VELOCITY = "delay of the velocity"
 LEAST = 0.1
 """Delay over the sampling period below which nothing is said: the columns are filtered on samples."""
 LEAST_SECONDS = 5e-4
-"""Delay below which nothing is said [s]: it is a small part of what matters to the user of a model (`sizes.py`)."""
+"""Delay below which nothing is said [s]; it matters little to the user of a model (`Effect.typical_size`)."""
 CERTAIN = 4.0
 """Standard deviations from 0 from which on a delay is stated."""
 LONGEST = 0.05

@@ -11,13 +11,13 @@ from typing import Literal
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.effects.base import Effect
+from drake_tc.effects.base import Effect, JointNumbers
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.experiments.check.reasons import Hidden, MotionFacts, sentence
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 from drake_tc.experiments.log_odds import EffectOdds
-from drake_tc.experiments.sizes import JointNumbers, Size, size_of
+from drake_tc.experiments.sizes import Size, size_of
 
 Status = Literal["seen", "weakly", "not_seen", "not_separable"]
 WEAK = 4.0

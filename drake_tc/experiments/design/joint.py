@@ -19,9 +19,8 @@ from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
 from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.effects.base import Context, DriveEffect, Signals, TorqueEffect, plain_signals
+from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Signals, TorqueEffect, plain_signals
 from drake_tc.effects.library import effect
-from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray

@@ -20,7 +20,7 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.effects.base import Context, TorqueEffect
+from drake_tc.effects.base import Context, JointNumbers, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.check.effects import joint_noise
@@ -29,7 +29,6 @@ from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.search import MARGIN
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
-from drake_tc.experiments.sizes import JointNumbers
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
