@@ -6,16 +6,13 @@ The joint's memory is a list of floats, whose places `drake_tc.kernels.joint_lay
 """
 
 from collections.abc import Callable, Sequence
-from math import inf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects, tables
-from drake_tc.actuation.model import ActuatorModel
 from drake_tc.kernels import joint_layout as at
 from drake_tc.kernels.calls import ADVANCE, MOTORS, SKIPPED, TIME, KernelCall
-from drake_tc.kernels.joint_layout import OUTPUTS
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
@@ -156,20 +153,6 @@ def _around(around: tuple[FloatArray, FloatArray] | None, joint: int) -> tuple[f
     return UNCONNECTED if around is None else (float(around[0][joint]), float(around[1][joint]))
 
 
-class JointInput(NamedTuple):
-    """What one joint sees at a tick: command, position, velocity, load torque or None, temperature [deg C], supply [V].
-
-    A supply voltage of NaN or 0 counts as the drive's nominal one.
-    """
-
-    command: float
-    position: float
-    velocity: float
-    load_torque: float | None
-    temperature: float
-    supply_voltage: float = nan
-
-
 class JointOutput(NamedTuple):
     """Torque to the plant, motor and friction torque [N m], commanded effort, 1 when an input was not finite."""
 
@@ -178,49 +161,3 @@ class JointOutput(NamedTuple):
     friction_torque: float
     effort: float
     fault: float
-
-
-class JointProgram:
-    """A model of one joint, sampled every `period` [s]; holds no changing data.
-
-    Attributes:
-        size: How many floats of memory the joint needs.
-        effects: What the model comes to.
-    """
-
-    def __init__(self, model: ActuatorModel, period: float, inertia: float) -> None:
-        """Compile; arguments as `JointEffects`."""
-        self.effects = JointEffects(model, period, inertia)
-        self.size = self.effects.size
-        self._step = JointStep([self.effects])
-
-    def initial(self, velocity: float = 0.0) -> list[float]:
-        """Memory of a joint that has moved at `velocity` [rad/s] for long, or rested for 0."""
-        return self.effects.initial(velocity)
-
-    def motor(self, memory: list[float], q: float, v: float) -> tuple[float, float, float]:
-        """Motor angle and speed over the gear ratio, and the torque through the gear, at a tick.
-
-        Args:
-            memory: The joint's memory at the tick.
-            q: Of the link [rad].
-            v: Of the link [rad/s].
-        """
-        theta, omega, torque = self._step.motors(np.array(memory), np.array([q, v])).tolist()
-        return theta, omega, torque
-
-    def step(self, memory: list[float], now: JointInput, *, at_tick: bool) -> JointOutput:
-        """The torques from this tick to the next; `memory` becomes that of the next tick.
-
-        Args:
-            memory: The joint's memory, overwritten.
-            now: The joint at this tick.
-            at_tick: Whether a period has passed since the last update; between ticks the load is not re-estimated.
-        """
-        out = np.empty(self._step.width)
-        load = None if now.load_torque is None else np.array([now.load_torque])
-        around = np.array([now.temperature]), np.array([now.supply_voltage])
-        kept, state = np.array([*memory, -inf if at_tick else 0.0]), np.array([now.position, now.velocity])
-        self._step.step(out, kept, np.array([now.command]), state, 0.0, load, around)
-        memory[:] = out[OUTPUTS:-1].tolist()
-        return JointOutput(*out[:OUTPUTS].tolist())

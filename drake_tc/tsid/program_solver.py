@@ -1,7 +1,7 @@
 """The problem as a Drake MathematicalProgram over y = (vdot, f, tau), every binding named.
 
 It is `solver: program` of a controller file, and the oracle of the fast path, which has the same problem reduced to the
-torques (`reduction`), as the matrices of `reduced_qp`.
+torques (`reduction`), as the matrices of `least_squares_qp`.
 
 Every tick builds the whole program over y = (vdot, f, tau) with named bindings (`build_full`), adds the robustness and
 hands it to Clarabel (`classic`, `box`) or SNOPT. Nothing of the reduction to torques, of the Newton method or of the
@@ -27,7 +27,7 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram, SnoptSolver, So
 from scipy.special import log_ndtr
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.assembly import Reduced, check_names, is_bounds, ordered
+from drake_tc.tsid.assembly import check_names, is_bounds, ordered
 from drake_tc.tsid.qp.drake import DrakeSolver
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.robust.active_set import RobustSolution
@@ -86,11 +86,6 @@ def least_squares_qp(cost: LeastSquares, polytope: Polytope) -> QuadraticProgram
     """||D x - d||^2 on a polytope as 1/2 x^T H x + c^T x: H = 2 D^T D, c = -2 D^T d; the constant d^T d is left out."""
     double, sides = 2.0 * cost.matrix.T, (polytope.lower, polytope.upper)
     return QuadraticProgram(double.dot(cost.matrix), -double.dot(cost.target), polytope.matrix, *sides, polytope.bounds)
-
-
-def reduced_qp(reduced: Reduced) -> QuadraticProgram:
-    """The reduced problem's matrices."""
-    return least_squares_qp(reduced.cost, reduced.polytope)
 
 
 def name_binding(binding: Any, name: str) -> None:

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.compensator import Motion, feedforward_effort
-from drake_tc.actuation.joint_step import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from tests.joint_program import JointInput, JointProgram
 
 FRICTION = (
     EffectValue("viscous", {"viscous": 3.0}),

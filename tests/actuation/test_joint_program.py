@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.joint_step import JointInput, JointOutput, JointProgram
+from drake_tc.actuation.joint_step import JointOutput
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.effects.base import SensorEffect
 from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
+from tests.joint_program import JointInput, JointProgram
 
 TICK = 1e-3
 INPUTS = ("command", "position", "velocity", "load_torque", "temperature", "supply_voltage")

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.compensator import Motion, feedforward_effort
-from drake_tc.actuation.joint_step import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.torque_control import COMPONENTS, TorqueControl
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
+from tests.joint_program import JointInput, JointProgram
 
 from .equivalent_gains import to_equivalent
 

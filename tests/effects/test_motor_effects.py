@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.joint_step import JointInput, JointProgram
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import PositionLoop, through_loop
 from drake_tc.effects.base import plain_signals
@@ -14,6 +13,7 @@ from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
 from drake_tc.effects.winding_heat import WindingHeat
 from drake_tc.errors import ParamsError
+from tests.joint_program import JointInput, JointProgram
 
 
 def test_uncommon_effects_are_known_to_models_and_not_among_the_common_ones():

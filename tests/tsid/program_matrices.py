@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.solvers import MathematicalProgram
 
 from drake_tc.tsid.assembly import causes_of, check_names, cost_of, is_bounds, ordered, polytope_of
-from drake_tc.tsid.program_solver import equalities, name_binding, over_y, sizes_of, weighted
+from drake_tc.tsid.program_solver import equalities, least_squares_qp, name_binding, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.problem import QuadraticProgram
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
@@ -106,3 +106,8 @@ def read_qp(program: MathematicalProgram) -> QuadraticProgram:
     boxes = sum(binding.evaluator().num_constraints() for binding in source.bounding_box_constraints())
     leading = boxes if np.array_equal(whole[:boxes], np.eye(boxes, size)) else 0
     return QuadraticProgram(hessian, gradient, whole, np.concatenate(lower), np.concatenate(upper), leading)
+
+
+def reduced_qp(reduced):
+    """The reduced problem's matrices."""
+    return least_squares_qp(reduced.cost, reduced.polytope)

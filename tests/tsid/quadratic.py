@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 from scipy.optimize import linprog
 
-from drake_tc.tsid.program_solver import reduced_qp
 from drake_tc.tsid.qp.problem import QpSolution, QuadraticProgram
 
 from .problems import Setup, problems
+from .program_matrices import reduced_qp
 
 FAMILIES = {
     "standing": Setup(),

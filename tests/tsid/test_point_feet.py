@@ -14,12 +14,13 @@ from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.program_solver import reduced_qp
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.frame import OrientationTask
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask
+
+from .program_matrices import reduced_qp
 
 LEGS = {"FL": (0.2, 0.1), "FR": (0.2, -0.1), "HL": (-0.2, 0.1), "HR": (-0.2, -0.1)}
 LENGTH, BEND, FRICTION = 0.2, 0.7, 0.5

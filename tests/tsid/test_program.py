@@ -13,7 +13,7 @@ from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.program_solver import build_full, reduced_qp
+from drake_tc.tsid.program_solver import build_full
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.tasks.centroidal import ComTask
@@ -22,7 +22,7 @@ from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
 
 from .machines import arm, machine, random_state
 from .problems import SOLES, Setup, model, robot, state
-from .program_matrices import build_reduced, full_qp, read_qp
+from .program_matrices import build_reduced, full_qp, read_qp, reduced_qp
 
 NAMES = ("com", "posture", "force", "r_hand", "torque limits", "contact cones", "acceleration limits")
 

@@ -10,13 +10,13 @@ from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.program_solver import reduced_qp
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
 from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
 from tests.benchmarks.qp_solvers import solver
 
 from .problems import SOLES, Setup, problem_at, robot, state
+from .program_matrices import reduced_qp
 from .quadratic import FAMILIES, Residuals, cost, real
 
 STRICT = ("standing", "saturated")
