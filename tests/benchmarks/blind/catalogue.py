@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 
 from drake_tc.joint_simulator.amplitudes import draw_cause
-from drake_tc.joint_simulator.registry import OUTSIDE
 from drake_tc.joint_simulator.spec import BlindError, Drive, FileFormat, RigSpec, Sensors
 from tests.benchmarks.blind.calibrate import with_cause
 from tests.benchmarks.blind.joints import draw_joint, draw_pendulum
 from tests.benchmarks.blind.nulls import FULL_NULLS, SMOKE_NULLS, null_rig
+from tests.benchmarks.blind.verdicts import OUTSIDE
 
 Scale = Literal["smoke", "full"]
 STRENGTHS = {"weak": 1.0 / 3.0, "middle": 1.0, "strong": 3.0}

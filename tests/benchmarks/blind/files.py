@@ -16,10 +16,10 @@ import yaml
 from drake_tc.joint_simulator.measurement import beyond_refit, clean_log, measured, sample_clean, unmodelled_torque
 from drake_tc.joint_simulator.physics import Record
 from drake_tc.joint_simulator.reference import run_generator
-from drake_tc.joint_simulator.registry import right_verdicts
 from drake_tc.joint_simulator.spec import EFFORT_UNIT, HELD_OUT, RUNS, BlindError, RigSpec
 from tests.benchmarks.blind.noise import torque_left_by_noise
 from tests.benchmarks.blind.oracle import oracle_errors
+from tests.benchmarks.blind.verdicts import right_verdicts
 
 SENSOR_STREAM = 1
 

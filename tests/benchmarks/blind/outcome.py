@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from drake_tc.joint_simulator.registry import NOTHING, OUTSIDE, RESIDUAL, RIGHT_VERDICTS, STRUCTURE
 from drake_tc.joint_simulator.spec import BlindError
+from tests.benchmarks.blind.verdicts import NOTHING, OUTSIDE, RESIDUAL, RIGHT_VERDICTS, STRUCTURE
 
 UNTESTED = frozenset({"untested", "not_recorded", "not_excited"})
 """Each `reason` by which a report says that the logs do not test an effect."""

@@ -9,8 +9,8 @@ from scipy.interpolate import BSpline
 from drake_tc.joint_simulator.measurement import CleanLog, clean_log, unmodelled_torque
 from drake_tc.joint_simulator.physics import Record, simulate
 from drake_tc.joint_simulator.reference import BandNoise, random_instants, random_walk
-from drake_tc.joint_simulator.registry import OUTSIDE, RIGHT_VERDICTS, right_verdicts
 from tests.benchmarks.blind.catalogue import caused_rig
+from tests.benchmarks.blind.verdicts import OUTSIDE, RIGHT_VERDICTS, right_verdicts
 
 from .make import rig
 
