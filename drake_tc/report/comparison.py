@@ -87,7 +87,7 @@ def sentences(joint: JointComparison) -> list[str]:
     if pairs:
         out.append(f"The logs cannot distinguish {', '.join(pairs)}.")
     left = f"{significant(joint.floors_then)} under the stored numbers, {significant(joint.floors_now)} fitted again"
-    out.append(f"Error of the test rows over the noise floor: {left}.")
+    out.append(f"Error of the new logs over the noise floor: {left}.")
     return out
 
 

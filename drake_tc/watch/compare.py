@@ -116,8 +116,8 @@ class JointComparison:
         joint, verdict: Which, and what.
         why: Of `cannot_tell`, a sentence; else "".
         parameters, effects: What was compared.
-        floors_then, floors_now: RMS error of the held-out rows over the noise floor under the stored numbers, and with
-            the parameters fitted again and what appeared; NaN where it cannot be computed.
+        floors_then, floors_now: RMS error of all rows over the noise floor under the stored numbers, without ages of
+            the channels, and with the parameters fitted again and what appeared; NaN where it cannot be computed.
         temperature: (then, now), mean [°C]; NaN where it was not recorded.
         diagnosis: Of the new logs.
     """
@@ -272,9 +272,9 @@ def _joint(found: CloseLoopResult, name: str, stored: ModelFile) -> JointCompari
     parameters = _parameters(joint, model, reference, temperature)
     effects = (*_gone(joint, model, parameters), *_appeared(joint))
     floor = max(joint.noise_floor, 1e-300)
-    then = _error_then(joint, model)
+    then, now = _error_then(joint, model), _pooled(joint, (joint.after.train, joint.after.heldout))
     comparison = JointComparison(
-        name, "unchanged", "", parameters, effects, then / floor, joint.after.heldout / floor, temperature, joint
+        name, "unchanged", "", parameters, effects, then / floor, now / floor, temperature, joint
     )
     verdict, why = _verdict(comparison, stored.provenance.get("error", {}).get(name))
     return replace(comparison, verdict=verdict, why=why)
@@ -408,15 +408,21 @@ def _shared(cause: SharedEffect, stored: ModelFile) -> EffectChange:
 
 
 def _error_then(joint: JointResult, model: ActuatorModel) -> float:
-    """RMS error of the held-out rows under the stored numbers [effort]; NaN where no coefficients have them."""
+    """RMS error of all rows under the stored numbers [effort]; NaN where no coefficients have them."""
     named = {value.key: dict(value.parameters) for value in model.effects} | {"drive": {"gain": model.drive.gain}}
     groups = joint.baseline_parameters
     if any(name not in named.get(key, {}) for key in groups for name in groups[key]):
         return math.nan
     wanted = {key: {name: named[key][name] for name in groups[key]} for key in groups}
-    split = replace(joint.heldout, after=joint.heldout.before)
-    found = equation_errors(joint.baseline, wanted, (split,))
-    return math.nan if found is None else found[0]
+    splits = (replace(joint.train, after=joint.train.before), replace(joint.heldout, after=joint.heldout.before))
+    found = equation_errors(joint.baseline, wanted, splits)
+    return math.nan if found is None else _pooled(joint, (found[0], found[1]))
+
+
+def _pooled(joint: JointResult, errors: tuple[float, float]) -> float:
+    """RMS of all rows from those of the rows that were fitted and that test."""
+    train, test = joint.train.samples.rows.size, joint.heldout.samples.rows.size
+    return math.sqrt((train * errors[0] ** 2 + test * errors[1] ** 2) / (train + test))
 
 
 def _verdict(joint: JointComparison, error: object) -> tuple[Verdict, str]:
@@ -427,7 +433,8 @@ def _verdict(joint: JointComparison, error: object) -> tuple[Verdict, str]:
     if any(p.changed for p in joint.parameters) or any(each.status == "gone" for each in joint.effects):
         return "parameters_changed", ""
     before = float(error.get("heldout", math.nan)) if isinstance(error, Mapping) else math.nan
-    if joint.floors_now > MORE_LEFT and joint.diagnosis.after.heldout > MORE_LEFT * before:
+    left = joint.floors_now * joint.diagnosis.noise_floor
+    if joint.floors_now > MORE_LEFT and left > MORE_LEFT * before:
         return "cannot_tell", "more is left than on the model's own logs, and no effect or parameter explains it"
     if joint.diagnosis.verdict == "cannot_tell":
         return "cannot_tell", "these logs could not have shown an effect of a tenth of the effort"
