@@ -94,7 +94,7 @@ def test_an_effort_that_acts_late_is_an_effect_and_no_delay_of_a_column(recorded
 def test_a_late_position_is_late_against_torque_and_velocity(recorded):
     found = delays(recorded(position=0.02))
     assert set(found) == {"delay of the torque", "delay of the velocity"}
-    assert all("The position comes" in each.text for each in found.values())
+    assert all("The position is recorded" in each.text for each in found.values())
     assert holds(found["delay of the torque"], -0.02)
     assert abs(found["delay of the velocity"].value + 0.02) < HALF_A_STEP
 
