@@ -1,9 +1,11 @@
 """`compare`: a joint without a change, one with more friction, and input that cannot be used."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -87,3 +89,19 @@ def test_the_stored_model_may_lack_what_only_close_loop_writes(diagnosed, tmp_pa
     bare.write_text(yaml.safe_dump(document), encoding="utf-8")
     found = drake_tc.compare(bare, [diagnosed.later(1)], diagnosed.rig, options=QUICK)
     assert found.verdict == "unchanged"
+
+
+def test_of_two_joints_the_one_that_changed_is_named(diagnosed, tmp_path):
+    (model,) = drake_tc.load_models(diagnosed.model).values()
+    path = tmp_path / "two.yaml"
+    drake_tc.save_models({name: replace(model, joint=name) for name in ("hip", "knee")}, path)
+    parts = {"hip": diagnosed.later(4), "knee": diagnosed.later(5, coulomb=1.3)}
+    columns = {f"{j}/{c.split('/')[1]}": t[c] for j, t in parts.items() for c in t if "/" in c}
+    table = pd.DataFrame({"time": parts["hip"]["time"], **columns})
+    rig = {"joints": ["hip", "knee"], "drive": "position_servo", "declared": {"rotor_inertia": 0.31}}
+    found = drake_tc.compare(path, [table], rig, options=QUICK)
+    assert found.verdict == "parameters_changed"
+    assert [p.key for p in found["knee"].parameters if p.changed] == ["coulomb"]
+    assert found["hip"].verdict == "unchanged"
+    with pytest.raises(ParamsError, match="no joint 'ankle'; joints here: hip, knee"):
+        found["ankle"]
