@@ -188,9 +188,9 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys)
     page = (tmp_path / "export.html").read_text(encoding="utf-8")
     for value in (row["model"], row["export"], row["original"]):
         assert f"{1e3 * value:#.3g} mrad".replace(" ", "\u00a0") in page
-    assert "expresses all effects" in page and "your file, Drake&#39;s plant" in page and "http://" not in page
+    assert "expresses all effects" in page and "your file (Drake&#39;s plant)" in page and "http://" not in page
     assert drake_tc(command) == 0
     printed = capsys.readouterr()
     assert printed.out.startswith("<?xml") and printed.out.rstrip().endswith("</robot>")
-    assert "your file, Drake's plant" in printed.err
+    assert "your file (Drake's plant)" in printed.err
     assert drake_tc(["export", paths["model.yaml"], "--to", "isaaclab", *command[5:9]]) == 2
