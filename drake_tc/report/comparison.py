@@ -117,6 +117,7 @@ def effect_sentence(e: EffectChange) -> str:
         "appeared": "appeared",
         "present": "is still there",
         "gone": "is gone",
+        "uncertain": "may have appeared",
         "heat": "depends on the temperature and is no change of the joint",
     }
     return f"{e.title}{where} {words[e.status]} (log odds {significant(e.log_odds)}): {values}."

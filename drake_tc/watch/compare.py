@@ -25,6 +25,7 @@ from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.run import Log, close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.base import TorqueEffect
+from drake_tc.effects.library import effect
 from drake_tc.effects.thermal_friction import ThermalFriction
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.files.readers import LogTable, named_logs, read_table
@@ -95,14 +96,15 @@ class EffectChange:
 
     Attributes:
         key, title: Of the effect. where: link or sensor, of a cause that no joint owns.
-        status: "appeared", "present", "gone", or "heat": an effect of the temperature, which is no change of the joint.
+        status: "appeared", "present", "gone"; "uncertain" for one that the search found and whose size may be 0; or
+            "heat" for an effect of the temperature, which is no change of the joint.
         log_odds: That it is there, for one that appeared or is present; that it is not, for one that is gone.
         parameters: Value and interval by name; those of the new logs.
     """
 
     key: str
     title: str
-    status: Literal["appeared", "present", "gone", "heat"]
+    status: Literal["appeared", "present", "gone", "uncertain", "heat"]
     log_odds: float
     parameters: Mapping[str, Known]
     where: str = ""
@@ -384,16 +386,17 @@ def _log_odds_gone(p: ParameterChange) -> float:
 
 
 def _appeared(joint: JointResult) -> tuple[EffectChange, ...]:
-    return tuple(
-        EffectChange(
-            found.key,
-            found.title,
-            "heat" if found.id == ThermalFriction.id else "appeared",
-            _logit(found.stability),
-            {name: Known.of(e.value, e.ci95) for name, e in found.parameters.items()},
-        )
-        for found in joint.effects
-    )
+    out = []
+    for found in joint.effects:
+        known = {name: Known.of(e.value, e.ci95) for name, e in found.parameters.items()}
+        member = effect(found.key)
+        sizes = [known[p.name] for p in (member.coefficients or member.shapes) if p.name in known] or [*known.values()]
+        sure = any(not k.ci95[0] <= 0.0 <= k.ci95[1] for k in sizes)
+        status: Literal["heat", "appeared", "uncertain"] = "appeared" if sure else "uncertain"
+        if found.id == ThermalFriction.id:
+            status = "heat"
+        out.append(EffectChange(found.key, found.title, status, _logit(found.stability), known))
+    return tuple(out)
 
 
 def _logit(probability: float) -> float:
@@ -430,6 +433,11 @@ def _verdict(joint: JointComparison, error: object) -> tuple[Verdict, str]:
         return "cannot_tell", "the logs contradict the rig file or the robot file"
     if any(each.status == "appeared" for each in joint.effects):
         return "new_effect", ""
+    if any(each.status == "uncertain" for each in joint.effects):
+        return (
+            "cannot_tell",
+            "the search found an effect whose size may be 0, and the changes depend on whether it is there",
+        )
     if any(p.changed for p in joint.parameters) or any(each.status == "gone" for each in joint.effects):
         return "parameters_changed", ""
     before = float(error.get("heldout", math.nan)) if isinstance(error, Mapping) else math.nan

@@ -36,7 +36,7 @@ class ModelMonitorSpec:
         confirm: Time for which a CUSUM is over its limit before a cause is named [s].
     """
 
-    friction: float = 0.15
+    friction: float = 0.2
     torque_constant: float = 0.1
     payload: float = 2.0
     bias: float = 1.0
