@@ -79,7 +79,7 @@ def sentences(joint: JointComparison) -> list[str]:
     if heat:
         out.append(
             f"{', '.join(heat)} differ, and so does the temperature ({then:.1f} °C then, {now:.1f} °C now), which "
-            "explains it: the model has no effect of the temperature."
+            "may explain it: this is no change of the joint."
         )
     if math.isnan(now - then) and any(p.changed for p in joint.parameters):
         out.append("The temperature was not recorded in both, so a warmer gear cannot be told from wear.")

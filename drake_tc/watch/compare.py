@@ -68,7 +68,7 @@ class ParameterChange:
         change: By how much it changed if it did, beside those that did; the spread between sessions is in its interval.
         log_odds: That it changed, beside the other changes.
         changed: Whether it is in the most probable set of changes.
-        heat: Whether it would be if the temperature were the same.
+        heat: Whether it would be if the temperature were the same, or whether it is of an effect of the temperature.
         alternatives: Parameters whose change would explain as much in its place, as "effect.parameter".
     """
 
@@ -339,8 +339,8 @@ def _parameters(
             now[p],
             shift.change(k, which),
             float(odds[k]),
-            k in which,
-            k in cold and k not in which,
+            k in which and p[0] != ThermalFriction.id,
+            (k in cold and k not in which) or (k in which and p[0] == ThermalFriction.id),
             tuple(".".join(both[other]) for one, other in others if one == k),
         )
         for k, p in enumerate(both)

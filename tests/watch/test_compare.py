@@ -27,7 +27,7 @@ def test_the_same_joint_is_unchanged_and_a_change_lies_within_its_interval(diagn
     linear = [p for p in joint.parameters if p.key in ("drive", "viscous", "coulomb", "deadzone")]
     assert len(linear) == 4 and all(p.change.ci95[0] <= 0.0 <= p.change.ci95[1] for p in linear)
     assert {e.key: e.status for e in joint.effects} == {"stribeck": "present", "deadzone": "present"}
-    assert joint.floors_then == pytest.approx(joint.floors_now, rel=1.0)
+    assert joint.floors_now < 2.0
 
 
 def test_worn_friction_is_named_with_its_size(diagnosed):
