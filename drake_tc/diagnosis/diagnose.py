@@ -5,6 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
@@ -12,11 +13,18 @@ from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
-from drake_tc.diagnosis.intervals import correlated_parameters, parameters_of
+from drake_tc.diagnosis.intervals import correlated_parameters, of_runs, parameters_of
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import ALTERNATIVE, CANNOT_TELL, DECLARED_CONTRIBUTION, DISTORTED, NAMED_FLOORS
+from drake_tc.diagnosis.priors import (
+    ALTERNATIVE,
+    CANNOT_TELL,
+    DECLARED_CONTRIBUTION,
+    DISTORTED,
+    NAMED_FLOORS,
+    TAKEN_OVER,
+)
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.declared import known_values
 from drake_tc.diagnosis.problem.parameters import plausible_ranges
@@ -254,8 +262,10 @@ def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:
 
 
 def _split(evidence: Evidence, split: Split, before: Scored, after: Scored) -> DataSplit:
-    errors = (split.as_recorded(s.terms, evidence.residual(split, s)) for s in (before, after))
-    return DataSplit(split.recorded.samples, *errors)
+    residuals = [evidence.residual(split, s) for s in (before, after)]
+    first, second = (split.as_recorded(s.terms, r) for s, r in zip((before, after), residuals, strict=True))
+    own = split.as_recorded(after.terms, of_runs(evidence, split, after, residuals[1]))
+    return DataSplit(split.recorded.samples, first, second, of_runs=own)
 
 
 def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Scored, tuple[Term, ...]]:
@@ -273,19 +283,19 @@ def _large_enough(evidence: Evidence, scored: Scored, floor: float) -> tuple[Sco
 
 
 def contributions(evidence: Evidence, split: Split, scored: Scored) -> list[tuple[Term, float]]:
-    """RMS [effort] of what each asked effect adds that the other terms do not take over within their priors."""
-    model, out, noise = evidence.model, [], float(np.sqrt(scored.posterior.variance))
+    """RMS [effort] of what each asked effect adds that the other terms do not take over, see `TAKEN_OVER`."""
+    model, out = evidence.model, []
     for term in scored.terms:
         if model.is_declared(term.effect):
             continue
         rest = [t for t in scored.terms if t is not term]
         blocks = model.blocks(split, rest)
-        columns = np.concatenate([block.values for block in blocks], axis=1)
-        held = np.diag(noise / np.concatenate([block.prior.deviation for block in blocks]))
+        reach = np.concatenate([block.prior.deviation for block in blocks])
+        columns = np.concatenate([block.values for block in blocks], axis=1) * reach
         whole = np.concatenate([block.values for block in model.blocks(split, scored.terms)], axis=1) @ scored.b
         added = whole - split.target(scored.terms) + split.target(rest)
-        known = np.concatenate([added, np.zeros(held.shape[0])])
-        taken = np.linalg.lstsq(np.concatenate([columns, held]), known, rcond=None)[0]
+        turn, root = np.linalg.qr(columns)
+        taken = lsq_linear(root, turn.T @ added, (-TAKEN_OVER, TAKEN_OVER)).x
         out.append((term, rms(added - columns @ taken)))
     return out
 

@@ -33,7 +33,7 @@ class Scored:
         log_odds: log Z + log prior odds, comparable under one noise model.
         posterior: Of [K, b ..., shapes ..., ages ..., runs ...].
         coefficients: Number of [K, b ...]; shapes: number of shape parameters that follow.
-        passed: Share of what the set leaves that is the sensors' noise in its columns.
+        passed: The sensors' noise in its columns over what the set leaves; above 1 where noise is overestimated.
     """
 
     terms: tuple[Term, ...]
@@ -209,7 +209,7 @@ class Evidence:
         taken, variance = products.without_noise(gram, moment), scored.posterior.variance
         b = mode(products, prior, variance)
         left = products.rss(b)
-        scored = replace(scored, passed=float(np.clip((b @ gram @ b - 2.0 * b @ moment) / left, 0.0, 1.0)))
+        scored = replace(scored, passed=max(float(b @ gram @ b - 2.0 * b @ moment) / left, 0.0))
         if not asked:
             return scored
         true = mode(taken, prior, variance)
@@ -342,6 +342,13 @@ class Evidence:
         """Of the ages in a posterior."""
         at = scored.coefficients + scored.shapes
         return slice(at, at + len(self.model.ages))
+
+    def age_cost(self, scored: Scored) -> float:
+        """How much less probable the ages of a set are than their means, as log prior density."""
+        own = scored.posterior.beta[self.places_of_ages(scored)]
+        mean, deviation = np.array(list(self.model.ages.values())).T
+        held = np.isin(np.arange(own.size), sorted(self.model.held_ages(scored.terms)))
+        return float(0.5 * np.sum(np.where(held, 0.0, (own - mean) / deviation) ** 2))
 
     def ages(self, scored: Scored) -> dict[str, float]:
         """Ages of the channels against the position [s] of a set."""

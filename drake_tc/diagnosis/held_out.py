@@ -59,9 +59,10 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
 
 
 def _improbable(noise: Evidence, scored: Scored, parts: Sequence[tuple[Term, ...]]) -> FloatArray:
-    """(P,) log odds on the training rows that parts of a set have in which there is a delay; 0 for others."""
-    out, whole = np.zeros(len(parts)), noise.score(scored.terms).log_odds
-    for i, gone in enumerate(parts):
-        if any(t.effect.ages_of for t in gone):
-            out[i] = max(whole - noise.score([t for t in scored.terms if t not in gone]).log_odds, 0.0)
-    return out
+    """(P,) log prior density of the ages that parts of a set need less than that of those which the whole set needs.
+
+    Without an effect, ages that the channels do not have can predict as well.
+    """
+    each = [noise.score([t for t in scored.terms if t not in gone]) for gone in parts]
+    cost = np.array([noise.age_cost(part) for part in each])
+    return np.asarray(np.maximum(cost - noise.age_cost(noise.score(scored.terms)), 0.0))

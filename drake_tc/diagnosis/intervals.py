@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.linear import Prior, Products, mode
 from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import RUN_SPREADS
 from drake_tc.diagnosis.problem.parameters import (
@@ -18,7 +19,7 @@ from drake_tc.diagnosis.problem.parameters import (
     shape_places,
 )
 from drake_tc.diagnosis.search import as_fit
-from drake_tc.diagnosis.split import stands_for
+from drake_tc.diagnosis.split import Split, stands_for
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 
@@ -113,6 +114,30 @@ def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:
         inside = np.sum(weights * (norm.cdf((half - off) / deviation) - norm.cdf((-half - off) / deviation)), axis=0)
         low, high = np.where(inside < LEVEL, half, low), np.where(inside < LEVEL, high, half)
     return np.asarray(high / (CRITICAL * deviation[taken]))
+
+
+def of_runs(evidence: Evidence, split: Split, scored: Scored, residual: FloatArray) -> FloatArray:
+    """(N,) the part of a residual (N,) that is friction which differs from run to run.
+
+    Its standard deviation is that of the posterior over the tried ones. What a run shows beyond two of them is
+    something else, and stays. With one training run nothing is known of it, and the part is 0.
+    """
+    out = np.zeros(residual.size)
+    if len(evidence.model.train.samples.runs) < 2:
+        return out
+    spreads = [RunSpread(*pair) for pair in product(RUN_SPREADS, RUN_SPREADS)]
+    plain = Evidence(replace(evidence.model, common_zero=True), evidence.noise)
+    odds = np.array([plain.score(scored.terms, spread=spread).log_odds for spread in spreads])
+    weights = np.exp(odds - odds.max()) / np.exp(odds - odds.max()).sum()
+    friction = float(np.sqrt(weights @ np.array([s.friction**2 for s in spreads])))
+    blocks = evidence.model.of_runs(split, RunSpread(friction))
+    if not blocks:
+        return out
+    prior = Prior.stacked([block.prior for block in blocks])
+    columns = np.concatenate([block.values for block in blocks], axis=1)
+    white, target = (split.rows.whitened(each, evidence.noise)[0] for each in (columns, residual[:, None]))
+    own = mode(Products.of(white, target[:, 0], evidence.noise.share), prior, scored.posterior.variance)
+    return np.asarray(columns @ np.clip(own, -2.0 * prior.deviation, 2.0 * prior.deviation))
 
 
 def _units_and_bounds(

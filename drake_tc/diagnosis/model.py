@@ -21,6 +21,7 @@ from drake_tc.diagnosis.priors import (
     CONTRIBUTION,
     DECLARED_CONTRIBUTION,
     DRIVE_LAG_S,
+    FRICTION_FORM,
     HELD_GAIN,
     LEAST_GAIN,
     SERVO_LAG_S,
@@ -176,11 +177,12 @@ class JointModel:
         return frozenset(number for number, channel in enumerate(self.ages) if channel in held)
 
     def nuisances(self, split: Split) -> list[Block]:
-        """Columns of the ages, what a channel that is older than the position lacks, and of what joints share."""
+        """Columns of the ages, of what friction near rest differs from its law, and of what joints share."""
         out, columns = [], split.age_columns(self.ages, self.viscous)
         for number, (mean, deviation) in enumerate(self.ages.values()):
             prior = Prior(np.array([mean]), np.array([deviation]), np.zeros(1, dtype=bool))
             out.append(Block(columns[:, [number]], prior))
+        out.append(self._friction_form(split))
         if self.common_zero:
             one = np.ones((split.samples.rows.size, 1))
             out.append(Block(one, Prior(np.zeros(1), np.array([CONTRIBUTION * self.scale]), np.zeros(1, dtype=bool))))
@@ -188,6 +190,11 @@ class JointModel:
             columns = self.shared.train if split is self.train else self.shared.held
             out.append(Block(-split.gain * columns, self.shared.prior))
         return out
+
+    def _friction_form(self, split: Split) -> Block:
+        """Column by which friction near rest may differ from Coulomb and viscous friction."""
+        deviation = max(FRICTION_FORM * split.gain * self.friction, HELD_GAIN * self.scale)
+        return Block(split.near_rest, Prior(np.zeros(1), np.array([deviation]), np.zeros(1, dtype=bool)))
 
     def noise_of_ages(self, number: int) -> FloatArray:
         """(N, a) noise of a channel in the columns of the ages."""
@@ -226,8 +233,10 @@ class JointModel:
         """The model linearised at a fit: `theta` (k,) of the terms, K, and the ages of the channels [s]."""
         beta, measured = np.concatenate([[1.0 / gain], theta]), self.context.load == "torque"
         own = {channel: age for channel, age in ages.items() if channel not in stands_for(drives(terms))}
+        there = [split.with_load_at(terms, beta) for split in (self.train, self.held)]
         train, held = (
-            with_needed(split.recorded, terms, beta, measured=measured, ages=own) for split in (self.train, self.held)
+            replace(with_needed(split.recorded, terms, beta, measured=measured, ages=own), bent=split.bent)
+            for split in there
         )
         return replace(self, train=train, held=held)
 

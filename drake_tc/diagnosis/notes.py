@@ -91,6 +91,16 @@ class CorrelatedTorqueNoise:
 
 
 @dataclass(frozen=True)
+class RunsDiffer:
+    """The friction of the held-out runs is other than that of the training runs, no more than runs differ.
+
+    The noise floor with this difference is `ratio` times that without.
+    """
+
+    ratio: float
+
+
+@dataclass(frozen=True)
 class LoadInAllRuns:
     """A mass that is larger than the link itself, as a load in all runs is.
 
@@ -134,6 +144,6 @@ class FreeRunDiverges:
 
 ScaleNote = TorqueAsCommanded | ScaleOfRotorInertia | TorqueAsEffort
 """On what fixes the scale of the torques of an unknown load."""
-NoiseNote = NoiseOfRecordedEffort | ScatteringTimes | CorrelatedTorqueNoise
+NoiseNote = NoiseOfRecordedEffort | ScatteringTimes | CorrelatedTorqueNoise | RunsDiffer
 """On what raises the noise floor."""
 Note = RunNote | ScaleNote | NoiseNote | LoadInAllRuns | RunsWithoutMotion | NoFreeRun | FreeRunDiverges

@@ -37,6 +37,11 @@ SERVO_LAG_S = (0.001, 0.001)
 DRIVE_LAG_S = (0.0, 0.0003)
 """The same of a drive that is commanded in current, voltage or torque [s]."""
 
+FRICTION_FORM = 0.02
+"""Standard deviation of what friction near rest differs from Coulomb and viscous friction, over the Coulomb one."""
+SLOW = 0.2
+"""Speed at which this difference has fallen to a third, over the RMS speed."""
+
 LEAST_GAIN = 1e-6
 """Drive gain over that of the declared fit below which a set needs no effort at all."""
 NEGLIGIBLE = 0.005
@@ -60,6 +65,8 @@ NOISE_LEVEL = 0.3
 
 NAMED_FLOORS = 0.5
 """RMS contribution in noise floors below which no effect is named, whatever its evidence."""
+TAKEN_OVER = 2.0
+"""Standard deviations of their priors by which other terms may change in taking over what an effect contributes."""
 ALTERNATIVE = 3.0
 """Difference of log odds within which two sets of effects are indistinguishable: 95 % against 5 %."""
 NAMED = ALTERNATIVE - COMMON

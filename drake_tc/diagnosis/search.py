@@ -186,9 +186,10 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         imperfect, own, pool = _imperfect(first, effects)
         found = own
         evidence, best = _trusted(first, (imperfect, own), sound)
-    near = [s for s in pool if s.ids != best.ids and s.log_odds > found.log_odds - ALTERNATIVE]
+    there = next((s.log_odds for s in pool if s.ids == best.ids), found.log_odds)
+    near = [s for s in pool if s.ids != best.ids and s.log_odds > there - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
-    return Found(evidence, best, tuple(near))
+    return Found(evidence, evidence.refined(evidence.score(best.terms)), tuple(near))
 
 
 def _first(evidence: Evidence) -> list[Evidence]:
@@ -311,10 +312,11 @@ def pruned(evidence: Evidence, scored: Scored) -> Scored:
     while True:
         asked = [t for t in scored.terms if not evidence.model.is_declared(t.effect)]
         smaller = [evidence.refined(evidence.score([t for t in scored.terms if t is not each])) for each in asked]
-        best = max(smaller, key=lambda s: s.log_odds, default=scored)
-        if best.log_odds <= scored.log_odds - ALTERNATIVE or not asked:
+        odds = [each.log_odds for _, each in equally_noisy([(evidence, each) for each in (scored, *smaller)])]
+        best = int(np.argmax(odds[1:])) if asked else 0
+        if not asked or odds[1 + best] <= odds[0] - ALTERNATIVE:
             return scored
-        scored = best
+        scored = smaller[best]
 
 
 def _beam(sets: Sets, starts: Iterable[Scored]) -> list[Scored]:

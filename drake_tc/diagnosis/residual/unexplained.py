@@ -31,12 +31,14 @@ class DataSplit:
 
     Attributes:
         weight: By which both residuals were multiplied (`equal_noise`), (N,) or one for all rows.
+        of_runs: (N,) what friction that differs from run to run adds to `after`, or 0.
     """
 
     samples: Samples
     before: FloatArray
     after: FloatArray
     weight: FloatArray | float = 1.0
+    of_runs: FloatArray | float = 0.0
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,13 @@ import numpy as np
 
 from drake_tc.diagnosis.data.noise_colour import correlated_noise
 from drake_tc.diagnosis.data.samples import rms
-from drake_tc.diagnosis.notes import CorrelatedTorqueNoise, NoiseNote, NoiseOfRecordedEffort, ScatteringTimes
+from drake_tc.diagnosis.notes import (
+    CorrelatedTorqueNoise,
+    NoiseNote,
+    NoiseOfRecordedEffort,
+    RunsDiffer,
+    ScatteringTimes,
+)
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import BalanceCoefficients
 from drake_tc.diagnosis.problem.regression import Fit
@@ -48,9 +54,32 @@ def what_is_left(
     options: DiagnosisOptions,
     executor: Executor | None = None,
 ) -> tuple[Unexplained, float, tuple[NoiseNote, ...]]:
-    """What is left, the noise floor [effort] with all noise of torque sensor and recorded effort in it, and notes."""
+    """What is left, the noise floor [effort] of the held-out rows, and notes.
+
+    The floor has all noise of the torque sensor and of the recorded effort in it, and the friction that differs from
+    run to run no more than the training runs do.
+    """
     if not options.assess_residual:
         return Unexplained(0.0, 0.0, False, 0.0, 0.0, False, ()), floor, ()
+    first, second = (replace(s, after=s.after - s.of_runs, of_runs=0.0) for s in splits)
+    left, floor, notes = _beyond_runs((first, second), chosen, floor, context, options, executor)
+    more = rms(np.broadcast_to(splits[1].of_runs, splits[1].after.shape))
+    if more == 0.0:
+        return left, floor, notes
+    whole = float(np.hypot(floor, more))
+    if whole > CORRELATED_NOISE_NOTED * floor:
+        notes = (*notes, RunsDiffer(whole / max(floor, 1e-300)))
+    return replace(left, floors=rms(splits[1].after) / whole), whole, notes
+
+
+def _beyond_runs(
+    splits: tuple[DataSplit, DataSplit],
+    chosen: Fit,
+    floor: float,
+    context: Context,
+    options: DiagnosisOptions,
+    executor: Executor | None,
+) -> tuple[Unexplained, float, tuple[NoiseNote, ...]]:
     servo, sensor = context.drive == "position_servo", context.load == "torque"
     known = BalanceCoefficients.of(chosen.terms, chosen.beta)
     first, second = (features(s.samples, known, servo=servo, load_measured=sensor) for s in splits)

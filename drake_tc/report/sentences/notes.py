@@ -20,6 +20,7 @@ from drake_tc.diagnosis.notes import (
     NoiseOfRecordedEffort,
     Note,
     RunNote,
+    RunsDiffer,
     RunsWithoutMotion,
     ScaleNote,
     ScaleOfRotorInertia,
@@ -90,6 +91,12 @@ def note_sentence(note: Note) -> str:
             return (
                 f"The noise of the torque is correlated over about {1e3 * correlation_time:.0f} ms. The noise floor is "
                 f"therefore {ratio:.1f} times that of white noise of the size seen at the highest frequencies."
+            )
+        case RunsDiffer(ratio):
+            return (
+                "Friction differs from run to run. In the held-out runs it differs from that of the training runs by "
+                "no more than the training runs differ from each other. The noise floor contains this difference and "
+                f"is therefore {ratio:.1f} times that of the sensors."
             )
         case RunsWithoutMotion(runs, window):
             return (

@@ -13,7 +13,6 @@ WRONG: frozenset[str] = frozenset(
         "load: unknown without a scale, position servo",
         "load: unknown, position servo",
         "sensors: a bias of five tolerances",
-        "sensors: the zero of a current of six tolerances",
         "timing: a torque logged 30 ms late",
         "timing: the same goal is late where the rig file states the hold",
     }

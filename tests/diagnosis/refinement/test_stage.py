@@ -90,7 +90,7 @@ def test_the_held_out_free_run_follows_and_every_output_has_it(
     }
     section = refinement_section(whole)
     assert section is not None
-    assert "model_refined.yaml follows the recorded position better" in section.sentence
+    assert "model_refined.yaml follows the recorded position more closely" in section.sentence
     assert whole.verdict == result.verdict  # the verdict is that of the equation error
 
 
@@ -133,7 +133,7 @@ def test_a_refinement_that_does_not_carry_over_to_other_runs_is_rejected():
     assert found.train is not None and found.train[1] < found.train[0]
     assert found.cross_validated is not None
     assert found.cross_validated[1] > 0.95 * found.cross_validated[0]
-    assert "left out in turn" in refinement_sentence(found)
+    assert "in cross-validation" in refinement_sentence(found)
 
 
 def test_runs_that_no_numbers_follow_are_not_searched_further(
