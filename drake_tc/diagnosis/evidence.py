@@ -376,18 +376,20 @@ class Evidence:
         return self.model.relinearised(scored.terms, scored.b[1:] / gain, gain, bent)
 
     def residual(self, split: Split, scored: Scored, *, runs: bool = False) -> FloatArray:
-        """(N,) recorded effort less the prediction on all rows [effort]; `runs`: with what differs from run to run.
+        """(N,) recorded effort less the prediction on all rows [effort].
 
-        What an unknown state at the start of a run adds is taken off either way.
+        `runs`: with what differs from run to run, and friction near rest from its law, which no model file has. What an
+        unknown state at the start of a run adds is taken off either way.
         """
         blocks = self.model.blocks(split, scored.terms)
         out = split.target(scored.terms) - np.concatenate([b.values for b in blocks], axis=1) @ scored.b
         at = scored.coefficients + scored.shapes
         spread = self.spread.of(scored.terms) if runs else RunSpread()
-        others = self._others(split, spread)
-        for block in others:
-            out = out - block.values @ scored.posterior.beta[at : at + block.values.shape[1]]
-            at += block.values.shape[1]
+        for number, block in enumerate(self._others(split, spread)):
+            own = scored.posterior.beta[at : at + block.values.shape[1]]
+            at += own.size
+            if runs or number != len(self.model.ages):  # see `JointModel.nuisances`
+                out = out - block.values @ own
         if starts_unknown(scored.terms) and not runs:
             zeros = split.run_columns[-1]
             out = out - zeros @ (zeros.T @ out / np.maximum(zeros.sum(axis=0), 1.0))

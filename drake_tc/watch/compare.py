@@ -188,6 +188,15 @@ def compare(
 
     Raises:
         ParamsError, RigError, LogError, IdentificationError: input that cannot be used.
+
+    Example:
+        >>> from drake_tc.cli.close_loop_command import write_results
+        >>> from drake_tc.diagnosis.options import DiagnosisOptions
+        >>> rig, out = leg_rig_file(), leg_log().parent / "out"
+        >>> options = DiagnosisOptions(effects=(effect("stribeck"),))
+        >>> found = write_results(close_loop(rig, [leg_log()], [leg_log(seed=1)], options), out)
+        >>> compare(out / "model_after.yaml", [leg_log(seed=2)], rig, options=options).verdict
+        'unchanged'
     """
     start = time.perf_counter()
     stored = load_model_file(model)

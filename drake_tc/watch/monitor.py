@@ -34,6 +34,10 @@ class ModelMonitorSpec:
         push: External torque beyond which a joint is pushed, over its Coulomb friction [N m].
         hold: Time after a push in which nothing is learned [s]; what was learned as long before it is taken back.
         confirm: Time for which a CUSUM is over its limit before a cause is named [s].
+
+    Example:
+        >>> ModelMonitorSpec(friction=0.1).friction
+        0.1
     """
 
     friction: float = 0.2

@@ -150,7 +150,7 @@ def test_an_export_can_be_tried_in_the_same_call(bench, tmp_path):
     free = document["joints"][JOINT]["error"]["after"]["free_run_heldout"]
     assert row["model"] == pytest.approx(free, rel=0.05)  # the same free run as in the table above it
     assert row["original"] > row["model"] and row["export"] > row["model"]
-    assert "export, Drake's plant" in done.stdout and "has no Stribeck friction" in done.stdout
+    assert "export (Drake's plant)" in done.stdout and "has no Stribeck friction" in done.stdout
     names, errors = export_table((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
     assert names[2:] == ["model after (Drake)", "export (Drake's plant)", "your file (Drake's plant)"]
     unit = {"mrad": 1e-3, "µrad": 1e-6}
