@@ -49,7 +49,7 @@ from drake_tc.tsid.fallbacks import diagnose
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.robust.formulation import Formulation
-from drake_tc.tsid.tick import problem_at
+from drake_tc.tsid.tick import TickInput, problem_at
 
 folder = Path(tempfile.mkdtemp())
 humanoid = tsid_entry()
@@ -284,7 +284,8 @@ feeble = load_law(controller, {"limits": {"torque": {"share": 0.05}, "accelerati
 model, rest = feeble.model, feeble.starting_terms()
 references = [task.rest(rest) for task in feeble.tasks]
 standing = np.concatenate([model.start, np.zeros(model.nv)])
-problem = problem_at(feeble, model.create_scratch(), standing, references, (True,) * len(model.contacts))
+now = TickInput(standing, references, (True,) * len(model.contacts))
+problem = problem_at(feeble, model.create_scratch(), now)
 conflict = diagnose(problem.reduced.polytope, solver=feeble.solver)
 print(f"limits that conflict: {len(conflict.labels)}; first of them:")
 for label, missed in zip(conflict.labels[:6], conflict.missed, strict=False):
