@@ -12,7 +12,8 @@ from drake_tc.diagnosis.priors import NOISE_LEVEL
 def corrected(evidence: Evidence, scored: Scored) -> Scored:
     """The set with coefficients that noise does not attenuate; how well the noise is known widens their covariance.
 
-    Shapes stay, and so does what differs from run to run: residuals are told without it.
+    Shapes stay, and so does what differs from run to run: residuals are told without it. The set itself where noise is
+    all of the load, so that nothing would be left of the drive gain.
     """
     train, held = evidence.model.train, scored.posterior
     products, prior = evidence.products(train, scored.terms)
@@ -27,6 +28,8 @@ def corrected(evidence: Evidence, scored: Scored) -> Scored:
     true = own.without_noise(gram[np.ix_(moved, moved)], moment[moved])
     after = b.copy()
     after[moved] = mode(true, prior.part(moved), held.variance)
+    if after[0] <= evidence.model.least_gain:
+        return scored
     louder = products.rss(after) / products.rss(b)
     shift = np.zeros(held.beta.size)
     shift[places] = after - b

@@ -13,7 +13,7 @@ from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
-from drake_tc.diagnosis.intervals import correlated_parameters, of_runs, parameters_of
+from drake_tc.diagnosis.intervals import correlated_parameters, friction_spread, of_runs, parameters_of
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -173,7 +173,11 @@ def joint_result(
     declared = corrected(evidence, evidence.refined(evidence.score(model.declared)))
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
-    splits = (_split(evidence, model.train, declared, best), _split(evidence, model.held, declared, best))
+    spread = friction_spread(evidence, best)
+    splits = (
+        _split(evidence, model.train, declared, best, spread),
+        _split(evidence, model.held, declared, best, spread),
+    )
     unexplained, floor, notes = what_is_left(splits, chosen, floor, context, options, executor)
     effects = _effects(evidence, best, found)
     visible = visible_share(evidence, best, decision.floor)
@@ -247,8 +251,8 @@ def without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
     """
     evidence = decision.found.evidence
     first = corrected(evidence, decision.best)
-    if first.b[0] <= evidence.model.least_gain:  # noise is all of the load: nothing is left of the drive
-        return evidence, decision.best
+    if first is decision.best:
+        return evidence, first
     there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
     moved = there.refined(there.score(decision.best.terms))
     if moved.log_odds > decision.best.log_odds - ALTERNATIVE:
@@ -261,10 +265,10 @@ def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:
     return Fit(scored.terms, scored.beta, residual, rms(residual), rms(residual), np.zeros(1))
 
 
-def _split(evidence: Evidence, split: Split, before: Scored, after: Scored) -> DataSplit:
+def _split(evidence: Evidence, split: Split, before: Scored, after: Scored, spread: float) -> DataSplit:
     residuals = [evidence.residual(split, s) for s in (before, after)]
     first, second = (split.as_recorded(s.terms, r) for s, r in zip((before, after), residuals, strict=True))
-    own = split.as_recorded(after.terms, of_runs(evidence, split, after, residuals[1]))
+    own = split.as_recorded(after.terms, of_runs(evidence, split, after, residuals[1], spread))
     return DataSplit(split.recorded.samples, first, second, of_runs=own)
 
 

@@ -385,10 +385,10 @@ class Evidence:
         out = split.target(scored.terms) - np.concatenate([b.values for b in blocks], axis=1) @ scored.b
         at = scored.coefficients + scored.shapes
         spread = self.spread.of(scored.terms) if runs else RunSpread()
-        for number, block in enumerate(self._others(split, spread)):
+        for block in self._others(split, spread):
             own = scored.posterior.beta[at : at + block.values.shape[1]]
             at += own.size
-            if runs or number != len(self.model.ages):  # see `JointModel.nuisances`
+            if runs or block.of_log:
                 out = out - block.values @ own
         if starts_unknown(scored.terms) and not runs:
             zeros = split.run_columns[-1]

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, mode
 from drake_tc.diagnosis.model import RunSpread
-from drake_tc.diagnosis.priors import RUN_SPREADS
+from drake_tc.diagnosis.priors import RUN_SPREADS, TAKEN_OVER
 from drake_tc.diagnosis.problem.parameters import (
     Correlation,
     Estimate,
@@ -116,28 +116,34 @@ def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:
     return np.asarray(high / (CRITICAL * deviation[taken]))
 
 
-def of_runs(evidence: Evidence, split: Split, scored: Scored, residual: FloatArray) -> FloatArray:
-    """(N,) the part of a residual (N,) that is friction which differs from run to run.
+def friction_spread(evidence: Evidence, scored: Scored) -> float:
+    """Standard deviation of friction from run to run over its mean, by the posterior over the tried ones.
 
-    Its standard deviation is that of the posterior over the tried ones. What a run shows beyond two of them is
-    something else, and stays. With one training run nothing is known of it, and the part is 0.
+    0 for a single training run, which tells nothing of it.
     """
-    out = np.zeros(residual.size)
     if len(evidence.model.train.samples.runs) < 2:
-        return out
+        return 0.0
     spreads = [RunSpread(*pair) for pair in product(RUN_SPREADS, RUN_SPREADS)]
     plain = Evidence(replace(evidence.model, common_zero=True), evidence.noise)
     odds = np.array([plain.score(scored.terms, spread=spread).log_odds for spread in spreads])
     weights = np.exp(odds - odds.max()) / np.exp(odds - odds.max()).sum()
-    friction = float(np.sqrt(weights @ np.array([s.friction**2 for s in spreads])))
-    blocks = evidence.model.of_runs(split, RunSpread(friction))
+    return float(np.sqrt(weights @ np.array([s.friction**2 for s in spreads])))
+
+
+def of_runs(evidence: Evidence, split: Split, scored: Scored, residual: FloatArray, spread: float) -> FloatArray:
+    """(N,) the part of a residual (N,) that is friction which differs from run to run by a `friction_spread`.
+
+    What a run shows beyond `TAKEN_OVER` of it is something else, and stays.
+    """
+    blocks = evidence.model.of_runs(split, RunSpread(spread))
     if not blocks:
-        return out
+        return np.zeros(residual.size)
     prior = Prior.stacked([block.prior for block in blocks])
     columns = np.concatenate([block.values for block in blocks], axis=1)
     white, target = (split.rows.whitened(each, evidence.noise)[0] for each in (columns, residual[:, None]))
     own = mode(Products.of(white, target[:, 0], evidence.noise.share), prior, scored.posterior.variance)
-    return np.asarray(columns @ np.clip(own, -2.0 * prior.deviation, 2.0 * prior.deviation))
+    most = TAKEN_OVER * prior.deviation
+    return np.asarray(columns @ np.clip(own, -most, most))
 
 
 def _units_and_bounds(

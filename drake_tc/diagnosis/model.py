@@ -39,10 +39,16 @@ from drake_tc.types import FloatArray
 
 @dataclass(frozen=True)
 class Block:
-    """Columns (N, k) in units of the effort for coefficients with a prior."""
+    """Columns (N, k) in units of the effort for coefficients with a prior.
+
+    Attributes:
+        of_log: Whether they are of the log. Reported errors are without what the log does, and with what the joint does
+            that no model file has.
+    """
 
     values: FloatArray
     prior: Prior
+    of_log: bool = True
 
 
 @dataclass(frozen=True)
@@ -194,7 +200,8 @@ class JointModel:
     def _friction_form(self, split: Split) -> Block:
         """Column by which friction near rest may differ from Coulomb and viscous friction."""
         deviation = max(FRICTION_FORM * split.gain * self.friction, HELD_GAIN * self.scale)
-        return Block(split.near_rest, Prior(np.zeros(1), np.array([deviation]), np.zeros(1, dtype=bool)))
+        prior = Prior(np.zeros(1), np.array([deviation]), np.zeros(1, dtype=bool))
+        return Block(split.near_rest, prior, of_log=False)
 
     def noise_of_ages(self, number: int) -> FloatArray:
         """(N, a) noise of a channel in the columns of the ages."""

@@ -66,7 +66,7 @@ NOISE_LEVEL = 0.3
 NAMED_FLOORS = 0.5
 """RMS contribution in noise floors below which no effect is named, whatever its evidence."""
 TAKEN_OVER = 2.0
-"""Standard deviations of their priors by which other terms may change in taking over what an effect contributes."""
+"""Standard deviations of its prior up to which something takes over what an effect contributes or a residual shows."""
 ALTERNATIVE = 3.0
 """Difference of log odds within which two sets of effects are indistinguishable: 95 % against 5 %."""
 NAMED = ALTERNATIVE - COMMON

@@ -189,7 +189,8 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     there = next((s.log_odds for s in pool if s.ids == best.ids), found.log_odds)
     near = [s for s in pool if s.ids != best.ids and s.log_odds > there - ALTERNATIVE]
     near.sort(key=lambda s: -s.log_odds)
-    return Found(evidence, evidence.refined(evidence.score(best.terms)), tuple(near))
+    own = evidence.refined(evidence.score(best.terms))  # with its own odds, not those at the noise of the loudest
+    return Found(evidence, own, tuple(near))
 
 
 def _first(evidence: Evidence) -> list[Evidence]:
@@ -301,7 +302,7 @@ def settled(evidence: Evidence, scored: Scored) -> tuple[Evidence, Scored]:
     """
     for _ in range(SETTLING):
         true = corrected(evidence, scored)
-        at = true if true.b[0] > evidence.model.least_gain and possible(evidence, true) else scored
+        at = true if possible(evidence, true) else scored
         evidence = Evidence(evidence.relinearised(at), evidence.noise, evidence.spread).heard(scored.terms)
         scored = evidence.refined(evidence.score(scored.terms))
     return evidence, scored

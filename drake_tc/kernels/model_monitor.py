@@ -106,7 +106,7 @@ def watch(
             own[COPY] = hold
         pushed = own[HELD] > 0.0
         own[HELD] = max(own[HELD] - 1.0, 0.0)
-        finite = np.isfinite(residual)
+        finite = np.isfinite(residual + q + v + a + load)
         if own[WAIT] <= 0.0 and finite:
             own[WAIT] = joints[i, 2]
             if pushed or np.abs(v) <= rest:
@@ -139,12 +139,12 @@ def watch(
                     for j in range(count):
                         information[k * count + j] = keep * information[k * count + j] + fresh[k] * fresh[j]
                 prior = sizes[i, count:]
-                a, b = np.empty((count, count)), moment.copy()
+                total, right = np.empty((count, count)), moment.copy()
                 for k in range(count):
                     for j in range(count):
-                        a[k, j] = information[k * count + j]
-                    a[k, k] += 1.0 / (prior[k] * prior[k]) if prior[k] > 0.0 else 1e300
-                solved(a, b, tracked)
+                        total[k, j] = information[k * count + j]
+                    total[k, k] += 1.0 / (prior[k] * prior[k]) if prior[k] > 0.0 else 1e300
+                solved(total, right, tracked)
                 own[OVER] = own[OVER] + joints[i, 2] if largest >= limit else 0.0
                 if own[OVER] >= numbers[5]:
                     best, found = most_probable(moment, information, prior)

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_tc.diagnosis.priors import ALTERNATIVE
 from drake_tc.effects.library import effect
 from drake_tc.types import FloatArray
 
-ALTERNATIVE = 3.0
-"""Log odds within which two sets of changes are not distinguished."""
 CHANGE_ODDS = -5.0
 """Log prior odds that a parameter changed."""
 CHANGE_SIZE = 0.3
@@ -70,6 +69,11 @@ def heat_deviation(key: str, size: float, kelvin: float) -> float:
 def is_friction(key: str) -> bool:
     """Whether the effect is friction."""
     return key != "drive" and effect(key).kind == "friction"
+
+
+def of_temperature(key: str) -> bool:
+    """Whether the effect follows the temperature: it is no change of the joint."""
+    return key != "drive" and "temperature" in effect(key).needs
 
 
 @dataclass(frozen=True)

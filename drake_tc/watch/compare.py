@@ -26,7 +26,6 @@ from drake_tc.diagnosis.run import Log, close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.effects.base import TorqueEffect
 from drake_tc.effects.library import effect
-from drake_tc.effects.thermal_friction import ThermalFriction
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.files.readers import LogTable, named_logs, read_table
 from drake_tc.logs.rig import Rig, load_rig, parse_rig
@@ -36,6 +35,7 @@ from drake_tc.watch.changes import (
     Known,
     Shift,
     heat_deviation,
+    of_temperature,
     session_deviation,
 )
 
@@ -326,7 +326,7 @@ def _parameters(
     session = np.array([session_deviation(p[0], s, spread) for p, s in zip(both, size, strict=True)])
     session[[k for k, p in enumerate(both) if p == BETWEEN_ENCODERS]] = LEAST_GAP / 2.0
     warmer = temperature[1] - temperature[0]
-    if ThermalFriction.id in {value.key for value in model.effects} or math.isnan(warmer):
+    if any(of_temperature(value.key) for value in model.effects) or math.isnan(warmer):
         warmer = 0.0
     heat = np.array([heat_deviation(p[0], s, warmer) for p, s in zip(both, size, strict=True)])
     deviation = np.array([max(now[p].deviation, 1e-9 * abs(now[p].value), 1e-15) for p in both])
@@ -348,8 +348,8 @@ def _parameters(
             now[p],
             shift.change(k, which),
             float(odds[k]),
-            k in which and p[0] != ThermalFriction.id,
-            (k in cold and k not in which) or (k in which and p[0] == ThermalFriction.id),
+            k in which and not of_temperature(p[0]),
+            (k in cold and k not in which) or (k in which and of_temperature(p[0])),
             tuple(".".join(both[other]) for one, other in others if one == k),
         )
         for k, p in enumerate(both)
@@ -402,7 +402,7 @@ def _appeared(joint: JointResult) -> tuple[EffectChange, ...]:
         sizes = [known[p.name] for p in (member.coefficients or member.shapes) if p.name in known] or [*known.values()]
         sure = any(not k.ci95[0] <= 0.0 <= k.ci95[1] for k in sizes)
         status: Literal["heat", "appeared", "uncertain"] = "appeared" if sure else "uncertain"
-        if found.id == ThermalFriction.id:
+        if of_temperature(found.key):
             status = "heat"
         out.append(EffectChange(found.key, found.title, status, _logit(found.stability), known))
     return tuple(out)

@@ -62,6 +62,16 @@ def test_without_noise_nothing_changes() -> None:
     np.testing.assert_allclose(after.b, scored.b, rtol=2e-4)
 
 
+def test_a_set_of_whose_load_all_is_noise_stays_as_it_is(
+    noisy: tuple[Evidence, Scored], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing would be left of the drive gain, and every parameter is over it."""
+    evidence, scored = noisy
+    whole = evidence.products(evidence.model.train, scored.terms)[0]
+    monkeypatch.setattr(Evidence, "noise_products", lambda self, terms: (whole.gram, whole.moment))
+    assert corrected(evidence, scored) is scored
+
+
 def test_what_differs_from_run_to_run_takes_no_part_of_the_correction(noisy: tuple[Evidence, Scored]) -> None:
     """Residuals are told without it, and would hold the part that it took."""
     evidence, scored = noisy

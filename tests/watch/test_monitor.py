@@ -44,6 +44,21 @@ def test_the_residual_of_a_sound_model_is_white_with_variance_1_and_nothing_is_n
     assert 0.6 < np.sqrt(np.mean(changes**2)) < 1.4
 
 
+@pytest.mark.parametrize("channel", range(5))
+def test_readings_that_are_no_numbers_are_left_out(joints, monitor, channel):
+    memory, shown = monitor.start()
+    last = np.full(COUNT, np.nan)
+    for _, chunk in readings(joints, 0.5, np.random.default_rng(4), {}, 0.0):
+        for number, seen in enumerate(chunk):
+            if 100 <= number < 160:
+                seen = seen.copy()
+                seen[channel] = np.nan
+            needed = monitor.needed(seen, np.full(COUNT, ROOM))
+            monitor.tick(seen, needed, last, memory, shown)
+            last = needed
+    assert np.isfinite(memory).all() and np.isfinite(shown).all()
+
+
 def test_more_friction_is_named_and_tracked(joints, monitor):
     table, _ = shown_after(joints, monitor, {"friction": 0.3})
     assert [CAUSES[int(c) - 1] for c in table[:, 1]] == ["friction"] * COUNT
