@@ -87,7 +87,7 @@ def test_every_notebook_is_known_here():
 def test_the_script_runs(script, tmp_path):
     environment = os.environ | {"MPLBACKEND": "Agg", "TMPDIR": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", str(script)],
+        [sys.executable, "-W", "ignore", "-W", "error::RuntimeWarning", str(script)],
         cwd=tmp_path,
         env=environment,
         capture_output=True,
@@ -118,5 +118,6 @@ def test_the_rendered_notebook_is_the_script_run(script):
     kinds = {kind for cell in code for output in cell.outputs for kind in output.get("data", {})}
     assert SHOWN[script.stem] <= kinds, "stored without its plots: make notebook"
     assert not [output for cell in code for output in cell.outputs if output.output_type == "error"]
+    assert not [output for cell in code for output in cell.outputs if output.get("name") == "stderr"]  # warnings
     printed = "".join(output.get("text", "") for cell in code for output in cell.outputs)
     assert all(text in printed for text in SAID[script.stem]), "stored from an older library: make notebook"
