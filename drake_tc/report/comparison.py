@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from drake_tc.config.quoted import json_value
 from drake_tc.report.numbers import interval, percent, pretty_unit, significant
@@ -64,7 +65,9 @@ def comparison_page(found: ComparisonResult) -> str:
 
 def _section(joint: JointComparison) -> PageSection:
     numbers = HEADINGS[1:-1]
-    table = PageTable(HEADINGS, [_row(p) for p in joint.parameters], numbers)
+    table = PageTable(
+        HEADINGS, [(name, *map(_stacked, cells)) for name, *cells in map(_row, joint.parameters)], numbers
+    )
     plots = [change_picture(joint)] if joint.parameters else []
     return PageSection(joint.joint, sentences(joint), plots=plots, tables=[table], aside=VERDICTS[joint.verdict])
 
@@ -129,6 +132,12 @@ def _row(p: ParameterChange) -> tuple[str, ...]:
     mark = "changed" if p.changed else "temperature" if p.heat else ""
     name = f"{label_of(f'{p.key}.{p.name}')} [{pretty_unit(p.unit) or '-'}]"
     return (name, then, now, f"{change} {ends}".strip(), significant(p.log_odds), mark)
+
+
+def _stacked(cell: str) -> str:
+    """A value with its interval below it: side by side, three of them are wider than a page."""
+    value, between, ends = cell.partition(" [")
+    return Markup("{}<br>[{}").format(value, ends) if between else cell
 
 
 def change_picture(joint: JointComparison) -> str:

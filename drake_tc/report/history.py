@@ -19,7 +19,7 @@ from drake_tc.report.plots.svg import (
     page_style,
     to_svg,
 )
-from drake_tc.watch.history import Session, Trend, further_unit, trends
+from drake_tc.watch.history import FEWEST, Session, Trend, further_unit, trends
 
 MONTH = 30.0
 AHEAD = 0.5
@@ -60,8 +60,14 @@ def history_page(sessions: Sequence[Session]) -> str:
     joints = dict.fromkeys(j for s in sessions for j in s.parameters)
     sections = [_section(sessions, joint) for joint in joints]
     serials = {s.serial for s in sessions}
+    most = max((sum(s.serial == serial for s in sessions) for serial in serials), default=0)
     lead = history_sentences(sessions) or ["No parameter drifts beyond its interval."]
-    between = f"{len(sessions)} sessions of {len(serials)} unit{'s' if len(serials) > 1 else ''}"
+    if most < FEWEST:
+        lead = [f"A trend needs {FEWEST} sessions of a unit."]
+    between = " of ".join(
+        f"{count} {what}{'s' if count > 1 else ''}"
+        for count, what in ((len(sessions), "session"), (len(serials), "unit"))
+    )
     return plain_page("History", f"compare · {between}", lead, sections)
 
 
@@ -79,7 +85,7 @@ def _section(sessions: Sequence[Session], joint: str) -> PageSection:
                 (serial or "-", label, interval(latest, *found.at(found.days[-1])[1:])[0], slope, ends, share,
                  " ".join(interval(*ahead)))
             )  # fmt: skip
-    tables = [PageTable(heads, rows, heads[2:])]
+    tables = [PageTable(heads, rows, heads[2:])] if rows else []
     between = _between_units(sessions, joint, units)
     if between:
         tables.append(PageTable(("parameter", "mean of the units", "a further unit, 95 %"), between))
@@ -113,7 +119,7 @@ def history_figure(sessions: Sequence[Session], joint: str) -> NotebookFigure:
     first = float(date2num(sessions[0].time))
     with page_style(f"history-{joint}"):
         figure = new_figure(7.2, 0.5 + 1.45 * rows)
-        figure.subplots_adjust(left=0.09, right=0.98, hspace=0.65, wspace=0.28, top=1.0 - 0.3 / (0.5 + 1.45 * rows))
+        figure.subplots_adjust(left=0.12, right=0.98, hspace=0.65, wspace=0.32, top=1.0 - 0.3 / (0.5 + 1.45 * rows))
         for place, name in enumerate(names):
             axes = figure.add_subplot(rows, COLUMNS, place + 1)
             for number, serial in enumerate(dict.fromkeys(s.serial for s in sessions)):
@@ -135,6 +141,8 @@ def history_figure(sessions: Sequence[Session], joint: str) -> NotebookFigure:
                     axes.plot(when[past], value[past], color=colour)
                     axes.plot(when[~past], value[~past], color=colour, linestyle=(0, (3, 2)))
             axes.set_title(f"{label_of(name)} [{pretty_unit(units[name]) or '-'}]")
+            if len({s.time for s in sessions}) == 1:  # else the axis would span years
+                axes.set_xlim(first - MONTH, first + MONTH)
             dates = AutoDateLocator(minticks=2, maxticks=4)
             axes.xaxis.set_major_locator(dates)
             axes.xaxis.set_major_formatter(ConciseDateFormatter(dates, show_offset=False))

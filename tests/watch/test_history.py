@@ -80,6 +80,11 @@ def test_a_page_names_what_drifts_and_the_spread_between_units():
     assert "a further unit, 95 %" in page and "<svg" in page
 
 
+def test_a_page_of_one_session_promises_nothing():
+    page = history_page(sessions("A1", 0.0, 1)[:1])
+    assert "A trend needs 3 sessions" in page and "1 session of 1 unit" in page and "No parameter drifts" not in page
+
+
 def test_the_command_keeps_sessions_and_models_of_units(diagnosed, tmp_path):
     folder = tmp_path / "history"
     for month, scale in enumerate((1.0, 1.1, 1.2)):
