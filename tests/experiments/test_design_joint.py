@@ -113,7 +113,9 @@ def test_the_distance_of_two_models_is_the_least_over_all_parameters(joint):
     motion = basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(4)))
     columns = MotionColumns(joint, motion, 5e-3)
     truth, other = form(joint, "load_dependent_friction"), form(joint, "quadratic_viscous")
-    found = Discrimination(joint, ((truth, other),), 10.0).distances(columns)[truth.effect.key, other.effect.key]
+    found = Discrimination(joint, ((truth, other),), 10.0).distances(columns, Projection(columns))[
+        truth.effect.key, other.effect.key
+    ]
     root = np.sqrt(columns.weight)[:, None]
     spans = np.hstack([columns.design(joint.declared), columns.of(Term(other.effect))])
     target = root[:, 0] * truth.change(columns, {})[:, 0]
@@ -238,7 +240,9 @@ def test_the_distance_of_a_delay_from_a_lag_is_the_least_over_a_fine_grid_of_lag
     basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
     columns = MotionColumns(voltage, basis.motion(random_start(voltage, basis, LIMITS, np.random.default_rng(8))), 5e-3)
     truth, other = form(voltage, "delay.loop"), form(voltage, "current_lag")
-    found = Discrimination(voltage, ((truth, other),), 10.0).distances(columns)["delay.loop", "current_lag"]
+    found = Discrimination(voltage, ((truth, other),), 10.0).distances(columns, Projection(columns))[
+        "delay.loop", "current_lag"
+    ]
     root = np.sqrt(columns.weight)
     declared = root[:, None] * columns.design(joint.declared)
     target = root * truth.change(columns, {})[:, 0]
@@ -254,7 +258,7 @@ def test_a_rival_keeps_the_bounds_of_its_parameters(joint):
     basis = scaled(motion_basis("fourier", 5.0, 5e-3, 2.0), LIMITS)
     columns = MotionColumns(joint, basis.motion(random_start(joint, basis, LIMITS, np.random.default_rng(9))), 5e-3)
     spring, payload = form(joint, "cable_spring"), form(joint, "payload")
-    declared = Projection(columns.design(joint.declared), columns.weight)
+    declared = Projection(columns)
     pulls = declared.of(spring.change(columns, {})[:, :1])  # at rest at 0
     down, up = payload.left(declared, columns, np.hstack([pulls, -pulls]))
     free = left_by(declared.of(columns.of(Term(payload.effect))), pulls)
@@ -281,8 +285,9 @@ def test_a_motion_that_hides_both_effects_tells_nothing(joint):
     for size, expected in ((1e-3, 0.0), (1.0, 1.0)):
         forms = [replace(each, strength=size * each.strength) for each in (truth, other)]
         found = Discrimination(joint, ((forms[0], forms[1]), (forms[1], forms[0])), 10.0)
-        seen = found.visibilities(columns)
-        assert all(np.min(seen[a]) >= np.min(found.distances(columns)[a, b]) for a, b in found.distances(columns))
+        declared = Projection(columns)
+        seen, apart = found.visibilities(columns, declared), found.distances(columns, declared)
+        assert all(np.min(seen[a]) >= np.min(each) for (a, _), each in apart.items())
         assert_allclose(worth_of(found, fitted).values[0][2], expected, atol=0.05)
 
 
@@ -293,7 +298,7 @@ def test_a_declared_drive_gain_is_no_free_parameter_of_a_design(joint):
     columns = MotionColumns(held, basis.motion(random_start(held, basis, LIMITS, np.random.default_rng(10))), 5e-3)
     gain, ripple = form(held, "servo_gain"), form(held, "cable_spring")
     assert gain.either_sign
-    distances = Discrimination(held, ((gain, ripple), (ripple, gain)), 10.0).distances(columns)
+    distances = Discrimination(held, ((gain, ripple), (ripple, gain)), 10.0).distances(columns, Projection(columns))
     root = np.sqrt(columns.weight)[:, None]
     free = columns.design(held.declared)[:, 1:]
     target = gain.strength * columns.effort(())[:, None] / held.numbers.gain

@@ -18,7 +18,7 @@ from drake_tc.experiments.design.known import KnownLoad, carrying, declaring, pa
 from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
 from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
-from drake_tc.experiments.design.search import MotionSearch, RememberedColumns, StackedColumns, slow_passes, splits
+from drake_tc.experiments.design.search import MotionSearch, StackedColumns, slow_passes, splits
 from drake_tc.experiments.sizes import size_of
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.rig_document.writing import rig_document
@@ -121,7 +121,7 @@ def test_stacked_rows_are_those_of_one_long_log():
     motion = slow_sine(10.0)
     parts = [rows_of(each, motion) for each in (joint, carrying(joint, HEAVY))]
     criterion = criterion_of(parse_goal("parameters"), joint, 30.0)
-    whole = criterion.information(StackedColumns([RememberedColumns(part) for part in parts], (1 / 3, 2 / 3)))
+    whole = criterion.information(StackedColumns(parts, (1 / 3, 2 / 3)))
     assert_allclose(whole, sum(w * criterion.information(part) for w, part in zip((1 / 3, 2 / 3), parts, strict=True)))
     same = StackedColumns([parts[0], parts[0]], (0.5, 0.5))
     assert_allclose(criterion.value(same), criterion.value(parts[0]), rtol=1e-12)

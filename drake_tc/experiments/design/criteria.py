@@ -32,7 +32,7 @@ from scipy.stats import norm
 
 from drake_tc.diagnosis.priors import NAMED_FLOORS
 from drake_tc.experiments.check.effects import Noise
-from drake_tc.experiments.design.forms import EffectForm, Projection, contributions, declared_columns
+from drake_tc.experiments.design.forms import EffectForm, Projection, contributions
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.experiments.design.robot_goal import Determinant, SmallestEigenvalue
 from drake_tc.types import FloatArray
@@ -138,15 +138,11 @@ class AllEffects(Criterion):
     forms: tuple[EffectForm, ...]
     duration: float
 
-    def noise(self, joint: DesignJoint, seconds: float | None = None) -> Noise:
-        """Of a run of so many seconds in motion; None for the experiment. `joint` has the noise of this run."""
-        length = self.duration if seconds is None else seconds
-        return Noise(joint.floor or joint.noise, joint.noise, max(joint.independent_per_second * length, 3.0))
-
     def ratios(self, columns: BalanceColumns) -> FloatArray:
         """(e,) RMS of each effect's remainder, at the middle one of its shapes, over what is found."""
-        declared = Projection(declared_columns(columns), columns.weight)
-        noise, rows = self.noise(columns.joint), math.sqrt(float(np.mean(columns.weight)))
+        declared = Projection(columns)
+        joint, rows = columns.joint, math.sqrt(float(np.mean(columns.weight)))
+        noise = Noise(joint.floor or joint.noise, joint.noise, max(joint.independent_per_second * self.duration, 3.0))
         made = contributions(self.forms, columns)
         squares = np.mean(declared.of(np.concatenate(made, axis=1)) ** 2, axis=0)
         phases = np.array([change.shape[1] for change in made])
@@ -188,15 +184,8 @@ class Discrimination(Criterion):
     duration: float
     contained: tuple[tuple[str, str, str], ...] = ()
 
-    def distances(self, columns: BalanceColumns, duration: float | None = None) -> Distances:
-        """T of both orders, over `duration` [s] of rows like these; None for that of the experiment."""
-        return self._apart(_declared(columns), columns, duration)
-
-    def visibilities(self, columns: BalanceColumns, duration: float | None = None) -> dict[str, FloatArray]:
-        """By effect, the distance T of each shape from the declared model alone, over `duration` [s] of rows."""
-        return self._seen(_declared(columns), columns, duration)
-
-    def _apart(self, declared: Projection, columns: BalanceColumns, duration: float | None) -> Distances:
+    def distances(self, columns: BalanceColumns, declared: Projection) -> Distances:
+        """T of both orders; `declared` takes the declared model out of the columns."""
         out = {}
         for truth, other in self.orders:
             targets, widths = [], []
@@ -205,27 +194,28 @@ class Discrimination(Criterion):
                 signs = (1.0, -1.0) if truth.either_sign else (1.0,)
                 targets += [sign * left for sign in signs]
                 widths += [left.shape[1]] * len(signs)
-            least = self._scale(columns, duration) * other.left(declared, columns, np.concatenate(targets, axis=1))
+            least = self._scale(columns) * other.left(declared, columns, np.concatenate(targets, axis=1))
             ends = np.cumsum(widths)
             means = [np.mean(least[e - w : e]) for e, w in zip(ends, widths, strict=True)]
             out[truth.effect.key, other.effect.key] = np.array(means)
         return out
 
-    def _seen(self, declared: Projection, columns: BalanceColumns, duration: float | None) -> dict[str, FloatArray]:
-        scale, out = self._scale(columns, duration), {}
+    def visibilities(self, columns: BalanceColumns, declared: Projection) -> dict[str, FloatArray]:
+        """By effect, the distance T of each shape from the declared model alone."""
+        scale, out = self._scale(columns), {}
         for form in dict.fromkeys(form for order in self.orders for form in order):
             left = [declared.of(form.change(columns, shape)) for shape in form.shapes]
             out[form.effect.key] = np.array([scale * np.mean(np.sum(each**2, axis=0)) for each in left])
         return out
 
-    def _scale(self, columns: BalanceColumns, duration: float | None) -> float:
-        return information_scale(columns.joint, self.duration if duration is None else duration, columns.weight.size)
+    def _scale(self, columns: BalanceColumns) -> float:
+        return information_scale(columns.joint, self.duration, columns.weight.size)
 
     def value(self, columns: BalanceColumns) -> float:
         """Smooth minimum of log T over both orders and all shapes, less what the visibility of an effect lacks."""
-        declared = _declared(columns)
-        apart = _soft_minimum(np.concatenate(list(self._apart(declared, columns, None).values())))
-        visible = np.concatenate(list(self._seen(declared, columns, None).values()))
+        declared = Projection(columns)
+        apart = _soft_minimum(np.concatenate(list(self.distances(columns, declared).values())))
+        visible = np.concatenate(list(self.visibilities(columns, declared).values()))
         seen = _soft_minimum(visible / (ENOUGH * self._asked(columns)))
         return apart + min(seen, 0.0)
 
@@ -233,11 +223,6 @@ class Discrimination(Criterion):
         """V that a diagnosis asks of an effect, in the units of `visibilities`."""
         sliding = self.duration * max(float(np.mean(columns.weight)), 1e-9)
         return FOUND * columns.joint.independent_per_second * sliding
-
-
-def _declared(columns: BalanceColumns) -> Projection:
-    """What the declared model leaves of a column."""
-    return Projection(declared_columns(columns), columns.weight)
 
 
 def _soft_minimum(squares: FloatArray) -> float:

@@ -111,18 +111,14 @@ def _columns_of(columns: BalanceColumns, term: Term) -> FloatArray:
     return columns.of(term)
 
 
-def declared_columns(columns: BalanceColumns) -> FloatArray:
-    """(T, m) columns of what is always fitted: the declared terms, and the drive gain unless it is declared."""
-    design = columns.design(columns.joint.declared)
-    return design[:, 1:] if columns.joint.context.declared.get("drive_gain") else design
-
-
 class Projection:
-    """What the declared columns leave of weighted columns."""
+    """What the columns that are always fitted leave of weighted columns: the declared terms, and a free drive gain."""
 
-    def __init__(self, declared: FloatArray, weight: FloatArray) -> None:
-        """Of declared columns (T, m) and weights (T,) of the rows."""
-        self._root = np.sqrt(weight)[:, None]
+    def __init__(self, columns: BalanceColumns) -> None:
+        """Of the columns of a motion and the weights of its rows."""
+        design = columns.design(columns.joint.declared)
+        declared = design[:, 1:] if columns.joint.context.declared.get("drive_gain") else design
+        self._root = np.sqrt(columns.weight)[:, None]
         self._basis = orthonormal(self._root * declared)
 
     def of(self, values: FloatArray) -> FloatArray:

@@ -6,10 +6,10 @@ d: direction of motion. A solver sees it smoothed over a small speed, so that th
 are compared, and what they bring is stated, with the sharp direction and the rows that a diagnosis takes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,46 +179,48 @@ LATE_RESPONSES: Mapping[str, Callable[[NDArray[np.complex128], float], NDArray[n
 """Frequency responses of delays, exp(-i w d), and of a lag, 1/(1 + i w T), by effect key."""
 
 
-class BalanceColumns(Protocol):
+class BalanceColumns(ABC):
     """Columns of the balance, of one designed motion or of several, all filtered alike.
 
     Attributes:
         joint: The joint.
         weight: (T,) of the rows, 0 where the joint does not slide.
-        seconds: Length of the rows [s].
     """
 
     joint: DesignJoint
     weight: FloatArray
-    seconds: float
 
+    @abstractmethod
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (T,) after the drive effects among the terms."""
 
+    @abstractmethod
     def changes(self, terms: Sequence[Term]) -> FloatArray:
         """(T, g) change of y* by each of several drive effects alone."""
 
-    def of(self, term: Term) -> FloatArray:
-        """Phi (T, k) of one term."""
-
+    @abstractmethod
     def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
         """Phi (T, k) of each of several terms."""
 
+    def of(self, term: Term) -> FloatArray:
+        """Phi (T, k) of one term."""
+        return self.of_each([term])[0]
+
     def design(self, terms: Sequence[Term]) -> FloatArray:
         """[y*, -phi ...] (T, 1 + sum k)."""
+        fitted = [t for t in terms if t.effect.coefficients]
+        return np.concatenate([self.effort(terms)[:, None], *(-phi for phi in self.of_each(fitted))], axis=1)
 
 
-def _changes(columns: BalanceColumns, terms: Sequence[Term]) -> FloatArray:
-    """(T, g) change of y* by each term alone, one after the other."""
-    before = columns.effort(())
-    return np.stack([columns.effort([term]) - before for term in terms], axis=-1)
+def _key(terms: Sequence[Term]) -> Hashable:
+    return tuple((t.effect.key, tuple(sorted(t.shape.items()))) for t in terms)
 
 
-class MotionColumns:
+class MotionColumns(BalanceColumns):
     """Columns of the balance over one period of a designed motion, filtered as a diagnosis filters a log.
 
     Of a periodic motion two periods are computed and the second is kept, so that filters and hysteresis are settled; of
-    another one the first and the last half second take no part.
+    another one the first and the last half second take no part. Each column is computed once.
     """
 
     def __init__(
@@ -226,7 +228,6 @@ class MotionColumns:
     ) -> None:
         """Columns of the motion (4, T) sampled every `step` [s]; rows and friction as in a diagnosis if `sharp`."""
         self.joint, self.step, self._periodic = joint, step, periodic
-        self.seconds = motion.shape[1] * step
         self._size = motion.shape[1]
         self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step, sharp=sharp)
         self._gain = _filter_gain(joint.kernel_width, joint.final_width, step, self._size)
@@ -234,6 +235,7 @@ class MotionColumns:
         if not periodic:
             edge = round(EDGE / step)
             self.weight[:edge] = self.weight[-edge:] = 0.0
+        self._known: dict[Hashable, FloatArray] = {}
 
     @property
     def signals(self) -> Signals:
@@ -247,11 +249,14 @@ class MotionColumns:
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (T,) after the drive effects among the terms."""
-        values = self._signals.effort
-        for term in terms:
-            if isinstance(term.effect, DriveEffect) and term.effect.shapes:
-                values = term.effect.transform(values, self._signals, term.shape)
-        return self._reduce(values)
+        key = ("effort", _key(terms))
+        if key not in self._known:
+            values = self._signals.effort
+            for term in terms:
+                if isinstance(term.effect, DriveEffect) and term.effect.shapes:
+                    values = term.effect.transform(values, self._signals, term.shape)
+            self._known[key] = self._reduce(values)
+        return self._known[key]
 
     def changes(self, terms: Sequence[Term]) -> FloatArray:
         """(T, g) change of y* by each of several drive effects alone.
@@ -259,28 +264,29 @@ class MotionColumns:
         A delay and a lag of a few milliseconds differ by less than what a linear interpolation between the samples of a
         design loses; of a periodic motion they are computed exactly, by their frequency response.
         """
+        key = ("changes", _key(terms))
+        if key not in self._known:
+            self._known[key] = self._changes(terms)
+        return self._known[key]
+
+    def _changes(self, terms: Sequence[Term]) -> FloatArray:
         first = terms[0].effect.key
         if not self._periodic or first not in LATE_RESPONSES or any(t.effect.key != first for t in terms):
-            return _changes(self, terms)
+            before = self.effort(())
+            return np.stack([self.effort([term]) - before for term in terms], axis=-1)
         moved = (self._signals.command if first == "delay.command" else self._signals.effort)[-self._size :]
         turn: NDArray[np.complex128] = np.asarray(2j * np.pi * np.fft.rfftfreq(self._size, self.step), np.complex128)
         late = np.stack([LATE_RESPONSES[first](turn, *term.shape.values()) for term in terms])
         changed = np.fft.irfft(np.fft.rfft(moved) * self._gain * (late - 1.0), self._size)
         return np.asarray(changed.T)
 
-    def of(self, term: Term) -> FloatArray:
-        """Phi (T, k) of one term."""
-        return self.of_each([term])[0]
-
     def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
-        """Phi (T, k) of each of several terms, which are filtered together."""
-        if not terms:
-            return []
-        blocks = [term.effect.columns(self._signals, term.shape)[-self._size :] for term in terms]
-        ends = np.cumsum([block.shape[1] for block in blocks])
-        return np.split(self._reduce(np.concatenate(blocks, axis=1)), ends[:-1], axis=1)
-
-    def design(self, terms: Sequence[Term]) -> FloatArray:
-        """[y*, -phi ...] (T, 1 + sum k)."""
-        fitted = [t for t in terms if t.effect.coefficients]
-        return np.concatenate([self.effort(terms)[:, None], *(-phi for phi in self.of_each(fitted))], axis=1)
+        """Phi (T, k) of each of several terms; those that are not known yet are filtered together."""
+        keys: list[Hashable] = [("of", _key([term])) for term in terms]
+        missing = {key: term for key, term in zip(keys, terms, strict=True) if key not in self._known}
+        if missing:
+            blocks = [t.effect.columns(self._signals, t.shape)[-self._size :] for t in missing.values()]
+            ends = np.cumsum([block.shape[1] for block in blocks])
+            reduced = np.split(self._reduce(np.concatenate(blocks, axis=1)), ends[:-1], axis=1)
+            self._known |= zip(missing, reduced, strict=True)
+        return [self._known[key] for key in keys]
