@@ -149,7 +149,7 @@ def close_loop_command(
             progress(f"running the export to {try_export.value}", 0.0)
             result = _with_export(result, try_export, rig, log or [], holdout or [], declared)
         progress("writing the report", 0.95)
-        result = write_results(result, folder, pool)
+        result = write_results(result, folder, pool, out)
         if mcap:
             save_residuals(result, folder / FILE)
     if as_json:
@@ -223,10 +223,13 @@ def _demo(
     return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
 
 
-def write_results(result: "CloseLoopResult", out: Path, executor: Executor | None = None) -> "CloseLoopResult":
+def write_results(
+    result: "CloseLoopResult", out: Path, executor: Executor | None = None, home: Path | None = None
+) -> "CloseLoopResult":
     """report.html, report.json, model_before.yaml, model_after.yaml and torque_uncertainty.yaml in `out`.
 
-    And model_refined.yaml, where the refinement on free runs was accepted. `executor` draws plots beside each other.
+    And model_refined.yaml, where the refinement on free runs was accepted. `executor` draws plots beside each other;
+    `home` is the folder to which the results move, None: `out`.
     """
     from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.diagnosis.result.models import models_of
@@ -235,7 +238,7 @@ def write_results(result: "CloseLoopResult", out: Path, executor: Executor | Non
     from drake_tc.report.report_json import result_json
 
     out.mkdir(parents=True, exist_ok=True)
-    before, after = models_of(result, out)
+    before, after = models_of(result, out, home)
     uncertainty = torque_uncertainty(result)
     save_torque_uncertainty(uncertainty, out / "torque_uncertainty.yaml")
     result = replace(result, model_before_yaml=before, model_after_yaml=after, uncertainty=uncertainty)

@@ -66,7 +66,7 @@ def compare_command(
         found = compare(model, log, rig, holdout or [], DiagnosisOptions(seed=seed), progress)
         document = comparison_json(found)
         (folder / "compare.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        save_new_model(found, folder / "model_now.yaml")
+        save_new_model(found, folder / "model_now.yaml", out)
         (folder / "report.html").write_text(comparison_page(found), encoding="utf-8")
     drifts = [] if history is None else _kept(found, history, serial, time or _written(log))
     if as_json:

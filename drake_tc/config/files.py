@@ -92,6 +92,19 @@ def utf8_name(path: Path | str) -> str:
     return utf8_text(Path(path).name)
 
 
+def path_from(folder: Path | str, path: Path | str) -> str:
+    """The path of a file as seen from a folder, with "/", as `utf8_text`; its name where no relative path leads there.
+
+    Example:
+        >>> path_from("out/knee", "logs/rig.yaml")
+        '../../logs/rig.yaml'
+    """
+    try:
+        return utf8_text(Path(os.path.relpath(path, folder)).as_posix())
+    except ValueError:  # another drive
+        return utf8_name(path)
+
+
 LONGEST = 100
 """Characters of a name; file systems take 255 bytes, and endings follow."""
 

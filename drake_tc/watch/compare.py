@@ -17,13 +17,18 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import ModelFile, load_model_file
+from drake_tc.diagnosis.data.preparation import context_of
+from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.refinement.stage import equation_errors
+from drake_tc.diagnosis.problem.columns import Columns
+from drake_tc.diagnosis.refinement.stage import equation_residuals
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import REFERENCE, gap_between_encoders, reference_of
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
 from drake_tc.diagnosis.run import Log, close_loop
 from drake_tc.diagnosis.search import Progress
+from drake_tc.diagnosis.split import with_needed
 from drake_tc.effects.base import TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import LogError, ParamsError
@@ -118,8 +123,9 @@ class JointComparison:
         joint, verdict: Which, and what.
         why: Of `cannot_tell`, a sentence; else "".
         parameters, effects: What was compared.
-        floors_then, floors_now: RMS error of all rows over the noise floor under the stored numbers, without ages of
-            the channels, and with the parameters fitted again and what appeared; NaN where it cannot be computed.
+        floors_then, floors_now: RMS error of all rows over the noise floor under the stored numbers, with the ages of
+            the channels fitted again, and with the parameters fitted again and what appeared; NaN where it cannot be
+            computed.
         temperature: (then, now), mean [°C]; NaN where it was not recorded.
         diagnosis: Of the new logs.
     """
@@ -179,8 +185,8 @@ def compare(
     Args:
         model: `model_after.yaml`, or another model file with intervals.
         logs: New runs.
-        rig: Rig file, or a mapping with the keys of one, or a `Rig`; None: the one that the model file names, beside
-            it or in the working directory.
+        rig: Rig file, or a mapping with the keys of one, or a `Rig`; None: the one that the model file names, from the
+            file's folder or from the working directory.
         holdout: Runs that only test what the others chose. Without any, the last third of each log does.
         options: Of the diagnosis.
         progress: Told how far it is.
@@ -207,7 +213,7 @@ def compare(
     declared = with_model(known, stored)
     fitted, tests = _parts(logs, holdout, known)
     found = close_loop(declared, fitted, tests, options, None, progress, executor)
-    joints = {name: _joint(found, name, stored) for name in known.joints}
+    joints = {name: _joint(found, name, stored, declared) for name in known.joints}
     shared = tuple(_shared(cause, stored) for cause in found.shared)
     verdicts = {each.verdict for each in joints.values()}
     if any(each.status == "appeared" for each in shared):
@@ -235,10 +241,8 @@ def _rig_of(rig: object, stored: ModelFile, model: Path) -> Rig:
     for place in (model.parent / name, Path(name)):
         if name and place.is_file():
             return load_rig(place)
-    raise ParamsError(
-        f"{model}: its provenance names {f'the rig file {name}, which is not there' if name else 'no rig file'}; give "
-        "the rig file of the new logs (--rig RIG.yaml)"
-    )
+    named = f"the rig file {name}, and {model.parent / name} is not there" if name else "no rig file"
+    raise ParamsError(f"{model}: its provenance names {named}; give the rig file of the new logs (--rig RIG.yaml)")
 
 
 def with_model(rig: Rig, stored: ModelFile) -> Rig:
@@ -276,14 +280,14 @@ def _parts(logs: Sequence[Log], holdout: Sequence[Log], rig: Rig) -> tuple[Seque
     return cast(Sequence[Log], fit), cast(Sequence[Log], test)
 
 
-def _joint(found: CloseLoopResult, name: str, stored: ModelFile) -> JointComparison:
+def _joint(found: CloseLoopResult, name: str, stored: ModelFile, rig: Rig) -> JointComparison:
     joint, model = found.joints[name], stored.models[name]
     reference = _reference(stored, name)
     temperature = (_mean_temperature(reference), _mean_temperature(reference_of(joint, final=True)))
     parameters = _parameters(joint, model, reference, temperature)
     effects = (*_gone(joint, model, parameters), *_appeared(joint))
     floor = max(joint.noise_floor, 1e-300)
-    then, now = _error_then(joint, model), _pooled(joint, (joint.after.train, joint.after.heldout))
+    then, now = _error_then(joint, model, rig), _pooled(joint, (joint.after.train, joint.after.heldout))
     comparison = JointComparison(
         name, "unchanged", "", parameters, effects, then / floor, now / floor, temperature, joint
     )
@@ -419,16 +423,32 @@ def _shared(cause: SharedEffect, stored: ModelFile) -> EffectChange:
     return EffectChange(cause.id, cause.title, status, _logit(cause.stability), named, cause.where)
 
 
-def _error_then(joint: JointResult, model: ActuatorModel) -> float:
-    """RMS error of all rows under the stored numbers [effort]; NaN where no coefficients have them."""
+def _error_then(joint: JointResult, model: ActuatorModel, rig: Rig) -> float:
+    """RMS error of all rows under the stored numbers [effort]; NaN where no coefficients have them.
+
+    The ages of the channels a are those of the new logs: of the residual r of the stored numbers, the part A a is taken
+    off, with a ~ N(0, S) by the prior of each age and the noise floor s: a = (A'A + s^2 S^-1)^-1 A'r.
+    """
     named = {value.key: dict(value.parameters) for value in model.effects} | {"drive": {"gain": model.drive.gain}}
-    groups = joint.baseline_parameters
+    groups, fitted = joint.baseline_parameters, joint.baseline
     if any(name not in named.get(key, {}) for key in groups for name in groups[key]):
         return math.nan
     wanted = {key: {name: named[key][name] for name in groups[key]} for key in groups}
-    splits = (replace(joint.train, after=joint.train.before), replace(joint.heldout, after=joint.heldout.before))
-    found = equation_errors(joint.baseline, wanted, splits)
-    return math.nan if found is None else _pooled(joint, (found[0], found[1]))
+    sides = (replace(joint.train, after=joint.train.before), replace(joint.heldout, after=joint.heldout.before))
+    found = equation_residuals(fitted, wanted, sides)
+    if found is None:
+        return math.nan
+    context = context_of(joint.train.samples, rig, joint.joint)
+    measured = context.load == "torque"
+    splits = [with_needed(Columns(side.samples), fitted.terms, fitted.beta, measured=measured) for side in sides]
+    coulomb, viscous = (wanted.get(key, {}).get(key, 0.0) for key in ("coulomb", "viscous"))
+    prior = JointModel(splits[0], splits[1], fitted.terms, context, None, fitted.gain, coulomb, viscous)
+    ages = np.concatenate([split.age_columns(prior.ages, viscous) for split in splits])
+    deviation = np.array([deviation for _, deviation in prior.ages.values()])
+    columns, residual = ages * deviation, np.concatenate(found)
+    weight = max(joint.noise_floor, 1e-300) ** 2 * np.eye(deviation.size)
+    size = np.linalg.solve(columns.T @ columns + weight, columns.T @ residual)
+    return rms(residual - columns @ size)
 
 
 def _pooled(joint: JointResult, errors: tuple[float, float]) -> float:

@@ -24,7 +24,7 @@ from scipy.stats import t as student
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_model_file, save_models
-from drake_tc.config.files import utf8_name, write_whole
+from drake_tc.config.files import path_from, utf8_name, write_whole
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.result.models import REFERENCE, reference_of
 from drake_tc.errors import ParamsError
@@ -231,8 +231,11 @@ def trends(sessions: Sequence[Session], serial: str, joint: str) -> dict[str, Tr
     return out
 
 
-def save_new_model(found: ComparisonResult, path: Path) -> None:
-    """Write the stored models with the new values and intervals, and with the effects that appeared."""
+def save_new_model(found: ComparisonResult, path: Path, home: Path | None = None) -> None:
+    """Write the stored models with the new values and intervals, and with the effects that appeared.
+
+    The file names the rig file by its path from `home`, the folder in which it is to stand; None: that of `path`.
+    """
     stored = load_model_file(found.model_file)
     models = {name: _new_model(stored.models[name], joint) for name, joint in found.joints.items()}
     reference = {}
@@ -241,7 +244,7 @@ def save_new_model(found: ComparisonResult, path: Path) -> None:
         reference[name] = reference_of(joint.diagnosis, final=True) | ({"gain_ci95": list(gain.ci95)} if gain else {})
     provenance = {
         "identified_by": "drake-tc compare",
-        "rig": utf8_name(found.rig_file),
+        "rig": path_from(home or path.parent, found.rig_file),
         "logs": [utf8_name(log) for log in found.logs],
         REFERENCE: reference,
     }

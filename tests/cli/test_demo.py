@@ -104,6 +104,8 @@ def test_the_command_ends_with_the_path_of_the_report_it_wrote(invoke, short_dem
     assert {path.stem for path in (short_demo / "demo" / "demo_logs").glob("*.parquet")} == set(
         demo_excitation(0, TINY)
     )
+    named = yaml.safe_load((short_demo / "demo" / "model_after.yaml").read_text(encoding="utf-8"))["provenance"]["rig"]
+    assert (short_demo / "demo" / named).is_file()
 
 
 def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, short_demo):

@@ -27,7 +27,7 @@ def test_the_same_joint_is_unchanged_and_a_change_lies_within_its_interval(diagn
     linear = [p for p in joint.parameters if p.key in ("drive", "viscous", "coulomb", "deadzone")]
     assert len(linear) == 4 and all(p.change.ci95[0] <= 0.0 <= p.change.ci95[1] for p in linear)
     assert {e.key: e.status for e in joint.effects} == {"stribeck": "present", "deadzone": "present"}
-    assert joint.floors_now < 2.0
+    assert joint.floors_now < 2.0 and joint.floors_then < 2.0
 
 
 def test_worn_friction_is_named_with_its_size(diagnosed):
@@ -59,6 +59,8 @@ def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, tmp
     document = json.loads(capsys.readouterr().out)
     assert document == json.loads((out / "compare.json").read_text(encoding="utf-8"))
     assert "coulomb changed by" in (out / "report.html").read_text(encoding="utf-8")
+    named = yaml.safe_load((out / "model_now.yaml").read_text(encoding="utf-8"))["provenance"]["rig"]
+    assert (out / named).resolve() == diagnosed.rig.resolve()
 
 
 def test_a_model_without_a_rig_file_says_what_to_give(diagnosed, tmp_path, capsys):

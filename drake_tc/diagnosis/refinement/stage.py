@@ -226,7 +226,15 @@ def _changes(
 def equation_errors(
     fitted: Fit, named: Mapping[str, Mapping[str, float]], splits: tuple[DataSplit, ...]
 ) -> tuple[float, ...] | None:
-    """RMS of K (z - z_hat) [effort] of each split under other numbers, with the fit's own K, so that both compare.
+    """RMS of `equation_residuals` of each split; None where no coefficients have these numbers."""
+    found = equation_residuals(fitted, named, splits)
+    return None if found is None else tuple(float(np.sqrt(np.mean(residual**2))) for residual in found)
+
+
+def equation_residuals(
+    fitted: Fit, named: Mapping[str, Mapping[str, float]], splits: tuple[DataSplit, ...]
+) -> tuple[FloatArray, ...] | None:
+    """K (z - z_hat) [effort] of each split's rows under other numbers, with the fit's own K, so that both compare.
 
     The coefficients and shapes b that have these numbers solve  physical(b) = named;  None where no b has them.
 
@@ -264,8 +272,7 @@ def equation_errors(
     for split in splits:
         columns = Columns(split.samples)
         less = columns.design(fitted.terms) @ fitted.beta - columns.design(terms) @ b[:size]
-        residual = split.after + less * fitted.gain
-        made.append(float(np.sqrt(np.mean(residual**2))))
+        made.append(np.asarray(split.after + less * fitted.gain))
     return tuple(made)
 
 

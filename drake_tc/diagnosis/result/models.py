@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
-from drake_tc.config.files import utf8_name
+from drake_tc.config.files import path_from, utf8_name
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.notes import TorqueAsEffort
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult
@@ -44,16 +44,17 @@ def model_of(joint: JointResult, *, final: bool) -> ActuatorModel:
     return ActuatorModel(joint.joint, drive, tuple(effects), joint.units.joint_type)
 
 
-def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
+def models_of(result: CloseLoopResult, out: Path, home: Path | None = None) -> tuple[str, str]:
     """Write model_before.yaml and model_after.yaml into `out` and return their texts.
 
-    Where the refinement on free runs of a joint was accepted, model_refined.yaml is written too: the model after, with
-    the refined numbers of those joints and without their intervals.
+    The files name the rig file by its path from `home`, the folder in which they are to stand; None: `out`. Where the
+    refinement on free runs of a joint was accepted, model_refined.yaml is written too: the model after, with the
+    refined numbers of those joints and without their intervals.
     """
     texts = []
     for name, final in (("model_before.yaml", False), ("model_after.yaml", True)):
         models = {j.joint: model_of(j, final=final) for j in result.joints.values()}
-        provenance = _provenance(result) | {
+        provenance = _provenance(result, home or out) | {
             "error": {j.joint: _error(j, j.after if final else j.before) for j in result.joints.values()},
             REFERENCE: {j.joint: reference_of(j, final=final) for j in result.joints.values()},
         }
@@ -61,7 +62,7 @@ def models_of(result: CloseLoopResult, out: Path) -> tuple[str, str]:
         links = None if result.links is None or not final else links_entry(result.links)
         save_models(models, out / name, provenance=provenance, shared=shared, links=links)
         texts.append((out / name).read_text(encoding="utf-8"))
-    _save_refined(result, out / MODEL_FILE)
+    _save_refined(result, out / MODEL_FILE, home or out)
     return texts[0], texts[1]
 
 
@@ -75,7 +76,7 @@ def simulation_models(result: CloseLoopResult) -> tuple[str, dict[str, ActuatorM
     return (MODEL_FILE if refined else "model_after.yaml"), models | refined
 
 
-def _save_refined(result: CloseLoopResult, path: Path) -> None:
+def _save_refined(result: CloseLoopResult, path: Path, home: Path) -> None:
     """Write the refined models, or remove those of an earlier call."""
     found = {name: j.refinement for name, j in result.joints.items() if j.refinement and j.refinement.model}
     if not found:
@@ -91,17 +92,20 @@ def _save_refined(result: CloseLoopResult, path: Path) -> None:
         }
         for name, pair in free.items()
     }
-    provenance = _provenance(result) | {"refined": sorted(found), "mean_absolute_error_of_training_free_runs": errors}
+    provenance = _provenance(result, home) | {
+        "refined": sorted(found),
+        "mean_absolute_error_of_training_free_runs": errors,
+    }
     shared = [shared_entry(cause) for cause in result.shared]
     links = None if result.links is None else links_entry(result.links)
     save_models(models, path, provenance=provenance, shared=shared, links=links)
 
 
-def _provenance(result: CloseLoopResult) -> dict[str, object]:
+def _provenance(result: CloseLoopResult, home: Path) -> dict[str, object]:
     unscaled = [j.joint for j in result.joints.values() if any(isinstance(n, TorqueAsEffort) for n in j.load_notes)]
     provenance: dict[str, object] = {
         "identified_by": "drake-tc close-loop",
-        "rig": utf8_name(result.rig_file),
+        "rig": path_from(home, result.rig_file),
         "logs": [utf8_name(path) for path in result.train_files],
         "holdout": [utf8_name(path) for path in result.heldout_files],
     }
