@@ -17,6 +17,7 @@ from drake_tc.diagnosis.priors import PASSED_ON, SLOW
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.effects.base import DriveEffect, SensorEffect
 from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
+from drake_tc.effects.signals import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
@@ -338,6 +339,19 @@ def bent_load(samples: Samples, terms: Sequence[Term], beta: FloatArray) -> Floa
     return np.asarray(weight * (np.cos(error) - 1.0) - s.load_slope * (np.sin(error) - error))
 
 
+def without_sensor_errors(signals: Signals, terms: Sequence[Term], beta: FloatArray) -> FloatArray:
+    """(T,) the load torque [N m] without the errors of sensors that the terms of a fit tell.
+
+    Where it changes its sign, a bias of the sensor decides on which side the teeth of a gear touch.
+    """
+    true = signals
+    for term, theta in coefficients_by_term(terms, beta):
+        if isinstance(term.effect, SensorEffect) and not term.effect.ages_of:
+            named = {p.name: float(v) for p, v in zip(term.effect.coefficients, theta, strict=True)}
+            true = term.effect.restore(true, {**term.shape, **named})
+    return np.asarray(true.load_torque + signals.load_slope * (true.position - signals.position))
+
+
 def stands_for(terms: Sequence[Term]) -> frozenset[str]:
     """Channels for whose ages a delay among the terms stands: those of the effort, or a single one.
 
@@ -416,5 +430,7 @@ def with_clean(first: Split) -> Split:
     if first.measured:
         slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
     stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
-    signals = replace(s, effort=first.latent, command=command, load_torque=load, slow_torque=slow, stiffness=stiffness)
+    acting = replace(s, effort=first.latent, command=command, stiffness=stiffness)
+    expected = without_sensor_errors(replace(acting, load_torque=load), *first.fit)
+    signals = replace(acting, load_torque=load, expected_torque=expected, slow_torque=slow)
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))

@@ -173,13 +173,8 @@ class Columns:
         """The same samples once a model's terms and their beta = [1/K, theta ...] are known: see `Signals`."""
         s = self.samples.signals
         known = BalanceCoefficients.of(terms, beta, s.rotor_inertia)
-        friction = known.viscous * s.velocity + known.coulomb * s.direction
-        # Where no other sensor tells the load, a torque from the effort holds the residual: its sign would explain 40 %
-        # of any noise.
-        of_effort = known.stiffness * s.effort - friction - s.rotor_inertia * s.acceleration
-        expected = s.load_torque if self.effort_is_target or self.samples.resolution.effort_tells_load else of_effort
         stiffness = known.stiffness if servo else 0.0
-        signals = replace(s, viscous=known.viscous, stiffness=stiffness, expected_torque=expected)
+        signals = replace(s, viscous=known.viscous, stiffness=stiffness)
         return self.changed(samples=replace(self.samples, signals=signals), gain=1.0 / max(known.stiffness, 1e-9))
 
     def design(self, terms: Sequence[Term]) -> FloatArray:
