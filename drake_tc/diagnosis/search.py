@@ -215,16 +215,17 @@ def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.in
     """The sets with the odds that they have if noise in the columns of all is as loud as in the loudest.
 
     A set whose columns have no noise leaves less than the true one whose columns have some. Sets with noise models of
-    their own are compared by the white noise that they tell. `least`: log odds from which a set counts among the
-    loud ones.
+    their own are compared by the white noise that they tell. A set that leaves more than a part of itself is not at its
+    optimum, and its noise does not count against that part. `least`: log odds from which a set counts among the loud
+    ones.
     """
     left = [s.posterior.variance / evidence.white_gain for evidence, s in sets]
-    noise = [s.passed * variance for variance, (_, s) in zip(left, sets, strict=True)]
-    loudest = max((n for n, (_, s) in zip(noise, sets, strict=True) if s.log_odds > least), default=0.0)
+    loud = [(s, n, s.passed * n) for n, (_, s) in zip(left, sets, strict=True) if s.log_odds > least]
     out = []
-    for own, variance, (evidence, s) in zip(noise, left, sets, strict=True):
+    for variance, (evidence, s) in zip(left, sets, strict=True):
+        others = [noise for other, more, noise in loud if not (s.ids < other.ids and variance < more)]
         rows = evidence.noise.share * evidence.model.train.rows.index.size
-        less = 0.5 * rows * np.log1p(max(loudest - own, 0.0) / variance)
+        less = 0.5 * rows * np.log1p(max(max(others, default=0.0) - s.passed * variance, 0.0) / variance)
         out.append((evidence, replace(s, log_odds=float(s.log_odds - less))))
     return out
 
