@@ -1,6 +1,6 @@
 """What an effect may look at: the signals of one joint's log, or of several joints at one instant."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any
 
@@ -71,6 +71,25 @@ class Signals:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         changed: dict[str, Any] = {name: v[index] for name, v in values.items() if isinstance(v, np.ndarray)}
         return replace(self, **changed)
+
+    def lazily(self, change: Callable[[FloatArray], FloatArray]) -> "Signals":
+        """The signals with every array changed. An array is computed when it is first read: most effects read few.
+
+        Args:
+            change: (T,) to (S,); S is the same for all arrays.
+        """
+        made = object.__new__(Signals)
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        made.__dict__.update({name: v for name, v in values.items() if not isinstance(v, np.ndarray)})
+        made.__dict__["_unread"] = (self, change)
+        return made
+
+    def __getattr__(self, name: str) -> FloatArray:
+        """An array of `lazily` that has not been read."""
+        if name.startswith("_") or "_unread" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        whole, change = self.__dict__["_unread"]
+        return self.__dict__.setdefault(name, change(getattr(whole, name)))  # type: ignore[no-any-return]
 
 
 def plain_signals(size: int, known: Mapping[str, FloatArray]) -> Signals:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -108,19 +108,16 @@ class Samples:
             count[side] += near
         return np.asarray(total / np.maximum(count, 1.0))
 
-    @cached_property
-    def _pieces(self) -> tuple[Signals, ...]:
-        """The signals of each stretch, as `_settled` has them."""
-        return tuple(self.signals.take(self._settled(segment)) for segment in self.segments)
-
-    def _settled(self, segment: slice) -> IntArray:
-        """Indices of a stretch in which the filter's margins repeat the first and the last sample inside them.
+    def _settled(self, values: FloatArray, segment: slice) -> FloatArray:
+        """A stretch of values (T,), in which the filter's margins repeat the first and the last sample inside them.
 
         The margins hold the other stretches' signals: the derivative of the jump between two runs would stay in the
         memory of a lag beyond the margin.
         """
-        edge = min(self.light.margin, (segment.stop - segment.start - 1) // 2)
-        return np.clip(np.arange(segment.start, segment.stop), segment.start + edge, segment.stop - 1 - edge)
+        out = values[segment].copy()
+        edge = min(self.light.margin, (out.size - 1) // 2)
+        out[:edge], out[out.size - edge :] = out[edge], out[out.size - 1 - edge]
+        return out
 
     @cached_property
     def _final(self) -> tuple[BlockConvolution, IntArray]:
@@ -154,12 +151,13 @@ class Samples:
         `undo`: the inverse of the transform.
         """
         parts = []
-        for segment, piece in zip(self.segments, self._pieces, strict=True):
+        for segment in self.segments:
+            piece = self.signals.lazily(partial(self._settled, segment=segment))
             if values is None:
                 parts.append(effect.columns(piece, shape))
             else:
                 act = effect.undone if undo else effect.transform  # type: ignore[attr-defined]
-                parts.append(act(values[self._settled(segment)], piece, shape))
+                parts.append(act(self._settled(values, segment), piece, shape))
         width = parts[0].shape[1:]
         out = np.zeros((len(self.signals), *width))
         for segment, part in zip(self.segments, parts, strict=True):
