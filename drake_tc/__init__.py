@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from drake_tc.tsid.kinds import LimitKind, TaskKind, register_limit, register_task
     from drake_tc.tsid.law import Law
     from drake_tc.watch.compare import compare
+    from drake_tc.watch.health import ModelHealth, health_of
+    from drake_tc.watch.in_loop import add_model_monitor
     from drake_tc.watch.monitor import ModelMonitor, ModelMonitorSpec
 
 __version__ = "0.1.0"
@@ -86,6 +88,7 @@ __all__ = [
     "LcmLink",
     "LcmRobot",
     "LimitKind",
+    "ModelHealth",
     "ModelMonitor",
     "ModelMonitorSpec",
     "MomentumResidual",
@@ -112,6 +115,7 @@ __all__ = [
     "actuator_model",
     "add_actuators",
     "add_joint_actuators",
+    "add_model_monitor",
     "add_robot",
     "add_robot_plant",
     "add_sensors",
@@ -126,6 +130,7 @@ __all__ = [
     "effect",
     "feedforward_effort",
     "fuse",
+    "health_of",
     "identify",
     "joint_limits",
     "knot_trajectory",
@@ -173,6 +178,7 @@ _HOMES = {
     "LcmLink": "hardware.lcm_link",
     "LcmRobot": "hardware.lcm_link",
     "LimitKind": "tsid.kinds",
+    "ModelHealth": "watch.health",
     "ModelMonitor": "watch.monitor",
     "ModelMonitorSpec": "watch.monitor",
     "MomentumResidual": "estimation.joint_torque",
@@ -199,6 +205,7 @@ _HOMES = {
     "actuator_model": "identification.actuator",
     "add_actuators": "actuation.wiring",
     "add_joint_actuators": "actuation.wiring",
+    "add_model_monitor": "watch.in_loop",
     "add_robot": "robot.plant",
     "add_robot_plant": "loops.plant",
     "add_sensors": "sensing.suite",
@@ -213,6 +220,7 @@ _HOMES = {
     "effect": "effects.library",
     "feedforward_effort": "actuation.compensator",
     "fuse": "loops.fused.fuse",
+    "health_of": "watch.health",
     "identify": "identification.identify",
     "joint_limits": "robot.plant",
     "knot_trajectory": "control.trajectories",

@@ -14,6 +14,7 @@ from drake_tc.errors import DrakeTcError, ParamsError
 if TYPE_CHECKING:
     from drake_tc.hardware.link import RobotLink
     from drake_tc.hardware.loop import RunReport
+    from drake_tc.hardware.watch import ModelWatch
     from drake_tc.loops.boundary import Controller
 
 LCM, STOPPED_EARLY = "lcm", 3
@@ -49,12 +50,20 @@ def run_command(
     stop_time: Annotated[float, typer.Option(help="How long to hold and damp after a stop [s].")] = 1.0,
     spin: Annotated[float, typer.Option(help="How long before a tick to look at the clock, not to sleep [s].")] = 0.0,
     priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0,
+    watch: Annotated[
+        Path | None,
+        typer.Option(help="Watch the models: torque uncertainty file of close-loop or of --learn-watch."),
+    ] = None,
+    learn_watch: Annotated[
+        Path | None, typer.Option(help="Write the file for --watch, by a run in which nothing is wrong.")
+    ] = None,
     stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     seed: UnusedSeed = 0,
 ) -> None:
     """Run a controller against wall-clock time. SIGINT, SIGTERM and the robot's stop message stop it."""
     from drake_tc.control.guard import GuardSpec
+    from drake_tc.control.torque_uncertainty_file import save_torque_uncertainty
     from drake_tc.hardware.lcm_link import URL, send_stop
     from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
 
@@ -80,7 +89,11 @@ def run_command(
             "expected the name of a diagram beside it, got module:attribute", param_hint="--scenario"
         )
     made = _controller(controller) if own else _of_diagram(controller, scenario_name, scenario_file, scenario_text)
-    report = RealTimeLoop(made, _link(robot, made), spec).run(math.inf if duration is None else duration)
+    watched = _watch(made, watch, learn_watch)
+    loop = RealTimeLoop(made, _link(robot, made), spec, watch=watched)
+    report = loop.run(math.inf if duration is None else duration)
+    if watched is not None and learn_watch is not None:
+        save_torque_uncertainty(watched.learned().uncertainty(), learn_watch)
     if as_json:
         print(json.dumps(report.to_json()))
     else:
@@ -92,6 +105,19 @@ def run_command(
             file=sys.stderr,
         )
         raise typer.Exit(STOPPED_EARLY)
+
+
+def _watch(controller: "Controller", known: Path | None, learned: Path | None) -> "ModelWatch | None":
+    """The watch of the models, if there is to be one."""
+    from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty
+    from drake_tc.hardware.watch import ModelWatch
+    from drake_tc.watch.health import ModelHealth
+
+    if known is not None and learned is not None:
+        raise typer.BadParameter("expected --watch or --learn-watch, got both", param_hint="--learn-watch")
+    if known is None and learned is None:
+        return None
+    return ModelWatch(controller, None if known is None else ModelHealth.of(load_torque_uncertainty(known)))
 
 
 def lines(report: "RunReport") -> list[str]:
@@ -109,6 +135,8 @@ def lines(report: "RunReport") -> list[str]:
         told.append(f"a tick {title} [us]: {shares}")
     if report.flags:
         told.append("flags [ticks]: " + ", ".join(f"{name} {n}" for name, n in report.flags.items()))
+    if report.watch is not None:
+        told += [f"model: {event}" for event in report.watch["events"]] or ["model: no change"]
     return told + ([f"last error: {report.last_error}"] if report.last_error else [])
 
 

@@ -82,6 +82,11 @@ class TorqueUncertaintyDocument(Keys):
         "Effective samples over rows of all joints; 0 for a diagonal covariance.", example=80.0, default=0.0
     )
     shrinkage: Number = key("Share by which the correlations were drawn towards 0.", example=0.1, default=0.0)
+    reference: dict[str, dict[str, AnyNumber]] | None = key(
+        "By joint and cause of a ModelMonitor, the change by which the model is off while nothing has changed.",
+        example={"hip": {"friction": 0.02}},
+        absent="0",
+    )
     provenance: dict[str, Any] | None = key(
         "Where the numbers come from; free-form.", example={"rig": "rig.yaml"}, absent="not known"
     )
@@ -102,6 +107,7 @@ class TorqueUncertainty:
         common_effective_samples: The same for the covariances, over rows of all joints; 0: diagonal only.
         shrinkage: Share in [0, 1] by which the correlations were drawn towards 0.
         provenance: Where the numbers come from; free-form.
+        reference: By joint and cause of a `ModelMonitor`, the change by which the model is off from the beginning.
 
     Raises:
         ParamsError: sizes that do not agree, numbers that are not finite, or a matrix that is no covariance.
@@ -117,6 +123,7 @@ class TorqueUncertainty:
     common_effective_samples: float = 0.0
     shrinkage: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    reference: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.joints)
@@ -193,6 +200,7 @@ def load_torque_uncertainty(path: Path | str) -> TorqueUncertainty:
             samples=numbers(read.samples, n),
             common_effective_samples=read.common_effective_samples,
             shrinkage=read.shrinkage,
+            reference=read.reference or {},
             provenance=read.provenance or {},
         )
     except ParamsError as error:
@@ -218,8 +226,10 @@ def save_torque_uncertainty(uncertainty: TorqueUncertainty, path: Path | str) ->
         "samples": [int(count) for count in uncertainty.samples],
         "common_effective_samples": float(uncertainty.common_effective_samples),
         "shrinkage": float(uncertainty.shrinkage),
-        "provenance": dict(uncertainty.provenance),
     }
+    if uncertainty.reference:
+        document["reference"] = {joint: dict(off) for joint, off in uncertainty.reference.items()}
+    document["provenance"] = dict(uncertainty.provenance)
     head = (
         "# Torque by which the model after errs on runs that took no part in fitting: link side [N m], about zero.\n"
         "# Of a joint that slides it is a force [N].\n"

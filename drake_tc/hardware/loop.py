@@ -27,6 +27,7 @@ from drake_tc.hardware.link import (
     stopping_signals,
 )
 from drake_tc.hardware.stepper import ControllerStepper, LatestReadings
+from drake_tc.hardware.watch import ModelWatch
 from drake_tc.loops.boundary import Controller
 from drake_tc.types import FloatArray
 
@@ -50,6 +51,7 @@ class Counts:
         held: Ticks in which the last guard, or the one of the controller, held or damped.
         link_errors: Exceptions of the link.
         controller_errors: Exceptions of the controller.
+        watch_errors: Exceptions of the watch of the models, which ends with the first one.
     """
 
     ticks: int = 0
@@ -61,6 +63,7 @@ class Counts:
     held: int = 0
     link_errors: int = 0
     controller_errors: int = 0
+    watch_errors: int = 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,6 +78,7 @@ class RunReport:
         work: (T,) how long it took [s].
         last_error: Of link or controller; empty without one.
         flags: Flag of the controller's fault monitor that was up, to the ticks in which it was.
+        watch: What was told of the models, where they were watched; see `ModelWatch.to_json`.
     """
 
     ended: Ending
@@ -85,6 +89,7 @@ class RunReport:
     last_error: str = ""
     flags: Mapping[str, int] = field(default_factory=dict)
     period: float = 1e-3
+    watch: Mapping[str, Any] | None = None
 
     @property
     def miss_share(self) -> float:
@@ -109,6 +114,7 @@ class RunReport:
             "flags": dict(self.flags),
             "miss_share": self.miss_share,
             "times": self.percentiles(),
+            "watch": None if self.watch is None else dict(self.watch),
         }
 
 
@@ -173,6 +179,8 @@ class _Tick:
     """Mode of the controller's own guard, where it has one."""
     flagged: Any = 0
     """(flags) ticks in which each of the controller's flags was up."""
+    watch: ModelWatch | None = None
+    """None once it has failed."""
 
 
 class RealTimeLoop:
@@ -202,7 +210,12 @@ class RealTimeLoop:
     """
 
     def __init__(
-        self, controller: Controller, link: RobotLink, spec: RealTimeSpec | None = None, clock: Clock | None = None
+        self,
+        controller: Controller,
+        link: RobotLink,
+        spec: RealTimeSpec | None = None,
+        clock: Clock | None = None,
+        watch: ModelWatch | None = None,
     ) -> None:
         """Make the stepper and the guard.
 
@@ -211,6 +224,7 @@ class RealTimeLoop:
             link: To the robot.
             spec: How it runs; None: the defaults.
             clock: None: the wall clock.
+            watch: Of the models of this controller; None: they are not watched.
 
         Raises:
             ParamsError: drives that are no position servos without limits of their own.
@@ -224,7 +238,9 @@ class RealTimeLoop:
             )
         self._joints, self._n = joints, len(joints.joints)
         self._link, self._clock = link, WallClock(self._spec.spin) if clock is None else clock
-        outputs = [name for name in ("command", "mode", "flags") if controller.HasOutputPort(name)]
+        self._watch = watch
+        read = ("command", "mode", "flags", *(() if watch is None else watch.signals))
+        outputs = [name for name in dict.fromkeys(read) if controller.HasOutputPort(name)]
         names = joints.flag_names
         self._not_finite = names.index(NOT_FINITE) if NOT_FINITE in names else None
         self._stepper = ControllerStepper(controller, joints.period, outputs)
@@ -251,7 +267,8 @@ class RealTimeLoop:
             ParamsError: a priority that the process may not have.
         """
         self._ending = None
-        tick = _Tick(LatestReadings(self._stepper.inputs, self._joints.period, self._spec.max_age))
+        readings = LatestReadings(self._stepper.inputs, self._joints.period, self._spec.max_age)
+        tick = _Tick(readings, watch=self._watch)
         times = np.zeros((KEPT, 2))
         with (
             real_time_priority(self._spec.priority),
@@ -278,6 +295,7 @@ class RealTimeLoop:
             last_error=tick.last_error,
             flags={name: int(n) for name, n in zip(joints.flag_names, np.atleast_1d(tick.flagged), strict=False) if n},
             period=joints.period,
+            watch=None if self._watch is None else self._watch.to_json(),
         )
 
     def _wait(self, tick: _Tick) -> bool:
@@ -370,7 +388,19 @@ class RealTimeLoop:
             tick.flagged += found["flags"] > 0.0
             if self._not_finite is not None and found["flags"][self._not_finite] > 0.0 and not tick.last_error:
                 tick.last_error = f"the controller's command is not finite; {self._stepper.first_not_finite()}"
+        if tick.watch is not None:
+            self._watched(tick, found, readings)
         return np.clip(found["command"], *self._range)
+
+    def _watched(self, tick: _Tick, found: Message, readings: Message) -> None:
+        """Look at the models in this tick."""
+        try:
+            if tick.watch is not None and tick.readings.position is not None:
+                tick.watch.tick(found, readings[tick.readings.position])
+        except (Exception, SystemExit) as error:
+            tick.counts.watch_errors += 1
+            tick.watch = None
+            self._told(tick, error)
 
     def _where(self, tick: _Tick) -> FloatArray:
         """(n,) positions for the guard; of drives that are no servos only whether they are known counts."""

@@ -1,7 +1,7 @@
 """One tick of `drake_tc.watch.monitor.ModelMonitor`: whitened residual, CUSUMs, information, cause; see there.
 
 State of a joint: ticks to the next row, ticks for which a push holds, cause, its size, whether there is a last row, its
-residual, ticks for which the CUSUMs have been over their limit, ticks to the next copy; C of the last columns, C of the
+residual, ticks to the next copy, low-passed needed torque (NaN before the first tick); C of the last columns, C of the
 tracked changes; and what a push takes back: 2 C of the CUSUMs, C of the moment b and C * C of the information matrix A,
 with two copies of them that are one and two holds old.
 """
@@ -11,7 +11,9 @@ import numpy as np
 from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, VECTOR, helper, kernel
 from drake_tc.types import FloatArray
 
-WAIT, HELD, CAUSE, SIZE, STARTED, LAST, OVER, COPY, PAST = 0, 1, 2, 3, 4, 5, 6, 7, 8
+WAIT, HELD, CAUSE, SIZE, STARTED, LAST, COPY, SLOW, PAST = 0, 1, 2, 3, 4, 5, 6, 7, 8
+RATE_S = 0.03
+"""Time constant of the rate of the needed torque [s]."""
 PUSH = -1.0
 """Cause of a joint that is pushed."""
 
@@ -50,11 +52,10 @@ def most_probable(moment: FloatArray, information: FloatArray, prior: FloatArray
     return best, change
 
 
-@kernel(MATRIX, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, OUT_MATRIX, OUT_MATRIX)
+@kernel(MATRIX, VECTOR, MATRIX, MATRIX, VECTOR, OUT_MATRIX, OUT_MATRIX)
 def watch(
     seen: FloatArray,
     needed: FloatArray,
-    last: FloatArray,
     joints: FloatArray,
     sizes: FloatArray,
     numbers: FloatArray,
@@ -64,21 +65,22 @@ def watch(
     """All joints of one tick.
 
     Args:
-        seen: (6, n) position, velocity, acceleration, load torque, effort, external torque.
+        seen: (6, n) position, velocity, acceleration, load torque, effort, external torque; NaN: the residual is it.
         needed: (n,) torque for which the model asks [N m].
-        last: (n,) that of the tick before; NaN at the first.
-        joints: (n, 6) standard deviation [N m], correlation from row to row, ticks of a row, largest external torque,
-            gain K, inertia.
-        sizes: (n, 2 C) sizes of the changes that are looked for, and prior deviations; 0: not looked for.
-        numbers: (6,) what is left of the information after a row, limit of the CUSUMs, ticks after a push in which
-            nothing is learned, speed of rest, period [s], ticks over the limit before a cause is named.
+        joints: (n, 7) standard deviation [N m], correlation from row to row, ticks of a row, largest external torque,
+            gain K, inertia, 1/K of a position servo and 0 of other drives.
+        sizes: (n, 3 C) sizes of the changes that are looked for, prior deviations, 0 where not looked for, and changes
+            by which the model was off from the beginning.
+        numbers: (8,) what is left of the information after a row, limit of the CUSUMs, ticks after a push in which
+            nothing is learned, speed of rest, period [s], ticks in which a CUSUM reaches its limit at the soonest,
+            shares of friction and of the needed torque that add to the largest external torque.
         state: (n, size) of the joints; written.
         out: (n, 4 + C) whitened residual, cause, change, largest CUSUM over its limit, tracked changes; written.
     """
-    count = sizes.shape[1] // 2
+    count = sizes.shape[1] // 3
     keep, limit, hold, rest, period = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     learned = 3 * count + count * count
-    column = np.empty(count)
+    column, forget = np.empty(count), -np.expm1(-period / RATE_S)
     for i in range(needed.size):
         q, v, a, load, external = seen[0, i], seen[1, i], seen[2, i], seen[3, i], seen[5, i]
         gain = joints[i, 4]
@@ -94,7 +96,20 @@ def watch(
             now[3 * count :],
         )
         own[WAIT] -= 1.0
-        if np.abs(external) > joints[i, 3]:
+        friction = needed[i] - load - joints[i, 5] * a
+        slow = state[i, SLOW] if np.isfinite(state[i, SLOW]) else needed[i]
+        rate = (needed[i] - slow) / RATE_S
+        if np.isfinite(needed[i]):
+            state[i, SLOW] = slow + (needed[i] - slow) * forget
+        column[0], column[1] = friction, needed[i]
+        column[2], column[3] = np.sin(q), np.cos(q)
+        column[4] = rate + joints[i, 6] * v
+        column[5], column[6] = np.sign(needed[i]) * joints[i, 6], 1.0
+        for k in range(count):
+            residual -= column[k] * sizes[i, 2 * count + k]
+        if np.isnan(external):
+            external = residual
+        if np.abs(external) > joints[i, 3] + numbers[6] * np.abs(friction) + numbers[7] * np.abs(needed[i]):
             if own[HELD] <= 0.0:
                 now[:] = oldest
                 older[:] = oldest
@@ -117,36 +132,29 @@ def watch(
                 white = (residual - correlation * own[LAST]) / scale
                 own[LAST], own[STARTED] = residual, 1.0
                 out[i, 0] = white
-                rate = (needed[i] - last[i]) / period
-                column[0] = needed[i] - load - joints[i, 5] * a
-                column[1] = needed[i]
-                column[2], column[3] = np.sin(q), np.cos(q)
-                column[4] = rate if np.isfinite(rate) else 0.0
-                column[5] = np.sign(needed[i]) / gain
-                column[6] = 1.0
                 fresh = np.empty(count)
                 for k in range(count):
                     fresh[k] = (column[k] - correlation * own[PAST + k]) / scale
                     own[PAST + k] = column[k]
-                largest = 0.0
+                largest, most = 0.0, limit * joints[i, 2] / numbers[5]
                 for k in range(count):
                     change = sizes[i, k] * fresh[k]
-                    up[k] = max(0.0, up[k] + change * white - 0.5 * change * change)
-                    down[k] = max(0.0, down[k] - change * white - 0.5 * change * change)
+                    more, against = change * white - 0.5 * change * change, -change * white - 0.5 * change * change
+                    up[k] = max(0.0, up[k] + min(max(more, -most), most))
+                    down[k] = max(0.0, down[k] + min(max(against, -most), most))
                     up[k], down[k] = min(up[k], 2.0 * limit), min(down[k], 2.0 * limit)
                     largest = max(largest, up[k], down[k])
                     moment[k] = keep * moment[k] + fresh[k] * white
                     for j in range(count):
                         information[k * count + j] = keep * information[k * count + j] + fresh[k] * fresh[j]
-                prior = sizes[i, count:]
+                prior = sizes[i, count : 2 * count]
                 total, right = np.empty((count, count)), moment.copy()
                 for k in range(count):
                     for j in range(count):
                         total[k, j] = information[k * count + j]
                     total[k, k] += 1.0 / (prior[k] * prior[k]) if prior[k] > 0.0 else 1e300
                 solved(total, right, tracked)
-                own[OVER] = own[OVER] + joints[i, 2] if largest >= limit else 0.0
-                if own[OVER] >= numbers[5]:
+                if largest >= limit:
                     best, found = most_probable(moment, information, prior)
                     own[CAUSE], own[SIZE] = best + 1.0, found
                 elif largest < 0.5 * limit:

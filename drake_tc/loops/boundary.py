@@ -11,6 +11,7 @@ from typing import Any
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import PassThrough
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.loops.fused.fuse import StageValues, fuse
 from drake_tc.types import FloatArray
 
@@ -50,6 +51,20 @@ def add_input(builder: DiagramBuilder, name: str, size: int) -> OutputPort:
     return port
 
 
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """What tells whether the models that a controller uses still hold (`drake_tc.watch.in_loop`).
+
+    Attributes:
+        models: (n) of the drives, in the order of the joints.
+        window, order: Of the filter of the encoders.
+    """
+
+    models: tuple[ActuatorModel, ...]
+    window: int
+    order: int
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlledJoints:
     """What a controller commands.
@@ -60,6 +75,7 @@ class ControlledJoints:
         lower, upper: (n,) ends of the joints' ranges [rad]; infinite where there are none.
         period: Of the control [s].
         flag_names: Of the output port `flags`, in order; empty without one.
+        watched: Models and filter of a controller that estimates joint torques; None of others.
     """
 
     joints: tuple[str, ...]
@@ -68,6 +84,7 @@ class ControlledJoints:
     upper: FloatArray
     period: float
     flag_names: tuple[str, ...] = ()
+    watched: Watched | None = None
 
 
 class Controller(Diagram):

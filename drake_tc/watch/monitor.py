@@ -1,5 +1,6 @@
 """`ModelMonitor`: whether a model in use still holds, in the loop: which cause, how large, and what is only a push."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,15 +9,21 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, model_list
-from drake_tc.array_stage import PortMethods
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.model_monitor import PAST, SLOW
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray, IntArray
 from drake_tc.watch.changes import Known, is_friction
 
 CAUSES = ("friction", "torque_constant", "payload_sin", "payload_cos", "delay", "backlash", "bias")
 """Causes in the order of the codes 1 to 7 of the port `cause`; 0 is none, -1 a push."""
+PASSES = (1.0, 0.25)
+"""Shares of the friction and of the needed torque by which a joint may err without being pushed: it may have doubled
+its friction, or lost a fifth of its torque."""
+READ = ("position", "velocity", "acceleration", "load_torque", "effort")
+OPTIONAL = ("external_torque", "temperature")
 _WATCH = Kernel("model_monitor", "watch")
 
 
@@ -31,9 +38,9 @@ class ModelMonitorSpec:
         limit: Of the CUSUMs: rows without a change until one reaches it are about exp(limit).
         memory: Rows after which information counts 1/e.
         rest: Speed below which a row is left out [rad/s].
-        push: External torque beyond which a joint is pushed, over its Coulomb friction [N m].
+        push: External torque beyond which a joint is pushed, over what a model may err by (`PASSES`) [N m].
         hold: Time after a push in which nothing is learned [s]; what was learned as long before it is taken back.
-        confirm: Time for which a CUSUM is over its limit before a cause is named [s].
+        confirm: Time in motion in which a CUSUM reaches its limit at the soonest [s].
 
     Example:
         >>> ModelMonitorSpec(friction=0.1).friction
@@ -46,12 +53,12 @@ class ModelMonitorSpec:
     bias: float = 1.0
     delay: float = 4e-3
     backlash: float = 1e-3
-    limit: float = 40.0
+    limit: float = 60.0
     memory: float = 400.0
     rest: float = 0.05
     push: float = 6.0
     hold: float = 0.3
-    confirm: float = 0.1
+    confirm: float = 0.4
 
 
 class ModelMonitor(PortMethods, LeafSystem):
@@ -61,7 +68,8 @@ class ModelMonitor(PortMethods, LeafSystem):
         position, velocity, acceleration (n): [rad, rad/s, rad/s^2].
         load_torque (n): on the link side, measured or computed [N m].
         effort (n): of the drives [rad | A | V | N m].
-        external_torque (n): of a `MomentumResidual` [N m]; optional. Beyond `push` nothing is learned.
+        external_torque (n): of a `MomentumResidual` [N m]; optional, without it r of below. While it exceeds `push`
+            and what a changed joint may err by (`PASSES`), nothing is learned.
         temperature (n): [deg C]; optional, 25.
     Outputs, from the state only:
         residual (n): whitened, of variance 1 while the model holds.
@@ -70,20 +78,22 @@ class ModelMonitor(PortMethods, LeafSystem):
         statistic (n): largest CUSUM over its limit; a cause is named from 1 on and withdrawn below 1/2.
         tracked (n C): changes of all causes, joint by joint.
 
-    With the effort y^ that the model needs, r = (y - y^)/K and the columns phi_k = dr/dx_k of the causes, every row of
-    m ticks, m dt about the correlation time of the model's error of deviation s:
+    With the effort y^ that the model needs, the columns phi_k = dr/dx_k of the causes, and the changes x0 by which the
+    model is off from the beginning, r = (y - y^)/K - sum phi_k x0_k. Every row of m ticks, m dt about the correlation
+    time of the model's error of deviation s, and psi_k of phi_k as w of r:
 
-        w   = (r[n] - rho r[n-m])/(s sqrt(1 - rho^2)),     psi_k likewise of phi_k
-        g+  = max(0, g+ + d_k psi_k w - (d_k psi_k)^2/2),  g- likewise of -d_k              (Page, 1954)
+        w   = (r[n] - rho r[n-m])/(s sqrt(1 - rho^2))
+        g+  = max(0, g+ + clip(d_k psi_k w - (d_k psi_k)^2/2, c)),  g- likewise of -d_k     (Page, 1954)
         A   = l A + psi psi',   b = l b + psi w,           tracked x = (A + P^-1)^-1 b
 
-    P has the squares of the changes looked for and of the model's own relative deviations: recursive least squares with
-    forgetting whose prior does not fade. The cause is the one whose change alone explains b best, with the evidence
-    b_k^2/(2 (A_kk + 1/P_kk)) - log(1 + P_kk A_kk)/2. Rows near rest and during
-    a push are left out, and what was learned shortly before it is taken back.
+    c keeps single rows from deciding: a censored log likelihood ratio bears errors that are no Gaussian noise (Huber,
+    1965). P has the squares of the changes looked for and of the model's own relative deviations: recursive least
+    squares with forgetting whose prior does not fade. The cause is the one whose change alone explains b best, with
+    the evidence b_k^2/(2 (A_kk + 1/P_kk)) - log(1 + P_kk A_kk)/2. Rows near rest and during a push are left out, and
+    what was learned shortly before it is taken back.
 
-    phi: the model's friction; the needed torque; sin q and cos q; its rate; 1/K sign(needed torque) of a position
-    servo; 1.
+    phi: the model's friction; the needed torque; sin q and cos q; its low-passed rate, and v/K more of a position
+    servo, whose effort is measured from the position; 1/K sign(needed torque) of a position servo; 1.
 
     Example:
         >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
@@ -98,6 +108,8 @@ class ModelMonitor(PortMethods, LeafSystem):
         correlation_time: JointValues,
         spec: ModelMonitorSpec | None = None,
         dt: float = 1e-3,
+        *,
+        reference: FloatArray | None = None,
     ) -> None:
         """Declare ports and state.
 
@@ -107,9 +119,10 @@ class ModelMonitor(PortMethods, LeafSystem):
             correlation_time: Of the same [s].
             spec: None: the defaults.
             dt: Period of the update [s].
+            reference: (n, C) changes by which the model was off while nothing had changed (`health_of`); None: 0.
 
         Raises:
-            ParamsError: a number that is not positive and finite.
+            ParamsError: a number that is not positive and finite, or a reference of another shape.
         """
         super().__init__()
         models = model_list(models)
@@ -123,96 +136,123 @@ class ModelMonitor(PortMethods, LeafSystem):
                 raise ParamsError(f"ModelMonitor: {name}: expected positive numbers, got {values.tolist()}")
         n, self._dt = len(models), float(dt)
         row = np.maximum(np.round(time / dt), 1.0)
-        friction = np.array([_friction(model) for model in models])
-        push = spec.push + friction
-        self._gain, self._nil = self._law.k_tau, np.zeros(n)
+        push = np.full(n, spec.push)
+        self._gain, self._unknown = self._law.k_tau, np.full(n, np.nan)
         inertia = [model.inertia for model in models]
-        self._joints = np.column_stack([error, np.exp(-row * dt / time), row, push, self._gain, inertia])
+        off = np.zeros((n, len(CAUSES))) if reference is None else np.asarray(reference, dtype=np.float64)
+        if off.shape != (n, len(CAUSES)) or not np.isfinite(off).all():
+            raise ParamsError(
+                f"ModelMonitor: reference: expected {n} rows of {len(CAUSES)} finite numbers, got shape {off.shape}"
+            )
         servo = np.array([model.drive.kind == "position_servo" for model in models])
+        stiffness = servo / self._gain
+        self._joints = np.column_stack([error, np.exp(-row * dt / time), row, push, self._gain, inertia, stiffness])
         looked = [spec.friction, spec.torque_constant, spec.payload, spec.payload, spec.delay, spec.backlash, spec.bias]
         sizes = np.tile(looked, (n, 1))
         sizes[:, CAUSES.index("backlash")] *= servo
         known = np.zeros_like(sizes)
         known[:, 0] = [_relative_deviation(model) for model in models]
-        self._sizes = np.hstack([sizes, np.hypot(sizes, known)])
+        self._sizes = np.hstack([sizes, np.hypot(sizes, known), off])
         hold = np.ceil(spec.hold / dt)
-        self._numbers = np.array([np.exp(-1.0 / spec.memory), spec.limit, hold, spec.rest, dt, spec.confirm / dt])
+        keep, confirm = np.exp(-1.0 / spec.memory), spec.confirm / dt
+        self._numbers = np.array([keep, spec.limit, hold, spec.rest, dt, confirm, *PASSES])
         self._width = len(CAUSES)
         self._warm = np.full(n, REFERENCE_CELSIUS)
         self._declare(n)
 
     def _declare(self, n: int) -> None:
-        """Ports, state and event; the state of a joint is that of the kernel, and one needed torque."""
-        names = ("position", "velocity", "acceleration", "load_torque", "effort")
-        self._ports: tuple[Any, ...] = tuple(self.DeclareVectorInputPort(name, n) for name in names)
-        self._external: Any = self.DeclareVectorInputPort("external_torque", n)
-        self._temperature: Any = self.DeclareVectorInputPort("temperature", n)
-        arrays: tuple[Any, ...] = (*self.start(), np.full(n, np.nan))
-        memory, outputs, none = arrays
-        self._memory, shown = int(self.DeclareDiscreteState(memory)), self.DeclareDiscreteState(outputs)
-        self._shown = int(shown)
-        self._needed = int(self.DeclareDiscreteState(none))
-        for number, name in enumerate(("residual", "cause", "change", "statistic")):
-            self._declare_output(name, n, slice(number, number + 1), shown)
-        self._declare_output("tracked", n * self._width, slice(4, 4 + self._width), shown)
+        """Ports, state and event; the state is that of the kernel, and its outputs."""
+        self._ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, n) for name in (*READ, *OPTIONAL)}
+        memory, shown = self.start()
+        self._parts = slice(memory.size), slice(memory.size, memory.size + shown.size)
+        self._start: FloatArray = np.concatenate([memory, shown])
+        start: Any = self._start
+        state = self.DeclareDiscreteState(start)
+        self._state = int(state)
+        table = np.arange(shown.size).reshape(n, -1)
+        single = {name: table[:, number] for number, name in enumerate(("residual", "cause", "change", "statistic"))}
+        self._outputs = single | {"tracked": table[:, len(single) :].ravel()}
+        for name, where in self._outputs.items():
+            self._declare_output(name, where, state)
         self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
 
-    def _declare_output(self, name: str, size: int, which: slice, state: Any) -> None:
+    def _declare_output(self, name: str, where: IntArray, state: Any) -> None:
         def calc(context: Context, output: Any) -> None:
-            values: FloatArray = np.asarray(context.get_discrete_state(self._shown).value())
-            shown = values.reshape(-1, 4 + self._width)
-            output.SetFromVector(shown[:, which].ravel())
+            values: FloatArray = np.asarray(context.get_discrete_state(self._state).value())
+            output.SetFromVector(values[self._parts[1]][where])
 
-        self.DeclareVectorOutputPort(name, size, calc, {self.discrete_state_ticket(state)})
+        self.DeclareVectorOutputPort(name, where.size, calc, {self.discrete_state_ticket(state)})
+
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given, out, before, after = arrays.inputs, arrays.out, arrays.before, arrays.after
+            shown = before[self._parts[1]]
+
+            def outputs(time: float) -> None:
+                out[:] = shown
+
+            def update(time: float) -> None:
+                self._step(given, after)
+
+            return outputs, update
+
+        inputs = frozenset(self._ports)
+        return ArrayStage(
+            self._start.size - self._parts[0].stop,
+            self._outputs,
+            bind,
+            updates=inputs,
+            start=self._start,
+            period=self._dt,
+        )
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         """The recursion."""
-        seen = np.stack([*(port.Eval(context) for port in self._ports), self._nil])
-        if self._external.HasValue(context):
-            seen[5] = self._external.Eval(context)
-        warm = self._temperature.Eval(context) if self._temperature.HasValue(context) else self._warm
-        needed = self.needed(seen, warm)
-        places = (self._needed, self._memory, self._shown)
-        last, memory, shown = (np.asarray(values.get_mutable_value(place)) for place in places)
-        self.tick(seen, needed, last, memory, shown)
-        last[:] = needed
+        given = {name: port.Eval(context) for name, port in self._ports.items() if port.HasValue(context)}
+        self._step(given, np.asarray(values.get_mutable_value(self._state)))
+
+    def _step(self, given: Mapping[str, FloatArray], state: FloatArray) -> None:
+        """x[n+1] of x[n] in `state`, by inputs of this tick."""
+        memory, shown = (state[part] for part in self._parts)
+        seen = np.stack([given[name] for name in READ] + [given.get("external_torque", self._unknown)])
+        self.tick(seen, self.needed(seen, given.get("temperature", self._warm)), memory, shown)
 
     def needed(self, seen: FloatArray, temperature: FloatArray) -> FloatArray:
         """(n,) torque for which the model asks [N m]; arguments as of `tick`, temperature (n,) [deg C]."""
         effort = self._law.effort(seen[3], seen[1], None, seen[0], seen[2], temperature)
         return np.asarray(effort / self._gain)
 
+    @property
+    def room(self) -> FloatArray:
+        """(n,) temperature that is taken where none is known [deg C]."""
+        return self._warm
+
     def start(self) -> tuple[FloatArray, FloatArray]:
         """State and outputs of `tick` before the first one."""
         n = self._gain.size
-        return np.zeros(n * _state_size(self._width)), np.zeros(n * (4 + self._width))
+        memory = np.zeros((n, _state_size(self._width)))
+        memory[:, SLOW] = np.nan
+        return memory.ravel(), np.zeros(n * (4 + self._width))
 
-    def tick(
-        self, seen: FloatArray, needed: FloatArray, last: FloatArray, memory: FloatArray, shown: FloatArray
-    ) -> None:
+    def tick(self, seen: FloatArray, needed: FloatArray, memory: FloatArray, shown: FloatArray) -> None:
         """One update on arrays.
 
         Args:
-            seen: (6, n) position, velocity, acceleration, load torque, effort and external torque.
+            seen: (6, n) position, velocity, acceleration, load torque, effort and external torque; the last may be NaN.
             needed: (n,) torque for which the model asks [N m].
-            last: (n,) that of the tick before; NaN at the first.
             memory: State, flat; written.
             shown: (n (4 + C),) by joint residual, cause, change, statistic and tracked changes; written.
         """
         n = needed.size
-        _WATCH(
-            seen, needed, last, self._joints, self._sizes, self._numbers, memory.reshape(n, -1), shown.reshape(n, -1)
-        )
+        state, out = memory.reshape(n, -1), shown.reshape(n, -1)
+        _WATCH(seen, needed, self._joints, self._sizes, self._numbers, state, out)
 
 
 def _state_size(causes: int) -> int:
     """Numbers of a joint's state, see the kernel."""
-    return 8 + 2 * causes + 3 * (3 * causes + causes**2)
-
-
-def _friction(model: Any) -> float:
-    """Coulomb friction [N m]; 0 without."""
-    return sum(float(v.parameters["coulomb"]) for v in model.effects if v.key == "coulomb")
+    return PAST + 2 * causes + 3 * (3 * causes + causes**2)
 
 
 def _relative_deviation(model: Any) -> float:

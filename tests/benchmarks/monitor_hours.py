@@ -1,8 +1,8 @@
 """False alarms and delays of `ModelMonitor` at 1 kHz, and what a tick costs, on joints by closed-form motions.
 
 Every stage is noisy: velocity, acceleration, load torque and effort have noise with the correlation of filters, the
-friction of the model is a few percent off, and a ripple of the gear is not modelled. The deviation and the correlation
-time that the monitor is given are those of a healthy minute.
+friction of the model is a few percent off, and a ripple of the gear is not modelled. The monitor is calibrated on a
+sound minute, and knows of a push by nothing but its own residual. `monitored_loops` has the torque loops of two robots.
 """
 
 import time
@@ -14,9 +14,12 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.loops.recording import Progress
 from drake_tc.report.figure_row import FigureRow
+from drake_tc.watch.health import health_of
 from drake_tc.watch.monitor import CAUSES, ModelMonitor
 
 DT, CHUNK_S, BEGIN_S, WAIT_S = 1e-3, 5.0, 20.0, 40.0
+SPARSE = 1
+"""Ticks from row to row of a calibration."""
 ROOM = 25.0
 CHANGES: Mapping[str, tuple[str, Mapping[str, float]]] = {
     "friction +10 %": ("friction", {"friction": 0.1}),
@@ -129,24 +132,14 @@ def readings(
         ]
         load = joints.gravity * np.sin(q) + joints.link * a + noise[2]
         effort = effort + joints.gain * noise[3]
-        yield t, np.stack([q, v + noise[0], a + noise[1], load, effort, pulse + noise[3]], axis=1)
+        yield t, np.stack([q, v + noise[0], a + noise[1], load, effort, np.full_like(v, np.nan)], axis=1)
 
 
 def calibrated(joints: Joints, seed: int) -> ModelMonitor:
-    """A monitor with the deviation and correlation time of a healthy minute."""
+    """A monitor with the health of a sound minute."""
     rng = np.random.default_rng([seed, 1])
-    law = ModelMonitor(joints.models(), 1.0, 0.02)
-    warm = np.full(joints.gain.size, ROOM)
-    residuals, moving = [], []
-    for _, seen in readings(joints, 60.0, rng, {}, 1e9):
-        rows = seen[::5]
-        residuals.append([row[4] / joints.gain - law.needed(row, warm) for row in rows])
-        moving.append(np.abs(rows[:, 1]) > 0.05)
-    r, m = np.concatenate(residuals), np.concatenate(moving)
-    deviation = np.sqrt(np.sum(np.where(m, r**2, 0.0), axis=0) / m.sum(axis=0))
-    lagged = np.sum(np.where(m[1:] & m[:-1], r[1:] * r[:-1], 0.0), axis=0) / (m[1:] & m[:-1]).sum(axis=0)
-    time_s = -5.0 * DT / np.log(np.clip(lagged / deviation**2, 0.05, 0.99))
-    return ModelMonitor(joints.models(), deviation, np.clip(time_s, DT, 0.1))
+    seen = np.concatenate([chunk[::SPARSE, :5] for _, chunk in readings(joints, 60.0, rng, {}, 1e9)])
+    return health_of(joints.models(), seen, SPARSE * DT).monitor(joints.models())
 
 
 @dataclass(frozen=True)
@@ -169,13 +162,12 @@ def watched(joints: Joints, monitor: ModelMonitor, change: str, seconds: float, 
     table, warm = shown.reshape(n, -1), np.full(n, ROOM)
     right, first = np.full(n, np.inf), np.full(n, np.inf)
     early, pushed, moved = np.zeros(n), np.zeros(n, dtype=bool), np.zeros(n)
-    last, before = np.full(n, np.nan), np.zeros(n)
+    before = np.zeros(n)
     at = BEGIN_S if sizes else np.inf
     for t, chunk in readings(joints, seconds, rng, sizes, at):
         for k in range(t.size):
             needed = monitor.needed(chunk[k], warm)
-            monitor.tick(chunk[k], needed, last, memory, shown)
-            last = needed
+            monitor.tick(chunk[k], needed, memory, shown)
             cause = table[:, 1]
             if t[k] < at:
                 early += (cause > 0.0) & (before <= 0.0)
@@ -226,12 +218,11 @@ def _cost(count: int) -> list[FigureRow]:
     monitor = ModelMonitor(joints.models(), 0.5, 0.01)
     memory, shown = monitor.start()
     _, chunk = next(readings(joints, CHUNK_S, np.random.default_rng(1), {}, np.inf))
-    warm, last, spent = np.full(6, ROOM), np.full(6, np.nan), []
+    warm, spent = np.full(6, ROOM), []
     for row in chunk:
         begin = time.perf_counter()
         needed = monitor.needed(row, warm)
-        monitor.tick(row, needed, last, memory, shown)
+        monitor.tick(row, needed, memory, shown)
         spent.append(time.perf_counter() - begin)
-        last = needed
     found = FigureRow.of_values("a joint's tick, of six", "us", np.array(spent[100:]), 1e6 / 6.0)
     return [FigureRow(found.name, found.value, "us", 5.0, "max", p99=found.p99, n=found.n)]

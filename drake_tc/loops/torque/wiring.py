@@ -33,7 +33,7 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
-from drake_tc.loops.boundary import ControlledJoints, Controller, add_input
+from drake_tc.loops.boundary import ControlledJoints, Controller, Watched, add_input
 from drake_tc.loops.built_loop import WiredLoop
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
@@ -343,6 +343,9 @@ def torque_controller(
         upper=limits.upper,
         period=spec.dt,
         flag_names=parts.flag_names,
+        watched=Watched(tuple(assumed), spec.filters.window, spec.filters.encoder_order)
+        if spec.controller == "torque" and "filter" not in parts.stages
+        else None,
     )
     return Controller(builder, f"{robot.name}_controller", controlled, parts.signals, left_out=ports, fused=fused)
 
