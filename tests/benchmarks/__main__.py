@@ -141,12 +141,17 @@ def months_benchmark(
     count: Annotated[
         int, typer.Option(min=1, help="Number of joints. 10 joints hold one of each kind of change.")
     ] = 20,
+    joints: Annotated[int, typer.Option(min=0, help="Number of joints with a history of sessions.")] = 12,
     out: Out = None,
     seed: Seeds = None,
     jobs: Jobs = ALL_CORES,
     as_json: AsJson = False,
 ) -> None:
-    """Compare simulated joints with their models after wear, backlash, a slip, a payload, new grease, or nothing."""
+    """Compare simulated joints with their models after wear, backlash, a slip, a payload, new grease, or nothing.
+
+    Other joints are recorded in six sessions each, for the trends of their histories.
+    """
+    from tests.benchmarks.histories import histories, history_rows
     from tests.benchmarks.months import month_rows, months
 
     told = by_seed(
@@ -154,13 +159,19 @@ def months_benchmark(
         seed,
         out,
         jobs,
-        lambda folder, number, pool, report: months(number, count, folder, pool, report),
+        lambda folder, number, pool, report: (
+            months(number, count, folder, pool, report),
+            histories(number, joints, folder, pool, report),
+        ),
         quiet=as_json,
     )
-    rows = month_rows([each for found in told.values() for each in found])
+    rows = month_rows([each for found, _ in told.values() for each in found])
+    trends = [each for _, found in told.values() for each in found]
+    rows += history_rows(trends) if trends else []
     if as_json:
-        cases = [asdict(each) | {"seed": number} for number, found in told.items() for each in found]
-        print(json.dumps(json_value(rows_json("months", rows) | {"cases": cases})))
+        cases = [asdict(each) | {"seed": number} for number, (found, _) in told.items() for each in found]
+        drifts = [asdict(each) | {"seed": number} for number, (_, found) in told.items() for each in found]
+        print(json.dumps(json_value(rows_json("months", rows) | {"cases": cases, "trends": drifts})))
         return
     print_rows("", rows, as_json=False)
 
@@ -169,14 +180,21 @@ def months_benchmark(
 def monitor_benchmark(
     joints: Annotated[int, typer.Option(min=2, help="Number of joints.")] = 40,
     hours: Annotated[float, typer.Option(min=0.01, help="Joint-hours without a change.")] = 10.0,
+    loop_hours: Annotated[
+        float, typer.Option(min=0.01, help="Joint-hours without a change of each simulated robot.")
+    ] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of joints, motions and noise.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Measure false alarms, delays and the cost of a tick of ModelMonitor at 1 kHz, on joints with noisy signals."""
+    """Measure false alarms, delays and the cost of a tick of ModelMonitor at 1 kHz, on joints with noisy signals.
+
+    Then the same in the torque loops of a leg and of an arm, whose plants, drives and sensors are simulated.
+    """
     from tests.benchmarks.monitor_hours import monitor_rows
+    from tests.benchmarks.monitored_loops import loop_rows
 
     with progress_bar("bench monitor", quiet=as_json) as progress:
-        rows = monitor_rows(joints, hours, seed, progress)
+        rows = [*monitor_rows(joints, hours, seed, progress), *loop_rows(loop_hours, seed, progress)]
     print_rows("monitor", rows, as_json=as_json)
 
 

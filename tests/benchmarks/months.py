@@ -167,30 +167,44 @@ def _sizes(before: Joint, after: Joint) -> dict[str, float]:
 
 def write_month(month: Month, folder: Path) -> None:
     """rig.yaml, then_*.parquet and now_*.parquet."""
-    folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([month.before.seed, 1])
-    days = [("then", month.before, ("static", "sine", "multisine")), ("now", month.after, ("static", "multisine"))]
-    specs, runs, names = [], [], []
-    for day, spec, of_day in days:
-        session = np.exp(rng.normal(0.0, SESSION_SPREAD, 2)) if day == "now" else np.ones(2)
-        for run in of_day:
-            factor = session * np.exp(rng.normal(0.0, RUN_SPREAD, 2))
-            joint = replace(spec.joint, viscous=spec.joint.viscous * factor[0], coulomb=spec.joint.coulomb * factor[1])
-            specs.append(replace(spec, joint=joint))
-            runs.append(run)
-            names.append(f"{day}_{run}")
-    for record, name in zip(simulate(specs, runs, STEP), names, strict=True):
-        noise = run_generator(record.spec, record.run, 1)
-        log = clean_log(record)
-        clean = sample_clean(log, np.zeros_like(log.time), record.spec.sensors, noise)
-        measured(clean, record.spec, noise).to_parquet(folder / f"{name}.parquet", index=False)
+    record(month.before, ("static", "sine", "multisine"), folder, "then", np.ones(2), rng)
+    session = np.exp(rng.normal(0.0, SESSION_SPREAD, 2))
+    record(month.after, ("static", "multisine"), folder, "now", session, rng)
+    write_rig(month.before, folder)
+
+
+def record(
+    spec: RigSpec, runs: Sequence[str], folder: Path, day: str, session: np.ndarray, rng: np.random.Generator
+) -> list[Path]:
+    """Simulate runs of a session and write DAY_RUN.parquet; `session` are its factors of viscous and Coulomb friction.
+
+    Friction differs by `RUN_SPREAD` from run to run beside it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    specs, paths = [], []
+    for _ in runs:
+        factor = session * np.exp(rng.normal(0.0, RUN_SPREAD, 2))
+        joint = replace(spec.joint, viscous=spec.joint.viscous * factor[0], coulomb=spec.joint.coulomb * factor[1])
+        specs.append(replace(spec, joint=joint))
+    for recorded in simulate(specs, list(runs), STEP):
+        noise = run_generator(recorded.spec, recorded.run, 1)
+        log = clean_log(recorded)
+        clean = sample_clean(log, np.zeros_like(log.time), recorded.spec.sensors, noise)
+        paths.append(folder / f"{day}_{recorded.run}.parquet")
+        measured(clean, recorded.spec, noise).to_parquet(paths[-1], index=False)
+    return paths
+
+
+def write_rig(spec: RigSpec, folder: Path) -> None:
+    """rig.yaml of a joint."""
     rig: dict[str, object] = {
         "joint": "joint",
-        "drive": month.before.joint.drive,
-        "declared": {"rotor_inertia": month.before.joint.rotor_inertia},
+        "drive": spec.joint.drive,
+        "declared": {"rotor_inertia": spec.joint.rotor_inertia},
     }
-    if month.before.pendulum is not None:
-        rig["load"] = {"pendulum": dict(zip(("mass", "length"), month.before.pendulum, strict=True))}
+    if spec.pendulum is not None:
+        rig["load"] = {"pendulum": dict(zip(("mass", "length"), spec.pendulum, strict=True))}
     (folder / "rig.yaml").write_text(yaml.safe_dump(rig), encoding="utf-8")
 
 
