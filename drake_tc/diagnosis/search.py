@@ -31,6 +31,8 @@ SHAPES = 4
 """Starting points of a long grid that are tried beside each set, those that correlate most with its residual."""
 
 Progress = Callable[[str, float], None]
+Compared = tuple[Evidence, Scored]
+"""A set and the evidence by which it was judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +174,13 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     best = evidence.score(declared)
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
-        starts = _first(evidence) if number == 0 else [evidence]
+        tried, sound = list[Compared](), list[Compared]()  # those of the last pass go before there are new ones
+        started = _without_columns(evidence)
+        starts = _first(started) if number == 0 else [started]
         before, pools = best.ids, [_pool(Sets(used, effects), best) for used in starts]
         pool = pools[-1]
         found = pool[0]
-        tried = [settled(used, s) for used, each in zip(starts, pools, strict=True) for s in _contenders(each)]
-        tried = equally_noisy(tried)
-        sound = [pair for pair in tried if pair[0].distortion(pair[1]) <= DISTORTED]
+        tried, sound = _compared(starts, pools)
         evidence, best = _trusted(first, simplest(tried), sound)
         if number and best.ids == before:
             break
@@ -201,6 +203,25 @@ def _first(evidence: Evidence) -> list[Evidence]:
         starts.append(evidence.tempered(declared, rest=False))
     few = starts[-1].noise.share * evidence.model.train.rows.index.size < FEW_ROWS
     return [*starts, Evidence(evidence.model)] if few else starts
+
+
+def _without_columns(evidence: Evidence) -> Evidence:
+    """The evidence without what has been computed from it: of a long log, all that are compared take gigabytes."""
+    model = evidence.model
+    bare = replace(model, train=replace(model.train), held=replace(model.held))
+    return Evidence(bare, evidence.noise, evidence.spread)
+
+
+def _compared(starts: Sequence[Evidence], pools: Sequence[Sequence[Scored]]) -> tuple[list[Compared], list[Compared]]:
+    """The contenders of all pools, each settled, at equal noise; and those that their noise does not distort."""
+    tried, distortions = [], []
+    for used, pool in zip(starts, pools, strict=True):
+        for contender in _contenders(pool):
+            evidence, scored = settled(used, contender)
+            distortions.append(evidence.distortion(scored))
+            tried.append((_without_columns(evidence), scored))
+    tried = equally_noisy(tried)
+    return tried, [pair for pair, distortion in zip(tried, distortions, strict=True) if distortion <= DISTORTED]
 
 
 def _pool(sets: Sets, best: Scored) -> list[Scored]:
