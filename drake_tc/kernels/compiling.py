@@ -52,6 +52,11 @@ OUT_VECTOR, OUT_MATRIX = _array(REAL, 1, readonly=False), _array(REAL, 2, readon
 """Arrays that are written."""
 
 
+def together(*types: Any) -> Any:
+    """Several inputs as one tuple; the entry gives them names: `Robot(*robot)`."""
+    return numba.types.Tuple(types)
+
+
 def interpreted() -> bool:
     """Whether all of them run as Python."""
     return bool(numba.config.DISABLE_JIT)

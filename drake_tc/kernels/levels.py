@@ -5,10 +5,12 @@
 Q = [Q_1 Q_2] are the Householder reflections, with pivoting, that leave of the rows of D_k T their first columns.
 """
 
+from typing import Any
+
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, VECTOR, helper, kernel
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, VECTOR, helper, kernel, together
+from drake_tc.types import FloatArray
 
 FOUND, HELD, LEFT = 0, 1, 2
 """The levels decide everything and keep the limits; a limit is missed by one of them; directions are left."""
@@ -98,27 +100,16 @@ def _least_squares(rows: FloatArray, k: int, right: FloatArray) -> FloatArray:
     return z
 
 
-@kernel(MATRIX, VECTOR, INDEX, MATRIX, VECTOR, VECTOR, OUT_VECTOR)
-def solve_levels(
-    cost: FloatArray,
-    target: FloatArray,
-    ends: IntArray,
-    limits: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    x: FloatArray,
-) -> int:
+@kernel(together(MATRIX, VECTOR, INDEX), together(MATRIX, VECTOR, VECTOR), OUT_VECTOR)
+def solve_levels(levels: tuple[Any, ...], sides: tuple[FloatArray, ...], x: FloatArray) -> int:
     """FOUND where x is the only minimum of all levels, each of them inside the limits.
 
     Args:
-        cost: (r, n) D of the levels, one below the other.
-        target: (r,) d.
-        ends: (levels + 1,) where they begin and end.
-        limits: (m, n) A.
-        lower: (m,) of A x.
-        upper: (m,) the same.
+        levels: (r, n) D of the levels, one below the other, (r,) d, and (levels + 1,) where they begin and end.
+        sides: (m, n) A, (m,) lower and upper sides of A x.
         x: (n,) where to begin; the solution.
     """
+    (cost, target, ends), (limits, lower, upper) = levels, sides
     n = x.size
     free, f = np.eye(n), n
     for level in range(ends.size - 1):

@@ -29,6 +29,7 @@ from drake_tc.kernels.programs import (
 from drake_tc.kernels.steps import (
     Factor,
     Held,
+    Model,
     Step,
     copy_held,
     factor_of,
@@ -79,36 +80,40 @@ class Search(NamedTuple):
     memory: FloatArray
 
 
+class Stop(NamedTuple):
+    """When a search ends.
+
+    Attributes:
+        accuracy: Stop when the conditions of optimality are missed by what promises less descent of f; or by rounding.
+        rounding: About the error of f.
+        most: Steps until it pauses; the first one is always taken.
+        how: FRESH, ANSWERED or RESUMED: how it begins.
+    """
+
+    accuracy: float
+    rounding: float
+    most: int
+    how: int
+
+
 @helper
-def search(
-    program: Program,
-    lower_side: FloatArray,
-    upper_side: FloatArray,
-    accuracy: float,
-    rounding: float,
-    most: int,
-    how: int,
-    found: Search,
-) -> int:
+def search(program: Program, sides: tuple[FloatArray, ...], stop: Stop, found: Search) -> int:
     """Minimise from found.x on.
 
     Args:
         program: f and the rows.
-        lower_side: (m,) of the rows.
-        upper_side: The same.
-        accuracy: Stop when the conditions of optimality are missed by what promises less descent of f; or by rounding.
-        rounding: About the error of f.
-        most: Steps until it pauses; the first one is always taken.
-        how: FRESH, ANSWERED or RESUMED.
+        sides: (m,) lower and upper ones of the rows.
+        stop: When it ends.
         found: Where to begin, and where it ended.
 
     Returns:
         SOLVED (the point is feasible), FAILED, ASKS or PAUSED.
     """
+    how = stop.how
     size, m, memory = found.x.size, rows_of(program), found.memory
     point, other = point_of(program, size), point_of(program, size)
-    lower, upper, step = np.empty(m), np.empty(m), Step(np.zeros(size), np.empty(m))
-    free, newton = np.empty(m), np.empty(size)
+    model, step = Model(np.empty(size), np.empty(m), np.empty(m), np.empty(m)), Step(np.zeros(size), np.empty(m))
+    newton, free, lower, upper = model
     n = program.quadratic.shape[0]
     factor = Factor(np.empty((n, n)), np.empty((_axes(program), 3)))
     trial = held_rows(found.held.rows.size)
@@ -118,7 +123,7 @@ def search(
     times_into(program, point.x, free)
     inside = True
     for i in range(m):
-        lower[i], upper[i] = lower_side[i] - free[i], upper_side[i] - free[i]
+        lower[i], upper[i] = sides[0][i] - free[i], sides[1][i] - free[i]
         inside = inside and lower[i] <= FEASIBLE and upper[i] >= -FEASIBLE
     memory[STEPS] = memory[DONE] = 0.0
     if how == FRESH:
@@ -142,7 +147,7 @@ def search(
             newton[j] = -newton[j]
         times_into(program, newton, free)
         copy_held(trial, found.held)
-        if guess(program, factor, newton, free, lower, upper, trial, step):
+        if guess(program, factor, model, trial, step):
             copy_held(found.held, trial)
         elif how == ANSWERED:
             step.d[:] = found.step[:size]
@@ -151,13 +156,13 @@ def search(
             memory[STEPS] -= 1.0
             return _ended(program, point, found, ASKS)
         how = RESUMED
-        length = _length(program, point, other, step.d, np.dot(found.gradient, step.d), rounding, memory)
+        length = _length(program, (point, other), step.d, stop.rounding, found)
         if length <= 0.0:
             return _ended(program, point, found, FAILED if length < 0.0 else SOLVED)
         point, other = other, point
         gradient_into(program, point, found.gradient)
         rest = promise(program, factor, found.gradient, found.held) if length == 1.0 else np.inf
-        if rest <= accuracy or (memory[DONE] > 0.0 and rest >= KEEP_WHILE * memory[LAST]):
+        if rest <= stop.accuracy or (memory[DONE] > 0.0 and rest >= KEEP_WHILE * memory[LAST]):
             memory[DONE] = 1.0
             return _ended(program, point, found, SOLVED)
         farthest = 0.0
@@ -169,24 +174,25 @@ def search(
         memory[DONE], memory[LAST] = 0.0, rest
         renews = bends and (farthest > KEEP_HESSIAN or rest > KEEP_WHILE * memory[BEFORE])
         memory[BEFORE] = np.inf if renews else rest
-        if memory[STEPS] >= most:
+        if memory[STEPS] >= stop.most:
             if renews:
                 hessian_into(program, point, found.hessian)
             return _ended(program, point, found, PAUSED)
 
 
 @helper
-def _length(
-    program: Program, point: Point, other: Point, d: FloatArray, slope: float, rounding: float, memory: FloatArray
-) -> float:
-    """How much of the step d to go, and `other` there: the longest of 1, t1, t1 t2, ... that gives enough descent.
+def _length(program: Program, points: tuple[Point, Point], d: FloatArray, rounding: float, found: Search) -> float:
+    """How much of the step d to go from the first point, and the second one there.
+
+    It is the longest of 1, t1, t1 t2, ... that gives enough descent.
 
     Each t is the minimiser of a parabola, kept in bounds. A first point that is not feasible takes the whole step.
 
     Returns:
-        0 where nothing is gained, -1 where the objective is no number. memory[DONE] is 1 where the promised descent
-        was lost in rounding, before or after the step.
+        0 where nothing is gained, -1 where the objective is no number. found.memory[DONE] is 1 where the promised
+        descent was lost in rounding, before or after the step.
     """
+    (point, other), memory, slope = points, found.memory, np.dot(found.gradient, d)
     here, noise = point.value[0], rounding + 1e-15 * abs(point.value[0])
     length, first = 1.0, memory[INSIDE] <= 0.0
     small = not first and -slope <= noise

@@ -5,17 +5,17 @@
 The entry calls those of the single stages, which `drake_tc.tsid` calls one by one where it wants what is between them.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel
+from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel, together
 from drake_tc.kernels.linear_algebra import inverse_factor
 from drake_tc.kernels.linking import inlined
 from drake_tc.kernels.reduction import causes
 from drake_tc.kernels.scaling import scaled
 from drake_tc.kernels.task_rows import Body, Given, reduced_limits, reduced_tasks
-from drake_tc.kernels.terms import terms
+from drake_tc.kernels.terms import ROBOT, terms
 from drake_tc.types import FloatArray, IntArray
 
 FOUND, NO_POSE, LOST = 0, 1, 2
@@ -24,6 +24,38 @@ LARGEST, SHORTEST, DAMPING, MASS, POSITIONS, VELOCITIES, PLAIN = 0, 1, 2, 3, 4, 
 """Places in the options."""
 FULL_RANK = 1e-7
 """Least relative length of a triangular factor's inverse that shows a cost to have one minimiser."""
+
+
+class Tables(NamedTuple):
+    """What else a tick knows beforehand.
+
+    Attributes:
+        active: Contacts that carry.
+        actuated, positions: (n,) index in v and in q of each joint.
+        tasks, limits: (., 5) see `task_rows`; of limits torque bounds first and group by group.
+        integers, numbers: What both point into.
+        dense: (., nv + k + n + 2) rows that the library does not know.
+        scale, root: (n,) and (n, r) of the torque error.
+        options: See `LARGEST` and what follows it.
+        entries: (k,) places of the forces among those of all contacts.
+    """
+
+    active: IntArray
+    actuated: IntArray
+    positions: IntArray
+    tasks: IntArray
+    limits: IntArray
+    integers: IntArray
+    numbers: FloatArray
+    dense: FloatArray
+    scale: FloatArray
+    root: FloatArray
+    options: FloatArray
+    entries: IntArray
+
+
+LAW = together(ROBOT, together(INDEX, INDEX, INDEX, TABLE, TABLE, INDEX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, INDEX))
+"""`Robot` and `Tables`."""
 
 
 class Answer(NamedTuple):
@@ -57,85 +89,36 @@ def state_code(given: FloatArray, floating: IntArray, largest: float, shortest: 
     return FOUND if turn > shortest else NO_POSE
 
 
-PROBLEM = (
-    VECTOR, VECTOR, INDEX, TABLE, MATRIX, VECTOR, VECTOR, MATRIX, INDEX, TABLE, INDEX, INDEX, INDEX,
-    TABLE, TABLE, INDEX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR,
-)  # fmt: skip
-"""Types of the arguments of `problem`."""
-
-
-@kernel(*PROBLEM)
-def problem(
-    given: FloatArray,
-    held: FloatArray,
-    floating: IntArray,
-    places: IntArray,
-    constants: FloatArray,
-    trunk: FloatArray,
-    gravity: FloatArray,
-    frames: FloatArray,
-    frame_bodies: IntArray,
-    contacts: IntArray,
-    active: IntArray,
-    actuated: IntArray,
-    positions: IntArray,
-    tasks: IntArray,
-    limits: IntArray,
-    integers: IntArray,
-    numbers: FloatArray,
-    dense: FloatArray,
-    scale: FloatArray,
-    root: FloatArray,
-    options: FloatArray,
-) -> Answer:
+@kernel(VECTOR, LAW)
+def problem(given: FloatArray, law: tuple[Any, ...]) -> Answer:
     """See the module.
 
     Args:
         given: (nq + nv + references,) q, v and the references of all tasks.
-        held: Up to `active` as `terms.terms` takes them.
-        floating: The same.
-        places: The same.
-        constants: The same.
-        trunk: The same.
-        gravity: The same.
-        frames: The same.
-        frame_bodies: The same.
-        contacts: The same.
-        active: The same.
-        actuated: (n,) index in v of each joint.
-        positions: (n,) the same in q.
-        tasks: (., 5) see `task_rows`.
-        limits: (., 5) the same, torque bounds first and group by group.
-        integers: What both point into.
-        numbers: The same.
-        dense: (., nv + k + n + 2) rows that the library does not know.
-        scale: (n,) of the torque error.
-        root: (n, r) the same.
-        options: See `LARGEST` and what follows it.
+        law: See `LAW`.
 
     Returns:
         One of the codes, for how many rows a limit gave way, [C_v, c_v] and [C_f, c_f], and what `scaling.scaled` gives
         with d after D; empty arrays where there is no problem.
     """
+    robot, tables, options = law[0], Tables(*law[1]), law[1][10]
     none, nothing = np.zeros((0, 0)), np.zeros(0)
-    code = state_code(given, floating, options[LARGEST], options[SHORTEST])
+    code = state_code(given, robot[1], options[LARGEST], options[SHORTEST])
     if code != FOUND:
         empty = np.zeros(0, dtype=np.int64)
         return Answer(code, 0, none, none, none, nothing, none, nothing, nothing, none, empty, nothing, 0)
     nq, nv = int(options[POSITIONS]), int(options[VELOCITIES])
     q, v = given[:nq], given[nq : nq + nv]
-    bodies, mass, bias, jacobian, drift, slip, place, speed, momentum, rate = terms(
-        q, v, held, floating, places, constants, trunk, gravity, frames, frame_bodies, contacts, active
-    )
+    bodies, mass, bias, jacobian, drift, slip, place, speed, momentum, rate = terms(q, v, robot, tables.active)
     for i in range(drift.size):
         drift[i] += options[DAMPING] * slip[i]
-    motion, push = causes(mass, bias, actuated, jacobian, drift)
-    state = Given(q, v, positions, given[nq + nv :], integers, numbers, dense)
-    body = Body(held, floating, places, frames, frame_bodies, bodies, options[MASS], place, speed, momentum, rate)
-    cost, target = reduced_tasks(state, body, tasks, motion, push)
-    rows, low, high, relaxed = reduced_limits(state, limits, motion, push)
+    motion, push = causes(mass, bias, tables.actuated, jacobian, drift)
+    state = Given(q, v, tables.positions, given[nq + nv :], tables.integers, tables.numbers, tables.dense)
+    body = Body(robot, bodies, options[MASS], place, speed, momentum, rate)
+    cost, target = reduced_tasks(state, body, tables.tasks, motion, push)
+    rows, low, high, relaxed = reduced_limits(state, tables.limits, motion, push)
     cost, rows, low, high, noise, certain, divisor, sure = scaled(
-        cost, rows, low, high, scale, root, options[PLAIN] > 0.0
+        cost, (rows, low, high), tables.scale, tables.root, options[PLAIN] > 0.0
     )
     return Answer(code, relaxed, motion, push, cost, target, rows, low, high, noise, certain, divisor, sure)
 

@@ -1,10 +1,11 @@
 """Accelerations and contact forces as what torques make of them; `drake_tc.tsid.assembly` has the equations."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel
+from drake_tc.kernels.compiling import INDEX, MATRIX, VECTOR, WHOLE, helper, kernel
 from drake_tc.kernels.linear_algebra import inverse_factor
 from drake_tc.types import FloatArray, IntArray
 
@@ -107,92 +108,44 @@ NOTHING, DENSE, PICKED = 0, 1, 2
 """How a part of rows is given: not at all, written out, or as rows of the identity."""
 
 
+class Over(NamedTuple):
+    """Rows over y = (vdot, f, tau) by their parts: A_v or the rows of the identity that it is, A_f and A_tau."""
+
+    kinds: IntArray
+    vdot: FloatArray
+    picks: IntArray
+    force: FloatArray
+    torque: FloatArray
+
+
 @helper
-def written_over_torques(
-    kinds: IntArray,
-    vdot: FloatArray,
-    picks: IntArray,
-    force: FloatArray,
-    torque: FloatArray,
-    motion: FloatArray,
-    push: FloatArray,
-    out: FloatArray,
-) -> None:
-    """[matrix over tau, value at tau = 0] of rows over y = (vdot, f, tau) into out (r, n + 1).
+def over_torques(rows: Over, count: int, motion: FloatArray, push: FloatArray) -> FloatArray:
+    """(count, n + 1) [matrix over tau, value at tau = 0] of rows over y.
 
     With y = C tau + c (by its parts), a row A y is (A_v C_v + A_f C_f + A_tau) tau + A_v c_v + A_f c_f.
     """
-    count, width = out.shape
+    width, kinds = motion.shape[1], rows.kinds
+    out = np.empty((count, width))
     if kinds[0] == DENSE and count:
-        np.dot(vdot, motion, out)
+        np.dot(rows.vdot, motion, out)
     elif kinds[0] == PICKED:
         for i in range(count):
             for j in range(width):
-                out[i, j] = motion[picks[i], j]
+                out[i, j] = motion[rows.picks[i], j]
     else:
         out[:] = 0.0
     if kinds[1] == DENSE and count and push.shape[0]:
-        out += np.dot(force, push)
+        out += np.dot(rows.force, push)
     elif kinds[1] == PICKED:
         out += push
     if kinds[2] == DENSE:
         for i in range(count):
             for j in range(width - 1):
-                out[i, j] += torque[i, j]
+                out[i, j] += rows.torque[i, j]
     elif kinds[2] == PICKED:
         for i in range(count):
             out[i, i] += 1.0
-
-
-@kernel(INDEX, MATRIX, INDEX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, WHOLE, OUT_MATRIX, OUT_VECTOR)
-def cost_rows(
-    kinds: IntArray,
-    vdot: FloatArray,
-    picks: IntArray,
-    force: FloatArray,
-    torque: FloatArray,
-    motion: FloatArray,
-    push: FloatArray,
-    target: FloatArray,
-    weight: FloatArray,
-    start: int,
-    matrix: FloatArray,
-    right: FloatArray,
-) -> None:
-    """Weight (A y - target) of one task as D tau - d, into matrix (., n) and right (.,) from row `start` on."""
-    out = np.empty((target.size, motion.shape[1]))
-    n = motion.shape[1] - 1
-    written_over_torques(kinds, vdot, picks, force, torque, motion, push, out)
-    for i in range(target.size):
-        right[start + i] = weight[i] * (target[i] - out[i, n])
-        for j in range(n):
-            matrix[start + i, j] = weight[i] * out[i, j]
-
-
-@kernel(INDEX, MATRIX, INDEX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, WHOLE, OUT_MATRIX, OUT_VECTOR, OUT_VECTOR)
-def limit_rows(
-    kinds: IntArray,
-    vdot: FloatArray,
-    picks: IntArray,
-    force: FloatArray,
-    torque: FloatArray,
-    motion: FloatArray,
-    push: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    start: int,
-    matrix: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> None:
-    """Lower <= A y <= upper of one limit as low <= G tau <= high, into the rows from `start` on."""
-    out = np.empty((lower.size, motion.shape[1]))
-    n = motion.shape[1] - 1
-    written_over_torques(kinds, vdot, picks, force, torque, motion, push, out)
-    for i in range(lower.size):
-        low[start + i], high[start + i] = lower[i] - out[i, n], upper[i] - out[i, n]
-        for j in range(n):
-            matrix[start + i, j] = out[i, j]
+    return out
 
 
 @kernel(VECTOR, MATRIX, MATRIX, INDEX, WHOLE)

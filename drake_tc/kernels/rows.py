@@ -1,10 +1,11 @@
 """Targets and bounds of the built-in tasks and limits at one state, see `drake_tc.tsid.tasks` and `.limits`."""
 
 import math
+from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, REAL, VECTOR, WHOLE, helper, kernel
+from drake_tc.kernels.compiling import INDEX, MATRIX, REAL, VECTOR, WHOLE, helper, kernel, together
 from drake_tc.kernels.dynamics import product_into, rotate_into, rotation_of_quaternion
 from drake_tc.types import FloatArray, IntArray
 
@@ -14,59 +15,55 @@ WORLD, FRAME, REFERENCE = 0, 1, 2
 """In whose axes a frame's rows stand."""
 
 
-@kernel(VECTOR, VECTOR, INDEX, INDEX, VECTOR, VECTOR, VECTOR, INDEX)
+GAINS = together(VECTOR, VECTOR)
+"""kp and kd."""
+
+
+@kernel(VECTOR, VECTOR, together(INDEX, INDEX, INDEX), GAINS, VECTOR)
 def posture(
-    q: FloatArray,
-    v: FloatArray,
-    positions: IntArray,
-    velocities: IntArray,
-    stiffness: FloatArray,
-    damping: FloatArray,
-    reference: FloatArray,
-    joints: IntArray,
+    q: FloatArray, v: FloatArray, places: tuple[IntArray, ...], gains: tuple[FloatArray, ...], reference: FloatArray
 ) -> FloatArray:
-    """qdd_d + kp (q_d - q) + kd (qd_d - qd) (r,) of joints; reference (3 n,): q_d, qd_d, qdd_d of all."""
+    """qdd_d + kp (q_d - q) + kd (qd_d - qd) (r,) of joints; reference (3 n,): q_d, qd_d, qdd_d of all.
+
+    `places` are those of the joints among all, in q and in v.
+    """
+    joints, positions, velocities = places
     target, n = np.empty(joints.size), reference.size // 3
     for i in range(joints.size):
         j = joints[i]
         error, lag = reference[j] - q[positions[i]], reference[n + j] - v[velocities[i]]
-        target[i] = reference[2 * n + j] + stiffness[i] * error + damping[i] * lag
+        target[i] = reference[2 * n + j] + gains[0][i] * error + gains[1][i] * lag
     return target
 
 
-@kernel(MATRIX, VECTOR, REAL, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INDEX)
+@kernel(together(MATRIX, VECTOR, REAL, VECTOR, VECTOR), GAINS, VECTOR, INDEX)
 def com(
-    momentum: FloatArray,
-    rate: FloatArray,
-    mass: float,
-    place: FloatArray,
-    velocity: FloatArray,
-    stiffness: FloatArray,
-    damping: FloatArray,
-    reference: FloatArray,
-    axes: IntArray,
+    body: tuple[Any, ...], gains: tuple[FloatArray, ...], reference: FloatArray, axes: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """J_com and xdd_d + kp (x_d - x) + kd (xd_d - xd) - Jdot_com v, of the axes; reference (9,): x_d, xd_d, xdd_d."""
+    """J_com and xdd_d + kp (x_d - x) + kd (xd_d - xd) - Jdot_com v, of the axes; reference (9,): x_d, xd_d, xdd_d.
+
+    `body` is A_G (6, nv), Adot_G v (6,), the mass [kg], x (3,) and xd (3,).
+    """
+    momentum, rate, mass, place, velocity = body
     matrix, target = np.empty((axes.size, momentum.shape[1])), np.empty(axes.size)
     for i in range(axes.size):
         k = axes[i]
         error, lag = reference[k] - place[k], reference[3 + k] - velocity[k]
-        target[i] = reference[6 + k] + stiffness[k] * error + damping[k] * lag - rate[3 + k] / mass
+        target[i] = reference[6 + k] + gains[0][k] * error + gains[1][k] * lag - rate[3 + k] / mass
         for j in range(momentum.shape[1]):
             matrix[i, j] = momentum[3 + k, j] / mass
     return matrix, target
 
 
-@kernel(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, INDEX)
+@kernel(together(MATRIX, VECTOR, VECTOR), VECTOR, VECTOR, INDEX)
 def momentum(
-    matrix: FloatArray,
-    rate: FloatArray,
-    v: FloatArray,
-    stiffness: FloatArray,
-    reference: FloatArray,
-    axes: IntArray,
+    body: tuple[FloatArray, ...], stiffness: FloatArray, reference: FloatArray, axes: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """A_G's angular rows and Ldot_d + kp (L_d - L) - Adot_G v, of the axes; reference (6,): L_d, Ldot_d."""
+    """A_G's angular rows and Ldot_d + kp (L_d - L) - Adot_G v, of the axes; reference (6,): L_d, Ldot_d.
+
+    `body` is A_G (6, nv), Adot_G v (6,) and v (nv,).
+    """
+    matrix, rate, v = body
     rows, target = np.empty((axes.size, matrix.shape[1])), np.empty(axes.size)
     for i in range(axes.size):
         k = axes[i]
@@ -117,15 +114,13 @@ def turned_back(out: FloatArray, at: int, rotation: FloatArray, vector: FloatArr
 
 @helper
 def _in_reference(
-    goal: FloatArray,
-    own: FloatArray,
-    velocity: FloatArray,
-    reference: FloatArray,
-    error: FloatArray,
-    lag: FloatArray,
-    free: FloatArray,
+    goal: FloatArray, own: FloatArray, velocity: FloatArray, reference: FloatArray, asked: tuple[FloatArray, ...]
 ) -> None:
-    """The angular parts in the reference's axes, omega_d x (omega - omega_d) added (see `FrameTask`)."""
+    """The angular parts of `asked`, error, lag and what is asked for without them, in the reference's axes.
+
+    omega_d x (omega - omega_d) is added (see `FrameTask`).
+    """
+    error, lag, free = asked
     back, turn, carried, angles = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
     for i in range(3):
         for j in range(3):
@@ -142,15 +137,10 @@ def _in_reference(
         error[k] = -angles[k]
 
 
-@kernel(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, WHOLE)
+@kernel(together(MATRIX, VECTOR, VECTOR, MATRIX, VECTOR), GAINS, VECTOR, INDEX, WHOLE)
 def frame(
-    rotation: FloatArray,
-    position: FloatArray,
-    velocity: FloatArray,
-    jacobian: FloatArray,
-    bias: FloatArray,
-    stiffness: FloatArray,
-    damping: FloatArray,
+    motion: tuple[FloatArray, ...],
+    gains: tuple[FloatArray, ...],
     reference: FloatArray,
     selected: IntArray,
     axes: int,
@@ -158,17 +148,13 @@ def frame(
     """Rows and targets of a frame's pose, see `drake_tc.tsid.tasks.frame.FrameTask`.
 
     Args:
-        rotation: (3, 3) R_WF.
-        position: (3,).
-        velocity: (6,).
-        jacobian: (6, nv).
-        bias: (6,).
-        stiffness: (6,).
-        damping: (6,).
+        motion: What `terms.frame_terms` returns.
+        gains: (6,) each.
         reference: (19,).
         selected: Which of the six rows.
         axes: WORLD, FRAME or REFERENCE.
     """
+    rotation, position, velocity, jacobian, bias = motion
     own, goal, turn = np.empty(9), np.empty(9), np.empty(9)
     for i in range(3):
         for j in range(3):
@@ -182,7 +168,7 @@ def frame(
     for k in range(6):
         lag[k], free[k] = reference[7 + k] - velocity[k], reference[13 + k] - bias[k]
     if axes == REFERENCE:
-        _in_reference(goal, own, velocity, reference, error, lag, free)
+        _in_reference(goal, own, velocity, reference, (error, lag, free))
         into[:] = goal
     else:
         for i in range(3):
@@ -199,7 +185,7 @@ def frame(
     matrix, target = np.empty((selected.size, jacobian.shape[1])), np.empty(selected.size)
     for i in range(selected.size):
         k = selected[i]
-        target[i] = free[k] + stiffness[k] * error[k] + damping[k] * lag[k]
+        target[i] = free[k] + gains[0][k] * error[k] + gains[1][k] * lag[k]
         part = k - k % 3
         if axes == WORLD or (axes == REFERENCE and part):
             matrix[i] = jacobian[k]
@@ -212,9 +198,18 @@ def frame(
 
 @helper
 def _ceiling(
-    q: float, v: float, end: float, fastest: float, most: float, braking: float, period: float
+    q: float, v: float, ends: tuple[float, float], rates: tuple[float, float], period: float
 ) -> tuple[float, bool]:
-    """Upper end of the accelerations of one joint, and whether a limit gave way there; the lower end is its mirror."""
+    """Upper end of the accelerations of one joint, and whether a limit gave way there; the lower end is its mirror.
+
+    Args:
+        q: Position.
+        v: Velocity.
+        ends: Of position and velocity.
+        rates: A and B.
+        period: h [s].
+    """
+    (end, fastest), (most, braking) = ends, rates
     forward = max(v, 0.0)
     stop = forward * forward / (2.0 * braking)
     room = end - q
@@ -234,18 +229,9 @@ def _ceiling(
     return ceiling, beyond > NEGLIGIBLE or late > NEGLIGIBLE / period
 
 
-@kernel(VECTOR, VECTOR, INDEX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, REAL)
+@kernel(VECTOR, VECTOR, INDEX, together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, REAL))
 def viable(
-    q: FloatArray,
-    v: FloatArray,
-    places: IntArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    slowest: FloatArray,
-    fastest: FloatArray,
-    most: FloatArray,
-    braking: FloatArray,
-    period: float,
+    q: FloatArray, v: FloatArray, places: IntArray, limits: tuple[Any, ...]
 ) -> tuple[FloatArray, FloatArray, int]:
     """Bounds (n,) on the acceleration of joints, and of how many a limit gave way; see `tsid.limits.viability`.
 
@@ -253,20 +239,16 @@ def viable(
         q: (n,).
         v: (nv,).
         places: (n,) of the joints in v.
-        lower: (n,) positions, with the next one.
-        upper: The same.
-        slowest: (n,) velocities, with the next one.
-        fastest: The same.
-        most: (n,) A.
-        braking: (2 n,) B at the upper ends, then at the lower ones.
-        period: h [s].
+        limits: (n,) lower and upper positions, lowest and highest velocities, A; (2 n,) B at the upper ends, then at
+            the lower ones; h [s].
     """
+    lower, upper, slowest, fastest, most, braking, period = limits
     n, relaxed = q.size, 0
     low, high = np.empty(n), np.empty(n)
     for i in range(n):
         speed = v[places[i]]
-        above, gave = _ceiling(q[i], speed, upper[i], fastest[i], most[i], braking[i], period)
-        below, also = _ceiling(-q[i], -speed, -lower[i], -slowest[i], most[i], braking[n + i], period)
+        above, gave = _ceiling(q[i], speed, (upper[i], fastest[i]), (most[i], braking[i]), period)
+        below, also = _ceiling(-q[i], -speed, (-lower[i], -slowest[i]), (most[i], braking[n + i]), period)
         high[i], low[i] = above, min(-below, above)
         relaxed += gave or also
     return low, high, relaxed

@@ -1,10 +1,11 @@
 """Robust programs in units of their own uncertainty: torques over sigma, rows over sigma_G; and what is read there."""
 
 import math
+from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, REAL, VECTOR, WHOLE, kernel
+from drake_tc.kernels.compiling import FLAG, INDEX, MATRIX, REAL, VECTOR, WHOLE, kernel, together
 from drake_tc.kernels.gaussian import log_cdf
 from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.kernels.newton import FEASIBLE
@@ -16,15 +17,15 @@ CERTAIN = 1e-12
 _HALF = math.sqrt(0.5)
 
 
-@kernel(MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, FLAG)
+POLYTOPE = together(MATRIX, VECTOR, VECTOR)
+"""(m, n) A, (m,) lower and upper sides of A x."""
+ROWS = together(MATRIX, VECTOR, VECTOR, INDEX)
+"""The same, and 1 for each row (m,) that does not err."""
+
+
+@kernel(MATRIX, POLYTOPE, VECTOR, MATRIX, FLAG)
 def scaled(
-    cost: FloatArray,
-    matrix: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    scale: FloatArray,
-    root: FloatArray,
-    plain: bool,
+    cost: FloatArray, polytope: tuple[FloatArray, ...], scale: FloatArray, root: FloatArray, plain: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, int]:
     """D diag(scale), and the rows of lower <= G tau <= upper over the deviation of G e, e = root zeta.
 
@@ -32,9 +33,7 @@ def scaled(
 
     Args:
         cost: (c, n) D.
-        matrix: (m, n) G.
-        lower: (m,).
-        upper: (m,).
+        polytope: (m, n) G and its sides.
         scale: (n,) units of the torques [N m].
         root: (n, r).
         plain: Whether root = diag(scale), so that the noise of the rows is the rows.
@@ -42,6 +41,7 @@ def scaled(
     Returns:
         D, A, lower, upper, noise (m, r), 1 for each row (m,) that does not err, divisors (m,), how many do not err.
     """
+    matrix, lower, upper = polytope
     (m, n), r = matrix.shape, root.shape[1]
     priced, rows = np.empty(cost.shape), np.empty((m, n))
     noise = rows if plain else np.empty((m, r))
@@ -101,33 +101,23 @@ def separate_risk(value: FloatArray, lower: FloatArray, upper: FloatArray, certa
     return risk
 
 
-@kernel(VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, INDEX, MATRIX, VECTOR)
+@kernel(VECTOR, VECTOR, ROWS, together(MATRIX, VECTOR))
 def evaluated(
-    x: FloatArray,
-    scale: FloatArray,
-    matrix: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    certain: IntArray,
-    cost: FloatArray,
-    target: FloatArray,
+    x: FloatArray, scale: FloatArray, rows: tuple[Any, ...], costs: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, IntArray, float, float]:
     """What a point of a scaled problem means.
 
     Args:
         x: (n,).
         scale: (n,) [N m].
-        matrix: (m, n) A, with the next two.
-        lower: (m,).
-        upper: (m,).
-        certain: (m,) rows that do not err.
-        cost: (c, n) D over x.
-        target: (c,) d.
+        rows: See `ROWS`.
+        costs: (c, n) D over x, (c,) d.
 
     Returns:
         Torque (n,), 1 or -1 for each row (m,) at its upper or lower side, the product of the probabilities of all
         sides (0 where a row that does not err is missed), ||D x - d||^2.
     """
+    (matrix, lower, upper, certain), (cost, target) = rows, costs
     m = matrix.shape[0]
     value, torque = np.empty(m), np.empty(x.size)
     times_vector(value, matrix, x)
@@ -179,16 +169,10 @@ def box_program(
     return rows, np.full(count, -np.inf), high, priced
 
 
-@kernel(VECTOR, MATRIX, VECTOR, VECTOR, MATRIX, INDEX)
-def box_size(
-    x: FloatArray,
-    matrix: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    noise: FloatArray,
-    certain: IntArray,
-) -> float:
+@kernel(VECTOR, ROWS, MATRIX)
+def box_size(x: FloatArray, rows: tuple[Any, ...], noise: FloatArray) -> float:
     """Largest s with x +- s inside; negative where x is outside, -inf where a row that does not err is missed."""
+    matrix, lower, upper, certain = rows
     value = np.empty(lower.size)
     times_vector(value, matrix, x)
     size = np.inf

@@ -1,15 +1,15 @@
 """Entries of Newton's method and of the programs that it solves, see `programs`.
 
-All of them take a program as the same eleven arguments, so that what they share is compiled once: kind, A, K, the sides
-(m,) that a rectangle's x itself keeps (1 the upper, -1 the lower, 0 none), D, d, c, risk_lower, risk_upper, and
-`numbers` = [w, damping, least width of a rectangle, accuracy, steps until a search pauses, how it begins].
+All of them take a program as one tuple, `Data`, so that what they share is compiled once.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, VECTOR, WHOLE, helper, kernel
+from drake_tc.kernels.compiling import MATRIX, VECTOR, WHOLE, helper, kernel, together
 from drake_tc.kernels.gaussian import CEILING, curvature_of
-from drake_tc.kernels.newton import FRESH, MEMORY, Search, search
+from drake_tc.kernels.newton import FRESH, MEMORY, Search, Stop, search
 from drake_tc.kernels.programs import (
     PLAIN,
     RECTANGLE,
@@ -26,26 +26,44 @@ from drake_tc.kernels.programs import (
     value_at,
 )
 from drake_tc.kernels.steps import held_rows
+from drake_tc.kernels.warm_start import HELD_ROWS
 from drake_tc.types import FloatArray, IntArray
 
-_PROGRAM = (WHOLE, MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+PROGRAM = together(WHOLE, MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+SIDES = together(VECTOR, VECTOR)
+"""(m,) lower and upper sides of A x, or of a rectangle's rows."""
 _WEIGHT, _DAMPING, _WIDTH, _ACCURACY, _MOST, _HOW = 0, 1, 2, 3, 4, 5
 
 
+class Data(NamedTuple):
+    """A program as the entries take it.
+
+    Attributes:
+        kind: PLAIN or RECTANGLE.
+        matrix, noise: (m, n) A and (m, r) K.
+        held: (m,) sides that a rectangle's x itself keeps: 1 the upper, -1 the lower, 0 none.
+        cost, target: (c, n) D and (c,) d.
+        linear: (N,) c.
+        risk_lower, risk_upper: (m,).
+        numbers: (6,) w, damping, least width of a rectangle, accuracy, steps until a search pauses, how it begins.
+    """
+
+    kind: int
+    matrix: FloatArray
+    noise: FloatArray
+    held: FloatArray
+    cost: FloatArray
+    target: FloatArray
+    linear: FloatArray
+    risk_lower: FloatArray
+    risk_upper: FloatArray
+    numbers: FloatArray
+
+
 @helper
-def program_of(
-    kind: int,
-    matrix: FloatArray,
-    noise: FloatArray,
-    held: FloatArray,
-    cost: FloatArray,
-    target: FloatArray,
-    linear: FloatArray,
-    risk_lower: FloatArray,
-    risk_upper: FloatArray,
-    numbers: FloatArray,
-) -> Program:
+def program_of(data: Data) -> Program:
     """The program of an entry's arguments."""
+    numbers, held, noise = data.numbers, data.held, data.noise
     weight, count = numbers[_WEIGHT], 0
     for i in range(held.size):
         count += held[i] != 0.0
@@ -55,21 +73,23 @@ def program_of(
             rows[count], signs[count] = i, held[i]
             count += 1
     damping, least = numbers[_DAMPING] + RISK_DAMPING * weight, 1.0
-    if kind == RECTANGLE:
+    if data.kind == RECTANGLE:
         damping, least = SIDE_DAMPING * weight, 0.0
-    quadratic = quadratic_of(cost, damping, least)
+    quadratic = quadratic_of(data.cost, damping, least)
     reach = np.empty(noise.shape)
     for i in range(noise.shape[0]):
         for j in range(noise.shape[1]):
             reach[i, j] = abs(noise[i, j])
     return Program(
-        kind, matrix, noise, reach, rows, signs, cost, target, linear, risk_lower, risk_upper, weight, quadratic
-    )
+        data.kind, data.matrix, noise, reach, rows, signs, data.cost, data.target, data.linear,
+        data.risk_lower, data.risk_upper, weight, quadratic,
+    )  # fmt: skip
 
 
 @helper
-def sides_of(program: Program, lower: FloatArray, upper: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+def sides_of(program: Program, sides: tuple[FloatArray, ...], width: float) -> tuple[FloatArray, FloatArray]:
     """Lower and upper sides of all rows; a rectangle's have no lower ones."""
+    lower, upper = sides
     m, r = program.matrix.shape[0], program.noise.shape[1]
     low, high = np.empty(rows_of(program)), np.empty(rows_of(program))
     if program.kind == PLAIN:
@@ -86,102 +106,64 @@ def sides_of(program: Program, lower: FloatArray, upper: FloatArray, width: floa
     return low, high
 
 
-@kernel(*_PROGRAM, VECTOR, VECTOR, VECTOR, INDEX, INDEX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR)
+@kernel(PROGRAM, SIDES, VECTOR, HELD_ROWS, together(MATRIX, VECTOR, VECTOR, VECTOR))
 def minimum(
-    kind: int,
-    matrix: FloatArray,
-    noise: FloatArray,
-    held: FloatArray,
-    cost: FloatArray,
-    target: FloatArray,
-    linear: FloatArray,
-    risk_lower: FloatArray,
-    risk_upper: FloatArray,
-    numbers: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
+    data: tuple[Any, ...],
+    sides: tuple[FloatArray, ...],
     x: FloatArray,
-    rows: IntArray,
-    sides: IntArray,
-    multipliers: FloatArray,
-    hessian: FloatArray,
-    gradient: FloatArray,
-    step: FloatArray,
-    memory: FloatArray,
-) -> tuple[int, FloatArray, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """A search within lower <= A x <= upper, (m,) each, or within a rectangle's rows of the same sides.
+    holding: tuple[Any, ...],
+    before: tuple[FloatArray, ...],
+) -> tuple[int, FloatArray, tuple[IntArray, IntArray, FloatArray], FloatArray, FloatArray, FloatArray]:
+    """A search within lower <= A x <= upper, or within a rectangle's rows of the same sides.
 
     Args:
-        kind: PLAIN or RECTANGLE; this and what follows up to `numbers` see above.
-        matrix: (m, n) A.
-        noise: (m, r) K.
-        held: (m,) sides that x itself keeps.
-        cost: (c, n) D.
-        target: (c,) d.
-        linear: (N,) c.
-        risk_lower: (m,).
-        risk_upper: (m,).
-        numbers: (6,).
-        lower: (m,).
-        upper: (m,).
+        data: See `Data`.
+        sides: (m,) each.
         x: (N,) where to begin.
-        rows: (a,) first guess of the rows that hold the answer.
-        sides: (a,).
-        multipliers: (a,).
-        hessian: (N, N) that the search before left; empty for a fresh one, as the next three are.
-        gradient: (N,) the same.
-        step: (N + m,) a solver's d and A d.
-        memory: Of the search before.
+        holding: First guess of the rows that hold the answer, see `HELD_ROWS`.
+        before: What the search before left: Hessian (N, N), gradient (N,), a solver's [d; A d] (N + m,) and memory;
+            empty for a fresh one.
 
     Returns:
-        How it ended (`newton`), x, rows, sides, multipliers, Hessian, gradient, memory.
+        How it ended (`newton`), x, the rows that hold it, Hessian, gradient, memory.
     """
-    program = program_of(kind, matrix, noise, held, cost, target, linear, risk_lower, risk_upper, numbers)
-    low, high = sides_of(program, lower, upper, numbers[_WIDTH])
+    given, (rows, ends, forces), (hessian, gradient, step, memory) = Data(*data), holding, before
+    program, numbers = program_of(given), given.numbers
+    low, high = sides_of(program, sides, numbers[_WIDTH])
     size, room, how = x.size, rows_of(program) + 1, int(numbers[_HOW])
     kept = held_rows(room)
     if rows.size and rows.max() < room - 1:
         kept.used[0] = rows.size
         kept.rows[: rows.size] = rows
-        kept.sides[: rows.size] = sides
-        kept.multipliers[: rows.size] = multipliers
+        kept.sides[: rows.size] = ends
+        kept.multipliers[: rows.size] = forces
     found = Search(x.copy(), kept, np.empty((size, size)), np.empty(size), step, np.empty(MEMORY))
     if how != FRESH:
         found.hessian[:] = hessian
         found.gradient[:] = gradient
         found.memory[:] = memory
     squared = 0.0
-    for i in range(target.size):
-        squared += target[i] * target[i]
+    for value in given.target:
+        squared += value * value
     rounding = 1e-15 * squared + 1e-12 * program.weight
-    outcome = search(program, low, high, numbers[_ACCURACY], rounding, int(numbers[_MOST]), how, found)
+    outcome = search(program, (low, high), Stop(numbers[_ACCURACY], rounding, int(numbers[_MOST]), how), found)
     a = kept.used[0]
-    at, ends, forces = kept.rows[:a].copy(), kept.sides[:a].copy(), kept.multipliers[:a].copy()
-    return outcome, found.x, at, ends, forces, found.hessian, found.gradient, found.memory
+    held = kept.rows[:a].copy(), kept.sides[:a].copy(), kept.multipliers[:a].copy()
+    return outcome, found.x, held, found.hessian, found.gradient, found.memory
 
 
-@kernel(*_PROGRAM, VECTOR)
+@kernel(PROGRAM, VECTOR)
 def described(
-    kind: int,
-    matrix: FloatArray,
-    noise: FloatArray,
-    held: FloatArray,
-    cost: FloatArray,
-    target: FloatArray,
-    linear: FloatArray,
-    risk_lower: FloatArray,
-    risk_upper: FloatArray,
-    numbers: FloatArray,
-    x: FloatArray,
+    data: tuple[Any, ...], x: FloatArray
 ) -> tuple[float, float, FloatArray, FloatArray, FloatArray, FloatArray]:
     """f, R, gradient and damped Hessian at x (N,), and slope and bend (m,) of R by each row's A_i x (PLAIN alone)."""
-    program = program_of(kind, matrix, noise, held, cost, target, linear, risk_lower, risk_upper, numbers)
+    program = program_of(Data(*data))
     point, gradient, hessian = point_of(program, x.size), np.empty(x.size), np.empty((x.size, x.size))
     point.x[:] = x
     value_at(program, point)
     gradient_into(program, point, gradient)
     hessian_into(program, point, hessian)
-    m = matrix.shape[0]
+    m = program.matrix.shape[0]
     slope, bend = np.zeros(m), np.zeros(m)
     for k in range(int(point.value[1])):
         side = point.sides[k]
@@ -192,25 +174,13 @@ def described(
     return point.value[0], risk, gradient, hessian, slope, bend
 
 
-@kernel(*_PROGRAM, VECTOR, VECTOR)
-def written_out(
-    kind: int,
-    matrix: FloatArray,
-    noise: FloatArray,
-    held: FloatArray,
-    cost: FloatArray,
-    target: FloatArray,
-    linear: FloatArray,
-    risk_lower: FloatArray,
-    risk_upper: FloatArray,
-    numbers: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+@kernel(PROGRAM, SIDES)
+def written_out(data: tuple[Any, ...], sides: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """All rows of a program over its N variables, and their lower and upper sides."""
-    program = program_of(kind, matrix, noise, held, cost, target, linear, risk_lower, risk_upper, numbers)
-    low, high = sides_of(program, lower, upper, numbers[_WIDTH])
-    size = matrix.shape[1] + (2 * noise.shape[1] if kind == RECTANGLE else 0)
+    given = Data(*data)
+    program = program_of(given)
+    low, high = sides_of(program, sides, given.numbers[_WIDTH])
+    size = given.matrix.shape[1] + (2 * given.noise.shape[1] if given.kind == RECTANGLE else 0)
     whole = np.empty((rows_of(program), size))
     for i in range(whole.shape[0]):
         row_into(program, i, whole[i])

@@ -55,6 +55,15 @@ class Step(NamedTuple):
     along: FloatArray
 
 
+class Model(NamedTuple):
+    """The quadratic model of a step: its minimum without limits (N,), A times that (m,), and the sides (m,) of A d."""
+
+    newton: FloatArray
+    free: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
 @helper
 def held_rows(size: int) -> Held:
     """Memory for `size` rows."""
@@ -150,33 +159,22 @@ def promise(program: Program, factor: Factor, gradient: FloatArray, held: Held) 
 
 
 @helper
-def guess(
-    program: Program,
-    factor: Factor,
-    newton: FloatArray,
-    free: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    held: Held,
-    step: Step,
-) -> bool:
+def guess(program: Program, factor: Factor, model: Model, held: Held, step: Step) -> bool:
     """The step that rows near `held` end on, which `held` becomes; False where some guesses do not find it.
 
     Args:
         program: Whose rows.
         factor: Of its Hessian.
-        newton: (N,) the step without limits.
-        free: (m,) A times it.
-        lower: (m,) of A d.
-        upper: (m,) of A d.
+        model: Of the step.
         held: First guess; where none succeeds, it is whatever was tried last.
         step: The answer.
     """
+    lower, upper = model.lower, model.upper
     for _ in range(GUESSES):
-        step.d[:] = newton
-        step.along[:] = free
+        step.d[:] = model.newton
+        step.along[:] = model.free
         count = held.used[0]
-        if count and not _held_step(program, factor, free, lower, upper, held, step):
+        if count and not _held_step(program, factor, model, held, step):
             return False
         worst, miss, above = -1, -np.inf, True
         for i in range(upper.size):
@@ -210,15 +208,7 @@ def guess(
 
 
 @helper
-def _held_step(
-    program: Program,
-    factor: Factor,
-    free: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    held: Held,
-    step: Step,
-) -> bool:
+def _held_step(program: Program, factor: Factor, model: Model, held: Held, step: Step) -> bool:
     """The step with all `held` rows at their ends, and their multipliers; False where they depend on each other."""
     count = held.used[0]
     columns = np.empty((step.d.size, count))
@@ -227,11 +217,11 @@ def _held_step(
     if not factor_into(small, np.dot(columns.T, columns)):
         return False
     held.multipliers[:count] = 0.0
-    step.along[:] = free
+    step.along[:] = model.free
     for _ in range(CORRECTIONS):
         for k in range(count):
             row = held.rows[k]
-            force[k] = step.along[row] - (upper[row] if held.sides[k] > 0 else lower[row])
+            force[k] = step.along[row] - (model.upper[row] if held.sides[k] > 0 else model.lower[row])
         miss = np.abs(force).max()
         if miss <= HELD:
             break

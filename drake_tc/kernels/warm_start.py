@@ -6,9 +6,11 @@ There is room for r = 2 n + 2 rows that hold a solution and for i = 8 n numbers 
 What is more than that is left out, which costs the next tick time but not its answer.
 """
 
+from typing import Any
+
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, REAL, VECTOR, WHOLE, helper, kernel
+from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, REAL, VECTOR, WHOLE, helper, kernel, together
 from drake_tc.types import FloatArray, IntArray
 
 KNOWN, ROWS, WEIGHT, HELD, INNER, HEAD = 0, 1, 2, 3, 4, 5
@@ -33,32 +35,27 @@ def size(joints: int) -> int:
     return HEAD + joints + 3 * held_room(joints) + inner_room(joints)
 
 
-@kernel(VECTOR, WHOLE, REAL, INDEX, INDEX, VECTOR, VECTOR, OUT_VECTOR)
+HELD_ROWS = together(INDEX, INDEX, VECTOR)
+"""(a,) rows that hold a solution, their sides and their multipliers."""
+
+
+@kernel(VECTOR, together(WHOLE, REAL), HELD_ROWS, VECTOR, OUT_VECTOR)
 def pack(
-    torque: FloatArray,
-    rows: int,
-    weight: float,
-    held: IntArray,
-    sides: IntArray,
-    multipliers: FloatArray,
-    inner: FloatArray,
-    out: FloatArray,
+    torque: FloatArray, known: tuple[int, float], holding: tuple[Any, ...], inner: FloatArray, out: FloatArray
 ) -> None:
     """A start into its numbers.
 
     Args:
         torque: (n,) [N m].
-        rows: How many rows the problem had.
-        weight: Of the robustness.
-        held: (a,) rows that hold the solution, with the next two.
-        sides: (a,).
-        multipliers: (a,).
+        known: How many rows the problem had, weight of the robustness.
+        holding: See `HELD_ROWS`.
         inner: (.,) of an interior-point method; empty where there is none.
         out: (size,) written.
     """
+    held, sides, multipliers = holding
     n, room = torque.size, held_room(torque.size)
     out[:] = 0.0
-    out[KNOWN], out[ROWS], out[WEIGHT] = 1.0, rows, weight
+    out[KNOWN], out[ROWS], out[WEIGHT] = 1.0, known[0], known[1]
     out[HEAD : HEAD + n] = torque
     if held.size <= room:
         out[HELD] = held.size

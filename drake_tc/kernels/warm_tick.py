@@ -7,19 +7,21 @@ theirs. It solves the trade-offs by one program each; that of a rectangle goes o
 not end with a torque it says which stage gave none, and `drake_tc.tsid.tick` goes through the stages one by one.
 """
 
+from typing import Any
+
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, kernel
+from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, kernel
 from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.kernels.linking import inlined
 from drake_tc.kernels.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS
-from drake_tc.kernels.problem import FOUND, PROBLEM, VELOCITIES, Answer, problem
+from drake_tc.kernels.problem import FOUND, LAW, VELOCITIES, Answer, Tables, problem
 from drake_tc.kernels.programs import RECTANGLE
 from drake_tc.kernels.reduction import response
 from drake_tc.kernels.scaling import box_program, box_risk, box_size, evaluated
 from drake_tc.kernels.searches import minimum
 from drake_tc.kernels.warm_start import KNOWN, ROWS, pack, unpack
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import FloatArray
 
 OPEN = 3
 """Code beside those of `problem`: there is a problem, and the stages are to solve it."""
@@ -53,76 +55,29 @@ def misses(found: Answer, x: FloatArray) -> bool:
     return missed
 
 
-@kernel(*PROBLEM, VECTOR, INDEX, VECTOR, OUT_VECTOR)
-def warm_tick(
-    given: FloatArray,
-    held: FloatArray,
-    floating: IntArray,
-    places: IntArray,
-    constants: FloatArray,
-    trunk: FloatArray,
-    gravity: FloatArray,
-    frames: FloatArray,
-    frame_bodies: IntArray,
-    contacts: IntArray,
-    active: IntArray,
-    actuated: IntArray,
-    positions: IntArray,
-    tasks: IntArray,
-    limits: IntArray,
-    integers: IntArray,
-    numbers: FloatArray,
-    dense: FloatArray,
-    scale: FloatArray,
-    root: FloatArray,
-    options: FloatArray,
-    form: FloatArray,
-    entries: IntArray,
-    before: FloatArray,
-    after: FloatArray,
-) -> int:
+@kernel(VECTOR, LAW, VECTOR, VECTOR, OUT_VECTOR)
+def warm_tick(given: FloatArray, law: tuple[Any, ...], form: FloatArray, before: FloatArray, after: FloatArray) -> int:
     """See the module.
 
     Args:
-        given: Up to `options` as `problem.problem` takes them.
-        held: The same.
-        floating: The same.
-        places: The same.
-        constants: The same.
-        trunk: The same.
-        gravity: The same.
-        frames: The same.
-        frame_bodies: The same.
-        contacts: The same.
-        active: The same.
-        actuated: The same.
-        positions: The same.
-        tasks: The same.
-        limits: The same.
-        integers: The same.
-        numbers: The same.
-        dense: The same.
-        scale: The same.
-        root: The same.
-        options: The same.
+        given: (nq + nv + references,) q, v and the references of all tasks.
+        law: As `problem.problem` takes it.
         form: (10,) see `KIND` and what follows it.
-        entries: (k,) places of this tick's forces among those of all contacts.
         before: (S,) [tau; vdot; f; status; start] of the last tick; its rows count where this problem has as many.
         after: (S,) the same of this tick, written where the code is FOUND.
 
     Returns:
         FOUND, or the code of what stands in the way.
     """
+    tables = Tables(*law[1])
+    scale, options = tables.scale, tables.options
     none, nothing, n = np.zeros((0, 0)), np.zeros(0), scale.size
     moving = n + int(options[VELOCITIES])
     pushing = moving + int(form[FORCES])
     last, start, status = before[pushing + STATUS :], after[pushing + STATUS :], after[pushing : pushing + STATUS]
     if not last[KNOWN] > 0.0:
         return OPEN
-    found = problem(
-        given, held, floating, places, constants, trunk, gravity, frames, frame_bodies, contacts, active, actuated,
-        positions, tasks, limits, integers, numbers, dense, scale, root, options,
-    )  # fmt: skip
+    found = problem(given, law)
     if found.code != FOUND:
         return int(found.code)
     m, kind, boxed = found.lower.size, int(form[KIND]), form[SIZE_WEIGHT] > 0.0
@@ -152,26 +107,25 @@ def warm_tick(
         search[3] += form[EXACT] * value * value
     if not known:
         rows, sides, multipliers = rows[:0], sides[:0], multipliers[:0]
-    outcome, x, at, ends, forces, _, _, memory = minimum(
-        kind, matrix, noise, kept, cost, found.target, linear, low, high, search, lower, upper, begin,
-        rows, sides, multipliers, none, nothing, nothing, nothing,
-    )  # fmt: skip
+    program = kind, matrix, noise, kept, cost, found.target, linear, low, high, search
+    outcome, x, holding, _, _, memory = minimum(
+        program, (lower, upper), begin, (rows, sides, multipliers), (none, nothing, nothing, nothing)
+    )
     if outcome != SOLVED or not np.isfinite(x.sum()):
         return OPEN
     answer, risk = x[:n].copy(), memory[RISK]
+    limits = found.rows, found.lower, found.upper, found.certain
     if kind == RECTANGLE and misses(found, answer):
         return OPEN
     if boxed:
-        half = box_size(answer, found.rows, found.lower, found.upper, found.noise, found.certain)
+        half = box_size(answer, limits, found.noise)
         risk = box_risk(half, found.noise.shape[1])
-    applied, _, chance, _ = evaluated(
-        answer, scale, found.rows, found.lower, found.upper, found.certain, found.cost, found.target
-    )
-    vdot, force = response(applied, found.motion, found.push, entries, pushing - moving)
+    applied, _, chance, _ = evaluated(answer, scale, limits, (found.cost, found.target))
+    vdot, force = response(applied, found.motion, found.push, tables.entries, pushing - moving)
     after[:n], after[n:moving], after[moving:pushing], status[:] = applied, vdot, force, 0.0
     status[2], status[3], status[4], status[5] = memory[STEPS], min(risk, form[LARGEST]), chance, -1.0
     status[7], status[8] = found.relaxed, 1.0 if memory[DONE] > 0.0 else 0.0
     left = np.empty(x.size - n + kept.size)
     left[: x.size - n], left[x.size - n :] = x[n:], kept
-    pack(applied, m, 0.0, at, ends, forces, left, start)
+    pack(applied, (m, 0.0), holding, left, start)
     return FOUND

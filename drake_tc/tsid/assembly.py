@@ -1,4 +1,4 @@
-"""Rows of many tasks and limits as whole matrices over the torques (`drake_tc.kernels.reduction`).
+"""Rows of many tasks and limits as whole matrices over the torques.
 
 Accelerations and contact forces as what the torques make them (B, the reduced form).
 
@@ -19,7 +19,6 @@ free in the reduced form as they are in the full one: make a sole one surface co
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +26,7 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
 from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, Polytope, TaskRows, Terms, identity
-from drake_tc.types import FloatArray, IntArray
-
-_COST_ROWS, _LIMIT_ROWS = Kernel("reduction", "cost_rows"), Kernel("reduction", "limit_rows")
-_KINDS = {kinds: np.array(kinds, dtype=np.int64) for kinds in product(range(3), repeat=3)}
-_NONE: FloatArray = np.zeros((0, 0))
-_NOWHERE: IntArray = np.zeros(0, dtype=np.int64)
+from drake_tc.types import FloatArray
 
 
 class AffineMap(NamedTuple):
@@ -112,49 +106,49 @@ def check_names(names: Sequence[str]) -> None:
             raise ParamsError(f"tasks and limits: expected different names; {name!r} {how}")
 
 
-def _given(parts: Parts) -> tuple[FloatArray | IntArray, ...]:
-    """How each part is given, and the parts, as the compiled functions take them."""
-    vdot, force, torque, picks = parts.vdot, parts.force, parts.torque, parts.picks
-    kinds = _KINDS[
-        0 if vdot is None else 1 if picks is None else 2,
-        0 if force is None else 2 if force is identity(force.shape[0]) else 1,
-        0 if torque is None else 2 if torque is identity(torque.shape[0]) else 1,
-    ]
-    return (
-        kinds,
-        _NONE if vdot is None else vdot,
-        _NOWHERE if picks is None else picks,
-        _NONE if force is None else force,
-        _NONE if torque is None else torque,
-    )
+def over_torques(parts: Parts, count: int, causes: AffineMap) -> FloatArray:
+    """[matrix over tau, value at tau = 0] (count, n + 1) of rows: A_v [C_v, c_v] + A_f [C_f, c_f] + [A_tau, 0]."""
+    out = np.zeros((count, causes.motion.shape[1]))
+    for part, caused in ((parts.vdot, causes.motion), (parts.force, causes.push)):
+        if part is not None:
+            out += part @ caused
+    if parts.torque is not None:
+        out[:, :-1] += parts.torque
+    return out
 
 
 def cost_of(tasks: Sequence[TaskRows], causes: AffineMap) -> LeastSquares:
     """||D tau - d||^2 with the weights in the rows."""
-    size, start = sum(rows.target.size for rows in tasks), 0
-    matrix, target = np.empty((size, causes.motion.shape[1] - 1)), np.empty(size)
+    whole = [np.zeros((0, causes.motion.shape[1]))]
     for rows in tasks:
-        _COST_ROWS(*_given(rows.matrix), *causes, rows.target, rows.weight, start, matrix, target)
-        start += rows.target.size
-    return LeastSquares(matrix, target)
+        over = over_torques(rows.matrix, rows.target.size, causes)
+        over[:, -1] = rows.target - over[:, -1]
+        whole.append(rows.weight[:, None] * over)
+    matrix = np.concatenate(whole)
+    return LeastSquares(matrix[:, :-1].copy(), matrix[:, -1].copy())
 
 
 def polytope_of(limits: Sequence[LimitRows], causes: AffineMap) -> Polytope:
     """The polytope lower <= G tau <= upper, the torques' bounds first where there are some."""
-    limits = ordered(limits)
-    size, start = sum(rows.lower.size for rows in limits), 0
-    matrix, lower, upper = np.empty((size, causes.motion.shape[1] - 1)), np.empty(size), np.empty(size)
+    limits, start = ordered(limits), 0
+    over = np.concatenate(
+        [
+            np.zeros((0, causes.motion.shape[1])),
+            *(over_torques(rows.matrix, rows.lower.size, causes) for rows in limits),
+        ]
+    )
+    lower, upper = (
+        np.concatenate([np.zeros(0), *(getattr(rows, side) for rows in limits)]) - over[:, -1]
+        for side in ("lower", "upper")
+    )
     groups: dict[str, slice] = {}
-    labels: tuple[str, ...] = ()
     for rows in limits:
-        stop = start + rows.lower.size
-        _LIMIT_ROWS(*_given(rows.matrix), *causes, rows.lower, rows.upper, start, matrix, lower, upper)
         first = groups[rows.group].start if rows.group in groups else start
-        groups[rows.group] = slice(first, stop)
-        labels += rows.labels
-        start = stop
+        start += rows.lower.size
+        groups[rows.group] = slice(first, start)
     bounds = limits[0].lower.size if limits and is_bounds(limits[0]) else 0
-    return Polytope(matrix, lower, upper, groups, labels, bounds)
+    labels = tuple(label for rows in limits for label in rows.labels)
+    return Polytope(over[:, :-1].copy(), lower, upper, groups, labels, bounds)
 
 
 _CAUSES = Kernel("reduction", "causes")

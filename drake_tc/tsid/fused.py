@@ -131,7 +131,7 @@ class FusedProblem:
         return sizes
 
     def arguments(self, contacts: ActiveContacts, written: WrittenRows) -> tuple[Any, ...]:
-        """Of the compiled call, after the state and the references; each set of contacts' is made once.
+        """The law as the compiled call takes it (`drake_tc.kernels.problem.LAW`); each set of contacts' is made once.
 
         Args:
             contacts: That carry.
@@ -141,9 +141,9 @@ class FusedProblem:
         if known is None:
             model, tables, error = self._model, self.tables(contacts), self._error
             tasks, limits = _sized(tables, written) if self.asks else (tables.tasks, tables.limits)
+            places = contacts.places, model.actuated, model.positions
             tabled = tasks, limits, tables.integers, tables.numbers, written.rows
-            robot = *model.tree_arguments, contacts.places, model.actuated, model.positions
-            known = (*robot, *tabled, error.scale, error.root, self._options)
+            known = model.tree_arguments, (*places, *tabled, error.scale, error.root, self._options, contacts.entries)
             if not self.asks:
                 self._arguments[contacts.index] = known
         return known
@@ -157,7 +157,7 @@ class FusedProblem:
             written: Rows of tasks and limits that are no tables.
         """
         code, relaxed, motion, push, cost, target, rows, lower, upper, noise, certain, _, sure = _PROBLEM(
-            given, *self.arguments(contacts, written)
+            given, self.arguments(contacts, written)
         )
         error = self._error
         whole = ScaledRows(rows, lower, upper, self._bounds)
@@ -234,8 +234,7 @@ class WarmTick:
             before: (S,) what the last tick left, as `TickMemory` lays it out.
             after: (S,) the same of this tick, written where there is one.
         """
-        robot = self._fused.arguments(contacts, written)
-        code: int = _WARM_TICK(given, *robot, self._form, contacts.entries, before, after)
+        code: int = _WARM_TICK(given, self._fused.arguments(contacts, written), self._form, before, after)
         if code == _FOUND and written.relaxed:
             after[self._relaxed] += written.relaxed
         return code == _FOUND

@@ -48,7 +48,7 @@ class WarmStart:
             out[:] = 0.0
         else:
             inner = out[:0] if start.inner is None else start.inner
-            _PACK(start.torque, start.rows, start.weight, *start.active_set, inner, out)
+            _PACK(start.torque, (start.rows, start.weight), tuple(start.active_set), inner, out)
 
     def unpack(self, packed: FloatArray) -> Start | None:
         """The `Start` in packed (size,)."""

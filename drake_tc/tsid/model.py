@@ -96,7 +96,7 @@ class TsidModel:
         rotors: (n,) reflected rotor inertias that the mass matrix has [kg m^2].
         mass: [kg].
         start: (nq,) q in the robot's posture, its base where the robot file says.
-        tree_arguments: The robot as compiled functions take it (`drake_tc.kernels.terms.terms`).
+        tree_arguments: The robot as compiled functions take it (`drake_tc.kernels.terms.Robot`).
     """
 
     def __init__(
@@ -216,7 +216,7 @@ class TsidModel:
         if not self._is_state(q, v):
             return self._lost(q, v, contacts)
         bodies, mass_matrix, bias, jacobian, drift, slip, com, com_velocity, momentum, rate = _TERMS(
-            q, v, *self.tree_arguments, contacts.places
+            q, v, self.tree_arguments, contacts.places
         )
         frames = _Frames(self, q, bodies)
         return Terms(
@@ -253,11 +253,7 @@ class TsidModel:
             bodies: Of `drake_tc.kernels.terms.terms` at this state.
             name: One of `frame_names`.
         """
-        index, tree = self._frames[name], self._tree
-        body = int(tree.frame_bodies[index])
-        found = _FRAME(q, self._held, self._floating, tree.places, bodies, tree.frames[index], body, self.nv)
-        rotation, position, velocity, jacobian, bias = found
-        return FrameTerms(rotation, position, velocity, jacobian, bias)
+        return FrameTerms(*_FRAME(q, self.tree_arguments, bodies, self._frames[name], self.nv))
 
     def _lost(self, q: FloatArray, v: FloatArray, contacts: ActiveContacts) -> Terms:
         """Terms of NaN."""

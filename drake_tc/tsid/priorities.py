@@ -137,11 +137,10 @@ def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | Non
     if len(costs) < len(levels) and not isinstance(levels[-1], Robustness):
         return None
     x = np.zeros(len(problem.scale)) if x is None else x.copy()
-    limits = problem.limits
     ends = np.cumsum([0, *(cost.target.size for cost in costs)])
     matrix = np.concatenate([cost.matrix for cost in costs])
     target = np.concatenate([cost.target for cost in costs])
-    if _SOLVE_LEVELS(matrix, target, ends, limits.matrix, limits.lower, limits.upper, x) != 0:
+    if _SOLVE_LEVELS((matrix, target, ends), tuple(problem.limits[:3]), x) != 0:
         return None
     return HierarchySolution(x * problem.scale, (), (), Outcome.SOLVED, True, len(costs), 0)
 
@@ -271,9 +270,9 @@ class Priorities:
         except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
             active = np.zeros(len(limits.lower), dtype=np.int64)
             return RobustSolution(np.zeros(n), math.inf, 0.0, math.inf, active, Outcome.FAILED, False, 0, 0, None)
-        rows = limits.matrix, limits.lower, limits.upper, problem.certain, cost.matrix, cost.target
-        _, active, chance, price = _EVALUATED(found.torque / problem.scale, problem.scale, *rows)
-        risk = 0.0 if self.robustness is None else _risk_at(problem, found.torque / problem.scale).risk
+        at = found.torque / problem.scale
+        _, active, chance, price = _EVALUATED(at, problem.scale, problem.rows, tuple(cost))
+        risk = 0.0 if self.robustness is None else _risk_at(problem, at).risk
         counts = found.iterations, found.programs
         begin = Start(found.torque, len(active), FREE)
         return RobustSolution(found.torque, risk, chance, price, active, found.outcome, found.converged, *counts, begin)

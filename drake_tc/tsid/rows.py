@@ -8,7 +8,7 @@ The robot at one state, as everything in a tick shares it.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,32 +24,19 @@ def identity(n: int) -> FloatArray:
     return matrix
 
 
-def _keep_plain(rows: Any, *names: str) -> None:
-    """Arrays as compiled functions take them: C-contiguous, of doubles."""
-    for name in names:
-        values = getattr(rows, name)
-        if isinstance(values, np.ndarray) and not (values.flags.c_contiguous and values.dtype == np.float64):
-            object.__setattr__(rows, name, np.ascontiguousarray(values, dtype=np.float64))
-
-
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """A matrix over y by its parts; a part that is None is zero. Each is kept C-contiguous, of doubles.
+    """A matrix over y by its parts; a part that is None is zero.
 
     Attributes:
         vdot: (r, nv).
         force: (r, k), k over all contacts that are active.
         torque: (r, n), joints in the robot's order.
-        picks: (r,) where vdot is rows of the identity, which, so that a product with it is a lookup.
     """
 
     vdot: FloatArray | None = None
     force: FloatArray | None = None
     torque: FloatArray | None = None
-    picks: IntArray | None = None
-
-    def __post_init__(self) -> None:
-        _keep_plain(self, "vdot", "force", "torque")
 
     def flat(self) -> list[FloatArray]:
         """All numbers that there are, a vector for each part."""
@@ -61,7 +48,7 @@ def selection(index: IntArray, velocities: int) -> Parts:
     matrix = np.zeros((index.size, velocities))
     matrix[np.arange(index.size), index] = 1.0
     matrix.setflags(write=False)
-    return Parts(vdot=matrix, picks=index)
+    return Parts(vdot=matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +66,6 @@ class TaskRows:
     matrix: Parts
     target: FloatArray
     weight: FloatArray
-
-    def __post_init__(self) -> None:
-        _keep_plain(self, "target", "weight")
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +88,6 @@ class LimitRows:
     upper: FloatArray
     labels: tuple[str, ...]
     relaxed: int = 0
-
-    def __post_init__(self) -> None:
-        _keep_plain(self, "lower", "upper")
 
 
 class LeastSquares(NamedTuple):

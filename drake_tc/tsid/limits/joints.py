@@ -184,7 +184,7 @@ class Viability:
 
     @property
     def numbers(self) -> tuple[FloatArray | float, ...]:
-        """As `drake_tc.kernels.rows.viable` takes them, from the lower positions on."""
+        """As `drake_tc.kernels.rows.viable` takes them, as its limits."""
         return self._limits
 
     def bounds(
@@ -198,7 +198,7 @@ class Viability:
             places: (n,) where those of the joints stand in v; None for the joints' own (n,).
         """
         bounds: tuple[FloatArray, FloatArray, int] = _BOUNDS(
-            q, v, self._all if places is None else places, *self._limits
+            q, v, self._all if places is None else places, self._limits
         )
         return bounds
 

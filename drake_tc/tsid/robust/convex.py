@@ -79,7 +79,7 @@ class ConvexProgram(NamedTuple):
         return self.weight > 0.0
 
     def arguments(self, *search: float) -> tuple[object, ...]:
-        """Of the compiled functions; search: accuracy, steps until it pauses, how it begins."""
+        """`drake_tc.kernels.searches.Data`; search: accuracy, steps until it pauses, how it begins."""
         numbers = np.array((self.weight, self.damping, self.width, *search))
         sides = self.risk_lower, self.risk_upper
         cost = self.cost
@@ -87,13 +87,13 @@ class ConvexProgram(NamedTuple):
 
     def at(self, x: FloatArray) -> Value:
         """The objective at x (N,)."""
-        return Value(*_DESCRIBED(*self.arguments(), x))
+        return Value(*_DESCRIBED(self.arguments(), x))
 
     def rows(self) -> ScaledRows:
         """The limits over all N variables, written out."""
         if self.kind == PLAIN:
             return ScaledRows(self.matrix, self.lower, self.upper, self.bounds)
-        return ScaledRows(*_WRITTEN_OUT(*self.arguments(), self.lower, self.upper))
+        return ScaledRows(*_WRITTEN_OUT(self.arguments(), (self.lower, self.upper)))
 
 
 def plain(
@@ -210,7 +210,7 @@ def minimise(
     sides = program.lower, program.upper
     while True:
         arguments = program.arguments(accuracy, spending.most(), how)
-        code, x, *held, hessian, gradient, memory = _MINIMUM(*arguments, *sides, x, *active_set, *before)
+        code, x, held, hessian, gradient, memory = _MINIMUM(arguments, sides, x, tuple(active_set), before)
         active_set, taken = ActiveSet(*held), int(memory[_STEPS])
         steps += taken
         spending.steps(taken)

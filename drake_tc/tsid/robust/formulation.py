@@ -134,19 +134,10 @@ _MEASURES: dict[str, Measure] = {"individual": measures.individual, "box": measu
 
 
 def _packed(found: ProgramResult, weight: float, problem: ScaledProblem) -> RobustSolution:
-    counts, limits, cost = (found.iterations, found.programs), problem.limits, problem.cost
+    counts, limits = (found.iterations, found.programs), problem.limits
     if not math.isfinite(float(found.x.sum())):
         zero, active = np.zeros(len(problem.scale)), np.zeros(len(limits.lower), dtype=np.int64)
         return RobustSolution(zero, math.inf, 0.0, math.inf, active, Outcome.FAILED, False, *counts, None)
-    torque, active, chance, price = _EVALUATED(
-        found.x,
-        problem.scale,
-        limits.matrix,
-        limits.lower,
-        limits.upper,
-        problem.certain,
-        cost.matrix,
-        cost.target,
-    )
+    torque, active, chance, price = _EVALUATED(found.x, problem.scale, problem.rows, tuple(problem.cost))
     start = Start(torque, len(active), found.active_set, weight, found.inner)
     return RobustSolution(torque, found.risk, chance, price, active, found.outcome, found.converged, *counts, start)

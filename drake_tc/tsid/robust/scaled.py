@@ -81,6 +81,11 @@ class ScaledProblem(NamedTuple):
         return self._replace(cost=cost, limits=self.limits.along(origin, basis))
 
     @property
+    def rows(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """The limits and which of them do not err, as compiled functions take them."""
+        return *self.limits[:3], self.certain
+
+    @property
     def erring(self) -> ScaledRows:
         """The limits without those of the rows that do not err: what probabilities are about."""
         if not self.sure:
@@ -95,7 +100,7 @@ def scaled(cost: LeastSquares, polytope: Polytope, error: TorqueError) -> Scaled
     matrix, target = np.ascontiguousarray(polytope.matrix), cost.target
     sides = np.ascontiguousarray(polytope.lower), np.ascontiguousarray(polytope.upper)
     priced, rows, lower, upper, noise, certain, _, sure = _SCALED(
-        np.ascontiguousarray(cost.matrix), matrix, *sides, error.scale, error.root, error.plain
+        np.ascontiguousarray(cost.matrix), (matrix, *sides), error.scale, error.root, error.plain
     )
     limits = ScaledRows(rows, lower, upper, polytope.bounds)
     return ScaledProblem(LeastSquares(priced, target), limits, certain, sure, noise, error.scale)
@@ -115,9 +120,7 @@ def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
     Exact where no row has two sides and the rows are orthogonal in the metric of Sigma.
     """
     problem = scaled(nothing(error.joints), polytope, error)
-    limits, cost = problem.limits, problem.cost
-    rows = limits.matrix, limits.lower, limits.upper, problem.certain
-    return float(_EVALUATED(torque / problem.scale, problem.scale, *rows, cost.matrix, cost.target)[2])
+    return float(_EVALUATED(torque / problem.scale, problem.scale, problem.rows, tuple(problem.cost))[2])
 
 
 def certain_miss(rows: ScaledRows, certain: IntArray, x: FloatArray, tolerance: float = FEASIBLE) -> bool:
@@ -165,8 +168,7 @@ def box_rows(problem: ScaledProblem) -> tuple[ScaledRows, LeastSquares]:
 
 def box_size(problem: ScaledProblem, x: FloatArray) -> float:
     """Largest s with x +- s inside; negative where x is outside, -inf where a row that does not err is missed."""
-    limits = problem.limits
-    size: float = _SIZE(x, limits.matrix, limits.lower, limits.upper, problem.noise, problem.certain)
+    size: float = _SIZE(x, problem.rows, problem.noise)
     return size
 
 

@@ -59,7 +59,7 @@ class ComTask:
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         state = terms.momentum_matrix, terms.momentum_bias, terms.mass, terms.com, terms.com_velocity
-        matrix, target = _ROWS(*state, self._kp, self._kd, reference, self._axes)
+        matrix, target = _ROWS(state, (self._kp, self._kd), reference, self._axes)
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)
 
 
@@ -110,5 +110,5 @@ class AngularMomentumTask:
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         state = terms.momentum_matrix, terms.momentum_bias, terms.v
-        matrix, target = _MOMENTUM_ROWS(*state, self._kp, reference, self._axes)
+        matrix, target = _MOMENTUM_ROWS(state, self._kp, reference, self._axes)
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)

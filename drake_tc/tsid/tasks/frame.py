@@ -93,7 +93,7 @@ class FrameTask:
         """The rows at this state."""
         frame = terms.frame(self._frame)
         pose = frame.rotation, frame.position, frame.velocity, frame.jacobian, frame.bias
-        matrix, target = _ROWS(*pose, self._kp, self._kd, reference, self._axes, self._axes_of)
+        matrix, target = _ROWS(pose, (self._kp, self._kd), reference, self._axes, self._axes_of)
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)
 
 

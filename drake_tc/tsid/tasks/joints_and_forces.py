@@ -85,8 +85,8 @@ class PostureTask:
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
-        gains_of = self._kp, self._kd
-        target = _TARGET(terms.q, terms.v, self._position, self._velocity, *gains_of, reference, self._joints)
+        places = self._joints, self._position, self._velocity
+        target = _TARGET(terms.q, terms.v, places, (self._kp, self._kd), reference)
         return TaskRows(self.name, self._parts, target, self.weight)
 
 
