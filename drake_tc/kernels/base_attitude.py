@@ -225,17 +225,18 @@ class Attitude(NamedTuple):
 
 @helper
 def vertical(
-    before: Memory,
-    sample: Sample,
-    R_BI: FloatArray,
-    rate: FloatArray,
-    accel: FloatArray,
-    bias: FloatArray,
-    options: Options,
-    shown: FloatArray,
-    calm: bool,
+    before: Memory, sample: Sample, felt: tuple[FloatArray, ...], shown: tuple[FloatArray, bool], options: Options
 ) -> tuple[FloatArray, FloatArray]:
-    """((3,) the vertical in B, (3,) the gyro's bias); arguments as in `attitude`."""
+    """((3,) the vertical in B, (3,) the gyro's bias); arguments as in `attitude`.
+
+    Args:
+        before: The state before the tick.
+        sample: Readings after validation.
+        felt: (3, 3) R_BI, (3,) omega_b and (3,) specific force in B, (3,) the gyro's bias.
+        shown: (3,) the vertical in B that soft soles show, and whether the robot rests.
+        options: Of the estimator.
+    """
+    (R_BI, rate, accel, bias), (by_soles, calm) = felt, shown
     roll, pitch, dt = sample.tilt[0], sample.tilt[1], options.period
     if abs(roll) < _LARGEST and abs(pitch) < _LARGEST:
         told = times(R_BI, up_of(roll, pitch))
@@ -249,8 +250,8 @@ def vertical(
         return filtered_up(before.rotation[2], rate, accel, dt, time), bias
     moved = turned_up(before.rotation[2], rate, dt)
     push = tilt_correction(before.velocity_innovation, dt, time)
-    if dot(shown, shown) > 0.0:
-        push = push + (dt / options.sole_time) * (shown - moved)
+    if dot(by_soles, by_soles) > 0.0:
+        push = push + (dt / options.sole_time) * (by_soles - moved)
     if not calm:
         turned_by = turned_up(moved, push, 1.0) - moved  # up x push
         learnt = bias + times_transposed(R_BI, turned_by / options.bias_time)
@@ -283,7 +284,7 @@ def attitude(posture: Posture, before: Memory, sample: Sample, options: Options,
     rate = times(R_BI, reading[:3] - bias) - posture.rate[-1]
     accel = times(R_BI, reading[3:])
     calm = rested > before.scalars[RESTED]
-    up, bias = vertical(before, sample, R_BI, rate, accel, bias, options, shown, calm)
+    up, bias = vertical(before, sample, (R_BI, rate, accel, bias), (shown, calm), options)
     level, turn = levelled(up), 0.0
     if before.scalars[STARTED]:
         turn = dt * (rate[1] * up[1] + rate[2] * up[2]) / max(up[1] * up[1] + up[2] * up[2], 0.01)

@@ -1,17 +1,18 @@
 """A tick of the chain from a foot whose centre is taken to stand still, see `drake_tc.estimation.base.estimator`."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from drake_tc.kernels import base_state
 from drake_tc.kernels.base_attitude import attitude, up_of
 from drake_tc.kernels.base_kinematics import Posture, external_wrench, posture_of
-from drake_tc.kernels.base_sample import ROBOT, SAMPLE, Sample, options_of, valid_sample
+from drake_tc.kernels.base_sample import ESTIMATOR, SAMPLE, Estimator, Sample, options_of, valid_sample
 from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory
 from drake_tc.kernels.compiling import FLAG, OUT_VECTOR, VECTOR, helper, kernel
 from drake_tc.kernels.vectors import cross, dot, levelled, product, times, times_transposed, turned
-from drake_tc.types import GRAVITY, FloatArray, IntArray
+from drake_tc.types import GRAVITY, FloatArray
 
 _memory_of = helper(base_state.memory_of)
 
@@ -27,18 +28,17 @@ def first_up(sample: Sample, R_BI: FloatArray) -> FloatArray:
 
 @helper
 def fixed_foot(
-    memory: Memory, sample: Sample, switch: FloatArray, posture: Posture, last: Posture, between: FloatArray
+    memory: Memory, sensed: tuple[Sample, FloatArray], postures: tuple[Posture, Posture], between: FloatArray
 ) -> int:
     """The most loaded contact; where it is another one than before, `memory` has it stand where it is.
 
     Args:
         memory: Of the tick before; updated.
-        sample: Readings after validation.
-        switch: (k,) below zero where a contact is held off.
-        posture: Contacts against the base.
-        last: The same in the tick before.
+        sensed: Readings after validation; (k,) below zero where a contact is held off.
+        postures: Contacts against the base, now and in the tick before.
         between: (k, 54) what stands between sensor and contact.
     """
+    (sample, switch), (posture, last) = sensed, postures
     foot, most = 0, -math.inf
     for i in range(switch.size):
         up = times_transposed(posture.rotation[i], memory.rotation[2])
@@ -54,54 +54,30 @@ def fixed_foot(
     return foot
 
 
-@kernel(VECTOR, *SAMPLE, VECTOR, *ROBOT, FLAG, OUT_VECTOR)
+@kernel(VECTOR, SAMPLE, ESTIMATOR, FLAG, OUT_VECTOR)
 def tick(
-    state: FloatArray,
-    q: FloatArray,
-    qd: FloatArray,
-    imu: FloatArray,
-    tilt: FloatArray,
-    wrench: FloatArray,
-    switch: FloatArray,
-    settings: FloatArray,
-    between: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    frames: FloatArray,
-    frame_bodies: IntArray,
-    by_imu: bool,
-    out: FloatArray,
+    state: FloatArray, readings: tuple[FloatArray, ...], estimator: tuple[Any, ...], by_imu: bool, out: FloatArray
 ) -> None:
     """The state after one sample.
 
     Args:
         state: (s,) before it, see `base_state`.
-        q: Sample, and so on to `switch`, see `drake_tc.estimation.base.kinematics.Sample`.
-        qd: The same.
-        imu: The same.
-        tilt: The same.
-        wrench: The same.
-        switch: The same.
-        settings: (27,) see `Options`.
-        between: Of the robot, and so on to `frame_bodies`, see `base_options.ROBOT`.
-        places: The same.
-        constants: The same.
-        frames: The same.
-        frame_bodies: The same.
+        readings: See `SAMPLE`.
+        estimator: See `Estimator`.
         by_imu: Whether roll, pitch and angular velocity are the IMU's.
         out: (s,) the state after it; written.
     """
     out[:] = state
-    n, k = q.size, switch.size
-    options, memory = options_of(settings), _memory_of(out, n, k)
-    sample = valid_sample(q, qd, imu, tilt, wrench, memory, options)
-    posture = posture_of(sample.q, sample.qd, places, constants, frames, frame_bodies)
+    own, switch, tree = Estimator(*estimator), readings[5], estimator[4:]
+    options, memory = options_of(own.settings), _memory_of(out, readings[0].size, switch.size)
+    sample = valid_sample(readings, memory, options)
+    posture = posture_of(sample.q, sample.qd, tree)
     last = posture
     if memory.scalars[STARTED]:
-        last = posture_of(memory.q, memory.qd, places, constants, frames, frame_bodies)
+        last = posture_of(memory.q, memory.qd, tree)
     else:
         memory.rotation[:] = product(turned(memory.scalars[YAW]), levelled(first_up(sample, posture.rotation[-1])))
-    foot = fixed_foot(memory, sample, switch, posture, last, between)
+    foot = fixed_foot(memory, (sample, switch), (posture, last), own.between)
     rotation, rate = product(memory.foot[foot], posture.rotation[foot].T), -posture.rate[foot]
     if by_imu and sample.has_gyro:
         pose = attitude(posture, memory, sample, options, np.zeros(3))

@@ -6,14 +6,14 @@ See `drake_tc.estimation.base.velocity` for the shape g of a sole's table.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from drake_tc.kernels.base_attitude import Attitude
 from drake_tc.kernels.base_kinematics import Posture, external_wrench
-from drake_tc.kernels.base_sample import BREAK, FLAT, MAKE, MIDDLE, ORIGIN, STEP, STIFFNESS, Options
-from drake_tc.kernels.base_state import DROPPED, LOAD, ON, SHAPE, SINK, Memory
+from drake_tc.kernels.base_sample import BREAK, FLAT, MAKE, MIDDLE, ORIGIN, STEP, STIFFNESS, Given, Options
+from drake_tc.kernels.base_state import DROPPED, LOAD, ON, SHAPE, SINK
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import cross, dot, times, times_transposed
 from drake_tc.types import GRAVITY, BoolArray, FloatArray
@@ -60,25 +60,18 @@ def carries(load: float, was: float, make: float, break_: float, switch: float) 
 
 @helper
 def find_loads(
-    soles: FloatArray,
-    between: FloatArray,
-    before: Memory,
-    reading: FloatArray,
-    switch: FloatArray,
-    posture: Posture,
-    pose: Attitude,
+    given: Given, between: FloatArray, sensed: tuple[FloatArray, FloatArray], posture: Posture, pose: Attitude
 ) -> Loads:
     """External wrenches at the contacts, and which of them touch.
 
     Args:
-        soles: (k, w) rows of the contacts.
+        given: Beside the sample.
         between: (k, 54) what stands between sensor and contact.
-        before: The state before the tick.
-        reading: (6k,) of the sensors, after validation.
-        switch: (k,) of `Readings`.
+        sensed: (6k,) of the sensors, after validation, and (k,) switches of `Readings`.
         posture: Contacts against the base.
         pose: Orientation.
     """
+    soles, before, (reading, switch) = given.soles, given.before, sensed
     k = soles.shape[0]
     load, on, new = np.empty(k), np.empty(k, dtype=np.bool_), np.empty(k, dtype=np.bool_)
     wrench, up, pressure = np.empty((k, 6)), np.empty((k, 3)), np.empty((k, 2))
@@ -112,9 +105,7 @@ class Slip(NamedTuple):
 
 
 @helper
-def slipping(
-    on: BoolArray, new: BoolArray, load: FloatArray, against: FloatArray, before: Slip, options: Options
-) -> Slip:
+def slipping(contacts: tuple[Any, ...], against: FloatArray, before: Slip, options: Options) -> Slip:
     """Drop the contact whose velocity is furthest from the others', and let it back when it has stood still.
 
     m[n+1] = m[n] + (d - m[n]) dt/slip_time with d (k, 3) the base velocity that a contact says, less the one that the
@@ -124,13 +115,12 @@ def slipping(
     in the air says nothing about a foot that stands.
 
     Args:
-        on: (k,) which carry load.
-        new: (k,) which do so since this tick.
-        load: (k,) [N].
+        contacts: (k,) which carry load, which do so since this tick, and how much [N].
         against: (k, 3) d [m/s].
         before: After the last tick.
         options: Of the estimator.
     """
+    on, new, load = contacts
     k, hold = on.size, math.ceil(options.slip_hold / options.period)
     share = min(1.0, options.period / options.slip_time)
     drift, dropped, speed = np.zeros((k, 3)), np.zeros(k), np.zeros(k)
@@ -205,17 +195,16 @@ def tilt_of(sole: FloatArray, table: FloatArray, x: float, y: float, load: float
 
 
 @helper
-def shown_vertical(soles: FloatArray, tables: FloatArray, posture: Posture, before: Memory) -> FloatArray:
+def shown_vertical(given: Given, posture: Posture) -> FloatArray:
     """(3,) the vertical in B that soft soles show on a level ground by where their loads are; zero where none does.
 
     A mean by load, of the last tick's loads and centres of pressure, of soles that no more than `_FLAT` bends.
 
     Args:
-        soles: (k, w) rows of the contacts.
-        tables: (k, m m).
+        given: Beside the sample.
         posture: Contacts against the base.
-        before: The state before the tick.
     """
+    soles, tables, before, _ = given
     total, found, normal = 0.0, np.zeros(3), np.ones(3)
     for i in range(soles.shape[0]):
         row = before.contacts[i]
@@ -244,41 +233,43 @@ class Sinking(NamedTuple):
 
 
 @helper
-def sinking(
-    soles: FloatArray,
-    tables: FloatArray,
-    posture: Posture,
-    on: BoolArray,
-    load: FloatArray,
-    pressure: FloatArray,
-    before: Memory,
-    period: float,
-) -> Sinking:
+def sinking(given: Given, posture: Posture, loads: Loads) -> Sinking:
     """What soft soles do in one tick.
 
     Args:
-        soles: (k, w) rows of the contacts.
-        tables: (k, m m).
+        given: Beside the sample.
         posture: Contacts against the base, turning with it.
-        on: (k,) which carry load.
-        load: (k,) [N].
-        pressure: (k, 2) centres of pressure as measured [m].
-        before: The state before the tick.
-        period: Of a tick [s].
+        loads: What the contacts carry.
     """
+    soles, tables, before, options = given
+    load, pressure = loads.load, loads.pressure
     k = soles.shape[0]
     depth, shape, back = np.zeros(k), np.zeros(k), np.zeros(k)
     position, velocity = posture.position.copy(), posture.velocity.copy()
     for i in range(k):
-        if soles[i, STIFFNESS] <= 0.0 or not on[i]:
+        if soles[i, STIFFNESS] <= 0.0 or not loads.on[i]:
             continue
         row, rate, stiffness = before.contacts[i], 0.0, soles[i, STIFFNESS]
         shape[i] = shape_of(soles[i], tables[i], pressure[i, 0], pressure[i, 1])
         depth[i] = load[i] * shape[i] / stiffness
         if row[ON] and row[SHAPE]:
             back[i] = 0.25 * (load[i] + row[LOAD]) * (shape[i] - row[SHAPE]) / stiffness
-            rate = (depth[i] - row[SINK] - back[i]) / period
+            rate = (depth[i] - row[SINK] - back[i]) / options.period
         up = posture.rotation[i, :, 2].copy()
         position[i] += depth[i] * up
         velocity[i] += cross(posture.rate[i], depth[i] * up) + rate * up
     return Sinking(Posture(posture.rotation, position, posture.rate, velocity), depth, shape, back)
+
+
+class Stance(NamedTuple):
+    """What a tick knows before it looks for the base: how it stands.
+
+    Attributes:
+        pose: Orientation.
+        loads: What the contacts carry.
+        sunk: How soft soles give way; with the contacts against the base.
+    """
+
+    pose: Attitude
+    loads: Loads
+    sunk: Sinking

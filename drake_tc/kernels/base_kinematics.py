@@ -1,6 +1,6 @@
 """Where contacts and IMU are and how they move, in the axes of the base, see `drake_tc.estimation.base.kinematics`."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from drake_tc.kernels.base_sample import TRANSFORM
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.dynamics import BODY_WIDTH, frame_motion, frame_pose, move
 from drake_tc.kernels.vectors import cross
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import FloatArray
 
 
 class Posture(NamedTuple):
@@ -28,24 +28,15 @@ class Posture(NamedTuple):
 
 
 @helper
-def posture_of(
-    q: FloatArray,
-    qd: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    frames: FloatArray,
-    frame_bodies: IntArray,
-) -> Posture:
+def posture_of(q: FloatArray, qd: FloatArray, tree: tuple[Any, ...]) -> Posture:
     """Contacts and IMU against the base.
 
     Args:
         q: (n,) encoders [rad], in the robot's order.
         qd: (n,) their speeds [rad/s].
-        places: (n, 4) of the robot's tree, see `drake_tc.kernels.dynamics`.
-        constants: (n, 26) of the tree.
-        frames: (k + 1, 12) of the contacts and the IMU.
-        frame_bodies: (k + 1,) rows of their bodies.
+        tree: From `places` to `frame_bodies` of `base_sample.Estimator`.
     """
+    places, constants, frames, frame_bodies = tree
     count = frame_bodies.size
     bodies, base = np.empty((places.shape[0] + 1, BODY_WIDTH)), np.zeros(13)
     base[0] = 1.0

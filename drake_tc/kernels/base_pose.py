@@ -24,10 +24,9 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.base_attitude import Attitude, filter_times
-from drake_tc.kernels.base_contacts import Loads, Sinking
-from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_sample import FLAT, Options
-from drake_tc.kernels.base_state import GROUND, HELD_FOR, PAIRED, STARTED, YAW, Memory
+from drake_tc.kernels.base_contacts import Stance
+from drake_tc.kernels.base_sample import FLAT, Given
+from drake_tc.kernels.base_state import GROUND, HELD_FOR, PAIRED, STARTED, YAW
 from drake_tc.kernels.base_velocity import Motion
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import product, remainder, times, turned
@@ -63,9 +62,7 @@ class Place(NamedTuple):
 
 
 @helper
-def solve_yaw(
-    arm: FloatArray, held: FloatArray, weight: FloatArray, gyro: float, trust: float, least: float
-) -> tuple[float, float]:
+def solve_yaw(arm: FloatArray, held: FloatArray, weight: FloatArray, gyro: float, trust: float) -> tuple[float, float]:
     """(yaw [rad], what the contacts alone say less what the gyro says [rad]); the gyro's with fewer than two contacts.
 
     Args:
@@ -73,8 +70,7 @@ def solve_yaw(
         held: (k, 3) p_i [m].
         weight: (k,) W_i >= 0.
         gyro: D_ref [rad].
-        trust: Q over sum W_i |a~_i|^2; positive or infinite.
-        least: Distance of the contacts from their mean below which Q is no smaller [m].
+        trust: Q over sum W_i |a~_i|^2, which counts as that of `_LEAST_ARM` where it is less; positive or infinite.
     """
     total = ax = ay = px = py = even = odd = spread = 0.0
     count = 0
@@ -94,7 +90,7 @@ def solve_yaw(
             odd += w * (x * v - y * u)
             spread += w * (x * x + y * y)
     apart = remainder(math.atan2(odd, even) - gyro)
-    q = trust * max(spread, total * least * least)
+    q = trust * max(spread, total * _LEAST_ARM * _LEAST_ARM)
     return math.atan2(odd + q * math.sin(gyro), even + q * math.cos(gyro)), apart
 
 
@@ -119,57 +115,51 @@ def solve_position(
 
 
 @helper
-def carried_references(
-    before: Memory, soles: FloatArray, pressure: FloatArray, sunk: Sinking, options: Options
-) -> FloatArray:
+def carried_references(given: Given, pressure: FloatArray, back: FloatArray) -> FloatArray:
     """(k, 3) where the references are as the centres of pressure move over their soles [m].
 
     Args:
-        before: The state before the tick.
-        soles: (k, w) rows of the contacts.
+        given: Beside the sample.
         pressure: (k, 2) centres of pressure [m].
-        sunk: How soft soles give way.
-        options: Of the estimator.
+        back: Of `Sinking`.
     """
+    soles, before, options = given.soles, given.before, given.options
     held = before.held.copy()
     for i in range(held.shape[0]):
         foot, dx, dy = before.foot[i], pressure[i, 0] - before.pressure[i, 0], pressure[i, 1] - before.pressure[i, 1]
         for a in range(3):
             if a < 2 or not (options.level and soles[i, FLAT]):
-                held[i, a] += foot[a, 0] * dx + foot[a, 1] * dy + foot[a, 2] * sunk.back[i]
+                held[i, a] += foot[a, 0] * dx + foot[a, 1] * dy + foot[a, 2] * back[i]
     return held
 
 
 @helper
 def heading(
-    before: Memory, pose: Attitude, arm: FloatArray, held: FloatArray, weight: FloatArray, options: Options
+    given: Given, pose: Attitude, arm: FloatArray, held: FloatArray, weight: FloatArray
 ) -> tuple[float, float, bool]:
     """(yaw [rad], constant of the bias [s], whether the contacts contradict the gyro); arguments as in `find_place`."""
+    before, options = given.before, given.options
     dt, told = options.period, before.scalars[YAW] + pose.turn
     yaw_time, bias_time = options.yaw_time, options.yaw_bias_time
     if options.quick_start:
         yaw_time, bias_time = filter_times(_START + before.scalars[PAIRED] * dt, yaw_time, bias_time)
-    yaw, apart = solve_yaw(arm, held, weight, told, yaw_time / dt, _LEAST_ARM)
+    yaw, apart = solve_yaw(arm, held, weight, told, yaw_time / dt)
     astray = abs(apart) > options.slip_turn
     return remainder(told if astray else yaw), bias_time, astray
 
 
 @helper
-def adapt_known(
-    held: FloatArray, gap: FloatArray, weight: FloatArray, age: FloatArray, before: Memory, soles: FloatArray,
-    options: Options,
-) -> None:  # fmt: skip
+def adapt_known(given: Given, held: FloatArray, gap: FloatArray, weight: FloatArray, age: FloatArray) -> None:
     """The usual tick: every contact is known, and near its reference, which adapts slowly; `held` is updated.
 
     Args:
+        given: Beside the sample.
         held: (k, 3) references [m].
         gap: (k, 3) how far each is from where the others have it [m].
         weight: (k,) loads [N].
         age: (k,) ticks since each was taken.
-        before: The state before the tick.
-        soles: (k, w) rows of the contacts.
-        options: Of the estimator.
     """
+    options = given.options
     k, dt = weight.size, options.period
     adapt, known = min(1.0, dt / options.anchor_time), weight.sum()
     mean = np.zeros(3)
@@ -180,33 +170,28 @@ def adapt_known(
         held[i] -= share * gap[i]
         if options.quick_start and k > 1 and age[i] * dt < _YOUNG:
             held[i] -= (gap[i] - mean) / (age[i] + 2.0)
-        if options.level and soles[i, FLAT]:
-            held[i, 2] = before.scalars[GROUND]
+        if options.level and given.soles[i, FLAT]:
+            held[i, 2] = given.before.scalars[GROUND]
 
 
 @helper
 def take_anew(
-    held: FloatArray, here: FloatArray, weight: FloatArray, age: FloatArray, bearing: FloatArray, before: Memory,
-    soles: FloatArray, astray: bool, options: Options,
-) -> float:  # fmt: skip
+    given: Given, references: tuple[FloatArray, ...], loads: tuple[FloatArray, FloatArray], astray: bool
+) -> float:
     """Contacts that do not count take their reference from where they are, all of them if they are astray.
 
     Args:
-        held: (k, 3) references [m]; updated.
-        here: (k, 3) where the contacts are [m]; updated on a level ground.
-        weight: (k,) loads of those that are known [N].
-        age: (k,) ticks since each reference was taken; updated.
-        bearing: (k,) loads of those that count [N].
-        before: The state before the tick.
-        soles: (k, w) rows of the contacts.
+        given: Beside the sample.
+        references: (k, 3) where they are [m], where the contacts are [m], (k,) ticks since each was taken; updated.
+        loads: (k,) of the contacts that are known, and of those that count [N].
         astray: Whether they contradict gyro or each other.
-        options: Of the estimator.
 
     Returns:
         Height of a level ground [m]: where the first loaded soles are; NaN as long as there is none.
     """
+    (held, here, age), (weight, bearing), soles, options = references, loads, given.soles, given.options
     k = weight.size
-    ground: float = before.scalars[GROUND]
+    ground: float = given.before.scalars[GROUND]
     if options.level:
         total = height = 0.0
         for i in range(k):
@@ -227,41 +212,28 @@ def take_anew(
 
 
 @helper
-def find_place(
-    soles: FloatArray,
-    before: Memory,
-    posture: Posture,
-    pose: Attitude,
-    loads: Loads,
-    motion: Motion,
-    sunk: Sinking,
-    options: Options,
-) -> Place:
+def find_place(given: Given, stance: Stance, motion: Motion) -> Place:
     """Position and yaw; contacts that do not count, and new ones, take their reference from them.
 
     Args:
-        soles: (k, w) rows of the contacts.
-        before: The state before the tick.
-        posture: Contacts against the base.
-        pose: Orientation.
-        loads: What the contacts carry.
+        given: Beside the sample.
+        stance: How the robot stands.
         motion: Of stage 1.
-        sunk: How soft soles give way.
-        options: Of the estimator.
     """
-    k, dt, pressure = soles.shape[0], options.period, motion.found.pressure
-    held = carried_references(before, soles, pressure, sunk, options)
+    before, options, posture, pose = given.before, given.options, stance.sunk.posture, stance.pose
+    k, dt, pressure = given.soles.shape[0], options.period, motion.found.pressure
+    held = carried_references(given, pressure, stance.sunk.back)
     weight, arm = motion.weight.copy(), np.empty((k, 3))
     every = True
     for i in range(k):
-        if loads.new[i]:
+        if stance.loads.new[i]:
             weight[i] = 0.0
         every = every and weight[i] > 0.0
         R = posture.rotation[i]
         arm[i] = posture.position[i] + R[:, 0] * pressure[i, 0] + R[:, 1] * pressure[i, 1]
         arm[i] = times(pose.level, arm[i])
     known = weight.sum()
-    yaw, bias_time, astray = heading(before, pose, arm, held, weight, options)
+    yaw, bias_time, astray = heading(given, pose, arm, held, weight)
     turn = turned(yaw)
     rotation, spun = product(turn, pose.level), np.empty((k, 3))
     for i in range(k):
@@ -278,9 +250,9 @@ def find_place(
             astray = astray or (weight[i] > 0.0 and far)
     age, ground = before.contacts[:, HELD_FOR].copy(), before.scalars[GROUND]
     if placed and every and not astray:
-        adapt_known(held, gap, weight, age, before, soles, options)
+        adapt_known(given, held, gap, weight, age)
     else:
-        ground = take_anew(held, position + spun, weight, age, motion.weight, before, soles, astray, options)
+        ground = take_anew(given, (held, position + spun, age), (weight, motion.weight), astray)
     correction = remainder(yaw - (before.scalars[YAW] + pose.turn))
     paired = before.scalars[PAIRED] + (1.0 if correction != 0.0 else 0.0)
     return Place(position, yaw, rotation, held, age + 1.0, ground, correction / bias_time, paired, astray)

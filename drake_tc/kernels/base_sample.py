@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.base_state import STARTED, Memory
-from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, helper
-from drake_tc.types import FloatArray
+from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, helper, together
+from drake_tc.types import FloatArray, IntArray
 
 FLAT, MAKE, BREAK, STIFFNESS, ORIGIN, STEP, MIDDLE, HALF_PLANES = 0, 1, 2, 3, 4, 6, 8, 10
 """Columns of a contact's row: 1 for a sole, 0 for a point; loads at which it is made and lost [N]; stiffness of a soft
@@ -20,11 +20,31 @@ TRANSFORM, WEIGHT = 36, 54
 """Ends of the parts of a contact's load: from its sensor to it (6, 6), and weight beyond the sensor (6, 3) [kg]."""
 
 
-SAMPLE = (VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-"""Types of a sample's parts, see `drake_tc.estimation.base.kinematics.Sample`."""
-ROBOT = (MATRIX, TABLE, MATRIX, MATRIX, INDEX)
-"""Types of a robot's tables: between (k, 54), see `external_wrench`; places (n, 4) and constants (n, 26) of its tree,
-see `drake_tc.kernels.dynamics`; frames (k + 1, 12) of the contacts and the IMU, and rows (k + 1,) of their bodies."""
+SAMPLE = together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+"""See `drake_tc.estimation.base.kinematics.Sample`."""
+ESTIMATOR = together(VECTOR, MATRIX, MATRIX, MATRIX, TABLE, MATRIX, MATRIX, INDEX)
+
+
+class Estimator(NamedTuple):
+    """What an estimator of n joints and k contacts knows beforehand.
+
+    Attributes:
+        settings: (27,) see `Options`.
+        soles: (k, w) rows of the contacts, see `FLAT` and what follows it.
+        tables: (k, m m) see `base_contacts.shape_of`.
+        between: (k, 54) see `base_kinematics.external_wrench`.
+        places, constants: (n, 4) and (n, 26) of the robot's tree, see `dynamics`.
+        frames, frame_bodies: (k + 1, 12) and (k + 1,) of the contacts and the IMU, and rows of their bodies.
+    """
+
+    settings: FloatArray
+    soles: FloatArray
+    tables: FloatArray
+    between: FloatArray
+    places: IntArray
+    constants: FloatArray
+    frames: FloatArray
+    frame_bodies: IntArray
 
 
 class Options(NamedTuple):
@@ -102,16 +122,24 @@ class Sample(NamedTuple):
     wrench_missing: bool
 
 
+class Given(NamedTuple):
+    """What a tick is given beside its sample.
+
+    Attributes:
+        soles: (k, w) rows of the contacts.
+        tables: (k, m m) see `base_contacts.shape_of`.
+        before: The state before the tick.
+        options: Of the estimator.
+    """
+
+    soles: FloatArray
+    tables: FloatArray
+    before: Memory
+    options: Options
+
+
 @helper
-def valid_sample(
-    q: FloatArray,
-    qd: FloatArray,
-    imu: FloatArray,
-    tilt: FloatArray,
-    wrench: FloatArray,
-    before: Memory,
-    options: Options,
-) -> Sample:
+def valid_sample(readings: tuple[FloatArray, ...], before: Memory, options: Options) -> Sample:
     """The sample without gaps.
 
     Missing encoders move on at their speed, or at their last one, which dies away; a missing gyro reads its bias, a
@@ -119,14 +147,11 @@ def valid_sample(
     is rejected for five ticks, and so is its speed, also in the tick after it.
 
     Args:
-        q: (n,) encoders [rad].
-        qd: (n,) their speeds [rad/s].
-        imu: (6,) [gyro; accel] [rad/s, m/s^2].
-        tilt: (2,) roll and pitch of the IMU's frame [rad].
-        wrench: (6k,) [f; t] of each contact's sensor [N, N m].
+        readings: See `SAMPLE`.
         before: The state before the tick.
         options: Of the estimator.
     """
+    q, qd, imu, tilt, wrench, _ = readings
     n, dt = q.size, options.period
     angle, speed, doubt = np.empty(n), np.empty(n), np.zeros(n)
     missing = spike = False

@@ -1,15 +1,26 @@
 """A tick of the base estimator by centres of pressure, see `drake_tc.estimation.base.estimator`."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from drake_tc.kernels import base_state
-from drake_tc.kernels.base_attitude import LARGEST_BIAS, Attitude, attitude
-from drake_tc.kernels.base_contacts import Loads, Sinking, find_loads, shown_vertical, sinking
+from drake_tc.kernels.base_attitude import LARGEST_BIAS, attitude
+from drake_tc.kernels.base_contacts import Stance, find_loads, shown_vertical, sinking
 from drake_tc.kernels.base_kinematics import Posture, posture_of, turning
 from drake_tc.kernels.base_pose import Place, find_place
-from drake_tc.kernels.base_sample import BREAK, FLAT, ROBOT, SAMPLE, Options, Sample, options_of, valid_sample
+from drake_tc.kernels.base_sample import (
+    BREAK,
+    ESTIMATOR,
+    FLAT,
+    SAMPLE,
+    Estimator,
+    Given,
+    Sample,
+    options_of,
+    valid_sample,
+)
 from drake_tc.kernels.base_state import (
     AIR_LOAD,
     AIRBORNE,
@@ -44,9 +55,9 @@ from drake_tc.kernels.base_state import (
     Memory,
 )
 from drake_tc.kernels.base_velocity import UNSOLVED, Motion, find_motion, write_program
-from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, helper, kernel, together
 from drake_tc.kernels.vectors import dot, product, times_transposed
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.types import FloatArray
 
 _memory_of = helper(base_state.memory_of)
 _SETTLED = 0.1
@@ -76,20 +87,10 @@ def gyro_of_foot(before: Memory, posture: Posture) -> FloatArray:
 
 
 @helper
-def write_contacts(
-    soles: FloatArray,
-    before: Memory,
-    sample: Sample,
-    posture: Posture,
-    loads: Loads,
-    motion: Motion,
-    place: Place,
-    sunk: Sinking,
-    options: Options,
-    after: Memory,
-) -> None:
+def write_contacts(given: Given, sample: Sample, stance: Stance, found: tuple[Motion, Place], after: Memory) -> None:
     """What is remembered of the contacts, and their flags; arguments as in `find_motion` and `find_place`."""
-    dt = options.period
+    soles, before, options = given.soles, given.before, given.options
+    (motion, place), loads, sunk, dt = found, stance.loads, stance.sunk, options.period
     all_flat, heaviest = bool(loads.on.any()), 0.0
     renewed = loads.changed or options.touchdown > 0.0
     blend = min(1.0, dt / _USUAL_TIME) if before.scalars[STARTED] and not loads.changed else 1.0
@@ -98,7 +99,7 @@ def write_contacts(
         row, was, flat = after.contacts[i], before.contacts[i], soles[i, FLAT] > 0.0
         on, load, dropped = loads.on[i], loads.load[i], motion.slip.dropped[i]
         touched = on and not loads.new[i]
-        R_WC = product(place.rotation, posture.rotation[i])
+        R_WC = product(place.rotation, sunk.posture.rotation[i])
         after.foot[i] = before.foot[i] if options.touchdown and touched else R_WC
         after.foot_up[i] = loads.up[i] if renewed and not touched else before.foot_up[i]
         usual, now = before.usual[i], motion.found.pressure[i]
@@ -123,18 +124,10 @@ def write_contacts(
 
 
 @helper
-def write_base(
-    before: Memory,
-    sample: Sample,
-    posture: Posture,
-    pose: Attitude,
-    loads: Loads,
-    motion: Motion,
-    place: Place,
-    options: Options,
-    after: Memory,
-) -> None:
+def write_base(given: Given, sample: Sample, stance: Stance, found: tuple[Motion, Place], after: Memory) -> None:
     """What is remembered of the base and the joints, and the flags of the whole; arguments as in `write_contacts`."""
+    before, options, (motion, place), pose = given.before, given.options, found, stance.pose
+    lever = stance.sunk.posture.velocity[-1]
     bias, scalars, told, least = pose.bias, after.scalars, False, _SETTLED / options.period
     for i in range(motion.weight.size):
         told = told or (motion.weight[i] > 0.0 and place.held_for[i] > least)
@@ -145,13 +138,13 @@ def write_base(
     scalars[STOOD] = before.scalars[STOOD] + 1.0 if told else 0.0
     scalars[PAIRED], scalars[GROUND] = place.paired, place.ground
     after.position[:], after.rotation[:], after.velocity[:] = place.position, place.rotation, motion.found.velocity
-    after.rate[:], after.lever[:], after.bias[:], after.trail[:] = pose.rate, posture.velocity[-1], bias, pose.trail
+    after.rate[:], after.lever[:], after.bias[:], after.trail[:] = pose.rate, lever, bias, pose.trail
     after.velocity_innovation[:] = 0.0
     if before.scalars[STARTED] and sample.has_accel:
         after.velocity_innovation[:] = motion.found.velocity - motion.reference
     after.q[:], after.qd[:], after.doubt[:] = sample.q, sample.qd, sample.doubt
     flags = after.flags
-    flags[NO_CONTACT] = 0.0 if loads.on.any() else 1.0
+    flags[NO_CONTACT] = 0.0 if stance.loads.on.any() else 1.0
     flags[ENCODER_MISSING], flags[ENCODER_SPIKE] = sample.encoder_missing, sample.encoder_spike
     flags[IMU_MISSING], flags[WRENCH_MISSING] = sample.imu_missing, sample.wrench_missing
     flags[YAW_DRIFT] = 1.0 if abs(dot(bias, pose.up_imu)) > options.yaw_drift else 0.0
@@ -181,73 +174,48 @@ def is_estimate(vector: FloatArray, memory: Memory) -> bool:
     return size + dot(memory.held.ravel(), memory.held.ravel()) < _LARGEST
 
 
-@kernel(VECTOR, *SAMPLE, VECTOR, MATRIX, MATRIX, *ROBOT, VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(VECTOR, SAMPLE, ESTIMATOR, together(VECTOR, OUT_VECTOR), OUT_VECTOR)
 def tick(
     state: FloatArray,
-    q: FloatArray,
-    qd: FloatArray,
-    imu: FloatArray,
-    tilt: FloatArray,
-    wrench: FloatArray,
-    switch: FloatArray,
-    settings: FloatArray,
-    soles: FloatArray,
-    tables: FloatArray,
-    between: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    frames: FloatArray,
-    frame_bodies: IntArray,
-    solution: FloatArray,
-    program: FloatArray,
+    readings: tuple[FloatArray, ...],
+    estimator: tuple[Any, ...],
+    edge: tuple[FloatArray, FloatArray],
     out: FloatArray,
 ) -> bool:
     """The state after one sample; it never holds a NaN but an unknown ground.
 
     Args:
         state: (s,) before it, see `base_state`.
-        q: Sample, and so on to `switch`, see `drake_tc.estimation.base.kinematics.Sample`.
-        qd: The same.
-        imu: The same.
-        tilt: The same.
-        wrench: The same.
-        switch: The same.
-        settings: (27,) see `Options`.
-        soles: (k, w) rows of the contacts, see `base_options`.
-        tables: (k, m m) see `shape_of`.
-        between: Of the robot, and so on to `frame_bodies`, see `base_options.ROBOT`.
-        places: The same.
-        constants: The same.
-        frames: The same.
-        frame_bodies: The same.
-        solution: (4 + 3k,) of the program at a sole's edge, see `solve_velocity`.
-        program: (5 + 13k,) that program, see `write_program`; written where it has to be solved.
+        readings: See `SAMPLE`.
+        estimator: See `Estimator`.
+        edge: (4 + 3k,) solution of the program at a sole's edge, see `solve_velocity`, and (5 + 13k,) that program, see
+            `write_program`; written where it has to be solved.
         out: (s,) the state after it; written.
 
     Returns:
         Whether `out` is the answer; else the program has to be solved first.
     """
-    n, k = q.size, soles.shape[0]
-    options, before, after = options_of(settings), _memory_of(state, n, k), _memory_of(out, n, k)
-    sample = valid_sample(q, qd, imu, tilt, wrench, before, options)
-    still = posture_of(sample.q, sample.qd, places, constants, frames, frame_bodies)
+    own, (solution, program) = Estimator(*estimator), edge
+    n, k = readings[0].size, own.soles.shape[0]
+    options, before, after = options_of(own.settings), _memory_of(state, n, k), _memory_of(out, n, k)
+    given, sample = Given(own.soles, own.tables, before, options), valid_sample(readings, before, options)
+    still = posture_of(sample.q, sample.qd, estimator[4:])
     if not sample.has_gyro:
         sample.gyro[:] = gyro_of_foot(before, still)
     shown = np.zeros(3)
     if options.any_soft and options.level:
-        shown = shown_vertical(soles, tables, still, before)
+        shown = shown_vertical(given, still)
     pose = attitude(still, before, sample, options, shown)
     rigid = turning(still, pose.rate)
-    loads = find_loads(soles, between, before, sample.wrench, switch, rigid, pose)
-    sunk = sinking(soles, tables, rigid, loads.on, loads.load, loads.pressure, before, options.period)
-    posture = sunk.posture
-    motion, problem = find_motion(soles, before, sample, posture, pose, loads, solution, options)
+    loads = find_loads(given, own.between, (sample.wrench, readings[5]), rigid, pose)
+    stance = Stance(pose, loads, sinking(given, rigid, loads))
+    motion, problem = find_motion(given, sample, stance, solution)
     if motion.found.how == UNSOLVED:
         write_program(program, problem)
         return False
-    place = find_place(soles, before, posture, pose, loads, motion, sunk, options)
-    write_contacts(soles, before, sample, posture, loads, motion, place, sunk, options, after)
-    write_base(before, sample, posture, pose, loads, motion, place, options, after)
+    found = motion, find_place(given, stance, motion)
+    write_contacts(given, sample, stance, found, after)
+    write_base(given, sample, stance, found, after)
     if not is_estimate(out, after):
         keep(state, n, k, out)
     return True

@@ -29,10 +29,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_attitude import Attitude
-from drake_tc.kernels.base_contacts import LEAST_LOAD, Loads, Slip, slipping
-from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_sample import FLAT, HALF_PLANES, MIDDLE, Options, Sample
+from drake_tc.kernels.base_contacts import LEAST_LOAD, Slip, Stance, slipping
+from drake_tc.kernels.base_sample import FLAT, HALF_PLANES, MIDDLE, Given, Sample
 from drake_tc.kernels.base_state import DROPPED, LIMITED, STARTED, Memory
 from drake_tc.kernels.compiling import helper
 from drake_tc.kernels.vectors import cross, times, times_transposed
@@ -216,44 +214,32 @@ class Motion(NamedTuple):
 
 
 @helper
-def predicted_velocity(
-    before: Memory, sample: Sample, posture: Posture, pose: Attitude, loads: Loads, dt: float
-) -> FloatArray:
+def predicted_velocity(before: Memory, sample: Sample, stance: Stance, dt: float) -> FloatArray:
     """(3,) ydot_ref: the last velocity, and what the accelerometer adds to it [m/s]; arguments as in `find_motion`."""
-    if not before.scalars[STARTED] or not (sample.has_accel or loads.on.any()):
+    pose = stance.pose
+    if not before.scalars[STARTED] or not (sample.has_accel or stance.loads.on.any()):
         return np.zeros(3)  # nothing says how the base moves: it is held
     moved = times(before.rotation, before.velocity + before.lever)
-    reference: FloatArray = times_transposed(pose.predicted, moved) - posture.velocity[-1]
+    reference: FloatArray = times_transposed(pose.predicted, moved) - stance.sunk.posture.velocity[-1]
     if sample.has_accel:
         reference += dt * (pose.accel - GRAVITY * pose.up)
     return reference
 
 
 @helper
-def find_motion(
-    soles: FloatArray,
-    before: Memory,
-    sample: Sample,
-    posture: Posture,
-    pose: Attitude,
-    loads: Loads,
-    solution: FloatArray,
-    options: Options,
-) -> tuple[Motion, VelocityProblem]:
+def find_motion(given: Given, sample: Sample, stance: Stance, solution: FloatArray) -> tuple[Motion, VelocityProblem]:
     """Base velocity and centres of pressure; and the program that says what they are.
 
     Args:
-        soles: (k, w) rows of the contacts.
-        before: The state before the tick.
+        given: Beside the sample.
         sample: Readings after validation.
-        posture: Contacts against the base.
-        pose: Orientation.
-        loads: What the contacts carry.
+        stance: How the robot stands.
         solution: Of the program, see `solve_velocity`.
-        options: Of the estimator.
     """
+    soles, before, options = given.soles, given.before, given.options
+    loads, posture = stance.loads, stance.sunk.posture
     k, dt, first = soles.shape[0], options.period, not before.scalars[STARTED]
-    reference = predicted_velocity(before, sample, posture, pose, loads, dt)
+    reference = predicted_velocity(before, sample, stance, dt)
     matrix, still, against = np.empty((k, 3, 2)), np.empty((k, 3)), np.empty((k, 3))
     spread, new, at_edge = np.empty(k), loads.new.copy(), False
     for i in range(k):
@@ -268,7 +254,7 @@ def find_motion(
         new[i] = new[i] or first
         at_edge = at_edge or before.contact_flags[i, LIMITED] > 0.0
     last = Slip(before.drift, before.contacts[:, DROPPED].copy())
-    slip = slipping(loads.on, new, loads.load, against, last, options)
+    slip = slipping((loads.on, new, loads.load), against, last, options)
     weight = np.zeros(k)
     for i in range(k):
         if loads.on[i] and not slip.dropped[i]:

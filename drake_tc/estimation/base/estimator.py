@@ -33,7 +33,6 @@ class OnKinematics(ABC):
         spec: Contacts and tuning.
         kinematics: Of the robot.
         num_joints, num_contacts: n, k.
-        robot_tables: (between, places, constants, frames, frame_bodies) of `BaseKinematics`.
         options: (27,) in the order of `drake_tc.kernels.base_sample.Options`.
         soles: (k, w) rows of the contacts, see `drake_tc.kernels.base_sample`.
         tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base_contacts.shape_of`; zero of rigid ones.
@@ -51,7 +50,6 @@ class OnKinematics(ABC):
         """
         self.spec = spec
         self.kinematics = BaseKinematics(robot, spec.contacts)
-        self.robot_tables = (self.kinematics.between, *self.kinematics.tree)
         self.num_joints, self.num_contacts = len(robot.joints), len(spec.contacts)
         self._limits = soles_of(spec.contacts)
         soft = [soft_sole(contact) for contact in spec.contacts]
@@ -61,6 +59,8 @@ class OnKinematics(ABC):
         self.tables = np.zeros((len(tables), max(table.size for table in tables)))
         for row, table in zip(self.tables, tables, strict=True):
             row[: table.size] = table
+        known = self.kinematics.between, *self.kinematics.tree
+        self._fixed = (self.options, self.soles, self.tables, *known)
 
     @abstractmethod
     def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
@@ -120,13 +120,12 @@ class CopEstimator(OnKinematics):
         super().__init__(robot, spec)
         k = self.num_contacts
         self._unsolved, self._program_size = np.zeros(4 + 3 * k), 5 + 13 * k
-        self._fixed = (self.options, self.soles, self.tables, *self.robot_tables)
 
     def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
         """As `OnKinematics.advance`; where a centre of pressure ends at its sole's edge, with a quadratic program."""
-        program, given = np.empty(self._program_size), (state, *sample, *self._fixed)
-        if not _TICK(*given, self._unsolved, program, after):
-            _TICK(*given, solve_program(program, self._limits), program, after)
+        program, given = np.empty(self._program_size), (state, tuple(sample), self._fixed)
+        if not _TICK(*given, (self._unsolved, program), after):
+            _TICK(*given, (solve_program(program, self._limits), program), after)
 
 
 _CHAIN_TICK = Kernel("base_chain", "tick")
@@ -144,7 +143,7 @@ class FootCentreEstimator(OnKinematics):
 
     def advance(self, state: FloatArray, sample: Sample, after: FloatArray) -> None:
         """As `OnKinematics.advance`."""
-        _CHAIN_TICK(state, *sample, self.options, *self.robot_tables, self.by_imu, after)
+        _CHAIN_TICK(state, tuple(sample), self._fixed, self.by_imu, after)
 
 
 class FootCentreImuEstimator(FootCentreEstimator):

@@ -14,7 +14,7 @@ from drake_tc.estimation.base.read_log import run_log, track_error
 from drake_tc.kernels.base_attitude import corrected_up, filter_times, tilt_correction, turned_up
 from drake_tc.kernels.base_contacts import Slip, shown_vertical, slipping
 from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_sample import options_of
+from drake_tc.kernels.base_sample import Given, options_of
 from drake_tc.kernels.base_state import memory_of
 
 from .constructed import REAL, Motion, construct, spec, walker
@@ -89,7 +89,8 @@ def test_soft_soles_show_the_vertical():
     memory = memory_of(packed(state), 1, 2)
     for soft, expected in ((contacts, base[2]), (spec(PERIOD).contacts, np.zeros(3))):
         estimator = CopEstimator(walker(), replace(spec(PERIOD), contacts=soft))
-        assert_allclose(shown_vertical(estimator.soles, estimator.tables, posture, memory), expected, atol=5e-4)
+        given = Given(estimator.soles, estimator.tables, memory, options_of(estimator.options))
+        assert_allclose(shown_vertical(given, posture), expected, atol=5e-4)
 
 
 def test_slow_rocking_is_no_rest_and_rest_is():
@@ -123,7 +124,7 @@ def test_a_foot_in_the_air_does_not_outvote_the_one_that_stands(share):
     slip, on, load = Slip(np.zeros((2, 3)), np.zeros(2)), np.ones(2, dtype=bool), np.array([300.0, 300.0 * share])
     against = np.array([[0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
     for _ in range(50):
-        slip = slipping(on, ~on, load, against, slip, options)
+        slip = slipping((on, ~on, load), against, slip, options)
     assert (slip.dropped[0] > 0.0) == (share > 0.1)
 
 

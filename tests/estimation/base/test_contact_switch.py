@@ -36,7 +36,7 @@ def run(speeds, loads=(100.0, 90.0), on=(True, True), **changes):
     slip, seen = Slip(np.zeros((2, 3)), np.zeros(2)), []
     for tick, against in enumerate(speeds):
         new = touching & (tick == 0)
-        slip = slipping(touching, new, loads, np.array(against), slip, tuning)
+        slip = slipping((touching, new, loads), np.array(against), slip, tuning)
         seen.append(list(slip.dropped))
     return np.array(seen)
 

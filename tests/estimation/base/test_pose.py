@@ -18,7 +18,7 @@ def test_a_rigid_turn_is_found_exactly(k):
     arm, shift, turn = rng.normal(size=(k, 3)), rng.normal(size=3), 0.7
     held = arm @ turned(turn).T + shift
     weight = rng.uniform(10.0, 200.0, k)
-    found, apart = solve_yaw(arm, held, weight, 0.2, 1e-12, 0.0)
+    found, apart = solve_yaw(arm, held, weight, 0.2, 1e-12)
     assert_allclose(found, turn, atol=1e-9)
     assert_allclose(apart, turn - 0.2, atol=1e-12)
     position, gap = solve_position(arm @ turned(found).T, held, weight / weight.sum(), np.zeros(3), 1e-12)
@@ -54,14 +54,14 @@ def test_the_closed_form_is_the_minimum_of_the_cost(seed):
     grid = np.linspace(-np.pi, np.pi, 721)
     near = grid[np.argmin([cost(turn) for turn in grid])]
     best = minimize_scalar(cost, bounds=(near - 0.02, near + 0.02), method="bounded", options={"xatol": 1e-10})
-    found, _ = solve_yaw(arm, held, weight, gyro, share, 0.0)
+    found, _ = solve_yaw(arm, held, weight, gyro, share)
     assert_allclose(np.angle(np.exp(1j * (found - best.x))), 0.0, atol=1e-6)
 
 
 def test_a_single_contact_leaves_the_yaw_to_the_gyro():
-    assert solve_yaw(np.ones((1, 3)), np.zeros((1, 3)), np.ones(1), 0.123, 2.0, 0.0) == (0.123, 0.0)
-    assert solve_yaw(np.ones((2, 3)), np.zeros((2, 3)), np.array([1.0, 0.0]), 0.123, 2.0, 0.0) == (0.123, 0.0)
-    assert solve_yaw(np.eye(3), np.eye(3), np.ones(3), 0.123, np.inf, 0.0) == (0.123, 0.0)
+    assert solve_yaw(np.ones((1, 3)), np.zeros((1, 3)), np.ones(1), 0.123, 2.0) == (0.123, 0.0)
+    assert solve_yaw(np.ones((2, 3)), np.zeros((2, 3)), np.array([1.0, 0.0]), 0.123, 2.0) == (0.123, 0.0)
+    assert solve_yaw(np.eye(3), np.eye(3), np.ones(3), 0.123, np.inf) == (0.123, 0.0)
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.3, -0.2), (-2.2, 0.01), (3.0, 1.2), (0.0, 0.0)])

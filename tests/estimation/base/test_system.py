@@ -218,7 +218,7 @@ def test_kinematics_agree_with_jacobians_of_the_whole_robot():
     robot, rng = walker(), np.random.default_rng(3)
     kinematics = BaseKinematics(robot, spec(PERIOD).contacts)
     q, qd, rate = rng.uniform(-0.4, 0.4, 30), rng.normal(size=30), rng.normal(size=3)
-    posture = turning(posture_of(q, qd, *kinematics.tree), rate)
+    posture = turning(posture_of(q, qd, tuple(kinematics.tree)), rate)
     plant = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
     base, world = plant.GetBodyByName(robot.base).body_frame(), plant.world_frame()
