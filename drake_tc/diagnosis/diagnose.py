@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from drake_tc.diagnosis.ages import with_uncertain_ages
 from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.preparation import load_scale
@@ -170,7 +171,8 @@ def joint_result(
     model = evidence.model
     context = model.context
     floor = rms(model.train.as_recorded(best.terms, np.full(model.train.samples.rows.size, decision.floor)))
-    declared = corrected(evidence, evidence.refined(evidence.score(model.declared)))
+    plain = evidence.refined(evidence.score(model.declared))
+    declared = with_uncertain_ages(evidence, plain, corrected(evidence, plain))
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
     spread = friction_spread(evidence, best)
@@ -247,17 +249,19 @@ def joint_model(prepared: Prepared) -> JointModel:
 def without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
     """The set without what noise takes off its coefficients, linearised there where it is as probable there.
 
-    The set itself where what is left of it is physically impossible.
+    The ages of channels are uncertain. The set itself where what is left of it is physically impossible.
     """
-    evidence = decision.found.evidence
-    first = corrected(evidence, decision.best)
-    if first is decision.best:
-        return evidence, first
-    there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
-    moved = there.refined(there.score(decision.best.terms))
-    if moved.log_odds > decision.best.log_odds - ALTERNATIVE:
-        evidence, first = there, corrected(there, moved)
-    return (evidence, first) if possible(evidence, first) else (decision.found.evidence, decision.best)
+    evidence, best = decision.found.evidence, decision.best
+    first = corrected(evidence, best)
+    if first is not best:
+        there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
+        moved = there.refined(there.score(best.terms))
+        if moved.log_odds > best.log_odds - ALTERNATIVE:
+            evidence, best, first = there, moved, corrected(there, moved)
+    for each in (with_uncertain_ages(evidence, best, first), first):
+        if possible(evidence, each):
+            return evidence, each
+    return decision.found.evidence, decision.best
 
 
 def _fit(evidence: Evidence, split: Split, scored: Scored) -> Fit:

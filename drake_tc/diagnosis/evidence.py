@@ -185,7 +185,7 @@ class Evidence:
             if np.all(np.abs(step) <= 1e-3 * np.abs(values) + 1e-12):
                 break
             for share in (1.0, 0.4, 0.1):
-                moved = self._bounded(terms, where, values, share * step)
+                moved = self.bounded(terms, where, values, share * step)
                 trial = self.score(with_shapes(terms, where, moved))
                 if trial.log_odds > held + 1e-2:
                     (current, step), held = self._with_shapes(trial), trial.log_odds
@@ -254,9 +254,10 @@ class Evidence:
         key = part.cache_key if isinstance(part, Term) else (part,)
         return self._white(train, ("noise", number, *key), values)
 
-    def _bounded(
+    def bounded(
         self, terms: Sequence[Term], where: Sequence[tuple[int, str]], values: FloatArray, step: FloatArray
     ) -> FloatArray:
+        """Shapes (s,) at these places after a step (s,), within their bounds and at most by their own size."""
         out = values + np.clip(step, -0.5 * np.abs(values), np.maximum(np.abs(values), 1e-9))
         for j, (i, name) in enumerate(where):
             p = next(p for p in terms[i].effect.shapes if p.name == name)

@@ -19,7 +19,7 @@ from drake_tc.diagnosis.problem.parameters import (
     shape_places,
 )
 from drake_tc.diagnosis.search import as_fit
-from drake_tc.diagnosis.split import Split, stands_for
+from drake_tc.diagnosis.split import Split
 from drake_tc.effects.within_tolerance import WithinTolerance
 from drake_tc.types import FloatArray
 
@@ -41,7 +41,7 @@ def correlated_parameters(
     at = size + scored.shapes
     point = np.concatenate([scored.b, shape_places(scored.terms)[1]])
     wider = _by_run_spread(evidence, scored)
-    covariance = scored.posterior.covariance[:at, :at] * np.outer(wider, wider) + np.diag(_by_ages(evidence, scored))
+    covariance = scored.posterior.covariance[:at, :at] * np.outer(wider, wider)
     if not scored.shapes and point.size > size:
         point = point[:size]
 
@@ -74,20 +74,6 @@ def correlated_parameters(
     matrix = spread * np.outer(scale, scale)
     np.fill_diagonal(matrix, 1.0)
     return out, Correlation(tuple(".".join(place) for place in told), matrix)
-
-
-def _by_ages(evidence: Evidence, scored: Scored) -> FloatArray:
-    """(k,) variance of coefficients and shapes by the ages for which delays stand, see `model.stands_for`."""
-    held, ages = stands_for(scored.terms), evidence.model.ages
-    sizes = np.cumsum([1, *(len(t.effect.coefficients) for t in scored.terms)])
-    places = shape_places(scored.terms)[0] if scored.shapes else []
-    out = np.zeros(scored.coefficients + scored.shapes)
-    for i, term in enumerate(scored.terms):
-        variance = sum(ages[channel][1] ** 2 for channel in term.effect.ages_of if channel in held & ages.keys())
-        if term.effect.coefficients:
-            out[sizes[i] : sizes[i + 1]] = scored.b[0] ** 2 * variance
-        out[[scored.coefficients + j for j, place in enumerate(places) if place == (i, "delay")]] = variance
-    return out
 
 
 def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:

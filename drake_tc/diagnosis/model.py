@@ -28,7 +28,7 @@ from drake_tc.diagnosis.priors import (
     UNIFORM,
 )
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.diagnosis.split import OTHER_CLOCKS, Split, drives, stands_for, with_clean, with_needed
+from drake_tc.diagnosis.split import LATE_RECORD, Split, drives, stands_for, with_clean, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
@@ -173,7 +173,7 @@ class JointModel:
 
     def against_position(self, channel: str) -> FloatArray:
         """(a,) weights of the ages in the age of a channel against the position."""
-        position = -1.0 if channel in OTHER_CLOCKS else 0.0
+        position = -LATE_RECORD.get(channel, 0.0)
         return np.array([{channel: 1.0, "position": position}.get(name, 0.0) for name in self.ages])
 
     def held_ages(self, terms: Sequence[Term]) -> frozenset[int]:

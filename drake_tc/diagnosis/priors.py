@@ -30,6 +30,10 @@ UNIFORM = 1.0 / np.sqrt(12.0)
 """Standard deviation of a uniform prior over its range: an age over one period, a shape over its plausible range."""
 AGE_PERIODS = (0.25, 0.4)
 """Mean and standard deviation of a channel's age over its period: an instant has 0, a hold or an average 1/2."""
+LATE = float(np.log(0.1))
+"""Log prior odds that a channel comes late by another way: a bus, a buffer, another process."""
+LATE_S = 0.003
+"""Mean and standard deviation of how much later it then is [s]: a few cycles of a field bus or of a serial bus."""
 LINEAR = 0.1
 """Curvature of what an age does over the noise, up to which it is linear in the age."""
 SERVO_LAG_S = (0.001, 0.001)

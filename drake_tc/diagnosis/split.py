@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples, rms
@@ -16,13 +15,16 @@ from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
 from drake_tc.diagnosis.priors import PASSED_ON, SLOW
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.effects.base import DriveEffect, SensorEffect
+from drake_tc.effects.delay import shift
 from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
 from drake_tc.effects.signals import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
-OTHER_CLOCKS = ("command", "effort", "torque")
-"""Channels that are earlier than the position by its own age; what is inside a servo acts, and is not recorded."""
+LATE_RECORD = {"command": -1.0, "effort": 1.0, "torque": 1.0}
+"""Age of a channel for a record that is late by a second. A drive acts on a command that is older than its record, so a
+record that is late makes this age smaller. What is inside a servo acts, and is not recorded. A late position makes the
+records of all other channels early."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class Split:
     def age_columns(self, channels: Iterable[str], viscous: float) -> FloatArray:
         """(N, a) what a second of age of each channel does, for a viscous friction [N m s/rad]."""
         own = {c: self.reduced_slope(c) * (viscous if c == "rate" else 1.0) for c in channels if c != "position"}
-        older = -sum(own[c] for c in OTHER_CLOCKS if c in own)
+        older = -sum(late * own[c] for c, late in LATE_RECORD.items() if c in own)
         return np.stack([older if c == "position" else own[c] for c in channels], axis=1)
 
     def with_load_at(self, terms: Sequence[Term], beta: FloatArray) -> "Split":
@@ -311,13 +313,9 @@ def moved(values: FloatArray, samples: Samples, by: float) -> FloatArray:
     """(T,) x(t + by) of values x (T,), stretch by stretch, by cubic splines; the ends of a stretch are held."""
     if by == 0.0:
         return values
-    out, step = np.empty_like(values), by / samples.signals.period
+    out = np.empty_like(values)
     for s in samples.segments:
-        at = np.arange(s.stop - s.start, dtype=np.float64)
-        if at.size < 4:
-            out[s] = values[s]
-            continue
-        out[s] = CubicSpline(at, values[s])(np.clip(at + step, 0.0, at[-1]))
+        out[s] = shift(values[s], -by / samples.signals.period)
     return out
 
 

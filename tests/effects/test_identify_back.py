@@ -87,7 +87,8 @@ CASES: dict[str, Case] = {
     # ages within a sampling period of 2 ms and, inside the servo, 1 ms are not known: +-2.3, 1.3, 1.1 and 1 ms
     "delay.command": Case("position_servo", {"delay": 0.012}, width=0.45),
     "delay.loop": Case("current", {"delay": 0.012}, width=0.3),
-    "delay.torque_sensor": Case("current", {"delay": 0.006}, width=0.4),
+    # the instants of torque and position within their period: 1.96 sqrt(2) 2 ms/sqrt(12) = 1.6 ms at most
+    "delay.torque_sensor": Case("current", {"delay": 0.006}, width=0.54),
     # the instants of position, effort and torque within their period: 1.96 sqrt(3) 2 ms/sqrt(12) = 2 ms at most
     "delay.position_sensor": Case("current", {"delay": 0.006}, width=2.0 / 3.0),
     "current_lag": Case("voltage", {"lag": 0.015}),

@@ -1,0 +1,141 @@
+"""Ages of channels, against logs whose channels are late in closed form, and against fits with other priors."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from drake_tc.diagnosis.ages import with_uncertain_ages
+from drake_tc.diagnosis.diagnose import joint_model
+from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.linear import Posterior
+from drake_tc.diagnosis.model import JointModel
+from drake_tc.diagnosis.priors import LATE, LATE_S
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.search import equally_noisy
+from drake_tc.effects.delay import Delay, shift
+from tests.diagnosis.rigs import Joint, motion, record, rig_of
+
+SERVO = Joint(drive="position_servo", gain=2e-3, torque_noise=0.02, encoder_noise=1e-5)
+LATENESS = 1e-3
+
+
+def heard(joint: Joint, late: str = "", seconds: float = 0.0) -> Evidence:
+    """The evidence of three runs in which the record of one channel is late."""
+
+    def run(name: str, turn: float, seed: int) -> Any:
+        made, m = record(joint, name, turn, seed), motion(joint, turn)
+        was = {
+            "position": m.q - seconds * m.v + 0.5 * seconds**2 * m.a,
+            "torque": m.tau - seconds * np.gradient(m.tau, joint.period),
+            "position_command": made.columns["joint/position_command"]
+            - seconds * np.gradient(made.columns["joint/position_command"], joint.period),
+        }
+        noise = made.columns["joint/position"] - m.q if late == "position" else 0.0
+        columns = dict(made.columns) | ({f"joint/{late}": was[late] + noise} if late else {})
+        return replace(made, columns=columns)
+
+    train = [run(f"run{k}", 0.4 * k, k) for k in range(2)]
+    model = joint_model(prepare_joint(train, [run("held", 2.1, 9)], rig_of(joint), "joint"))
+    return Evidence(model).tempered(model.declared)
+
+
+@pytest.mark.parametrize(
+    ("late", "channel", "age"),
+    [
+        ("position", "position", LATENESS),
+        ("torque", "torque", LATENESS),
+        ("position_command", "command", -LATENESS),  # the drive acts on a newer command than the recorded one
+    ],
+)
+def test_a_late_record_changes_the_residual_by_its_age_s_column(late: str, channel: str, age: float) -> None:
+    """The residual under the true parameters, of a log with a late channel less that of the log without."""
+    joint = replace(SERVO, torque_noise=0.0, encoder_noise=0.0)
+    left = []
+    for seconds in (0.0, LATENESS):
+        train, declared = (model := heard(joint, late, seconds).model).train, model.declared
+        columns = np.concatenate([b.values for b in model.blocks(train, declared)], axis=1)
+        true = joint.gain * np.array([1.0, joint.viscous, joint.coulomb])
+        age_column = train.age_columns(model.ages, joint.viscous)[:, list(model.ages).index(channel)]
+        of_rows = np.full((len(train.samples.signals), 2), np.nan)
+        of_rows[train.samples.rows] = np.stack([train.recorded.effort(()) - columns @ true, age_column], axis=1)
+        left.append(of_rows)
+    both = np.isfinite(left[0][:, 0]) & np.isfinite(left[1][:, 0])
+    own, column = (left[1] - left[0])[both, 0], left[1][both, 1]
+    assert abs(np.corrcoef(own, column)[0, 1]) > 0.99
+    assert own @ column / (column @ column) == pytest.approx(age, rel=0.05)
+
+
+def under(evidence: Evidence, scored: Scored, channel: str, late: float) -> Scored:
+    """The set with another prior of one age, at the same variance."""
+    mean, deviation = evidence.model.ages[channel]
+    model = replace(evidence.model)
+    changed = {channel: (mean + late, float(np.hypot(deviation, LATE_S)))}
+    cast(Any, model).__dict__["ages"] = {**evidence.model.ages, **changed}
+    return Evidence(model, evidence.noise, evidence.spread).score(scored.terms, scored.posterior.variance)
+
+
+def test_late_channels_are_the_mixture_of_fits_with_each_channel_late() -> None:
+    evidence = heard(SERVO, "position_command", 3e-3)
+    scored = evidence.score(evidence.model.declared)
+    scored = evidence.score(scored.terms, scored.posterior.variance)
+    signs = {"command": -1.0, "torque": 1.0, "position": 1.0}
+    fits = [scored, *(under(evidence, scored, channel, way * LATE_S) for channel, way in signs.items())]
+    odds = np.array([0.0, *(LATE + f.posterior.log_evidence - scored.posterior.log_evidence for f in fits[1:])])
+    weights = np.exp(odds) / np.exp(odds).sum()
+    betas = np.array([f.posterior.beta for f in fits])
+    mean = weights @ betas
+    covariance = sum(
+        w * (f.posterior.covariance + np.outer(b - mean, b - mean))
+        for w, f, b in zip(weights, fits, betas, strict=True)
+    )
+    told = with_uncertain_ages(evidence, scored, scored).posterior
+    deviation = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(told.beta, mean, atol=0.01 * deviation.min(), rtol=1e-4)
+    np.testing.assert_allclose(np.sqrt(np.diag(told.covariance)), deviation, rtol=0.01)
+    assert deviation[1] > 1.2 * np.sqrt(scored.posterior.covariance[1, 1])  # viscous friction, which a command imitates
+
+
+def test_beside_a_named_delay_the_ages_for_which_it_stands_have_their_priors(monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence = heard(SERVO)
+    terms = [*evidence.model.declared, Term(Delay(), {"delay": 4e-3})]
+    held = evidence.with_shapes(evidence.score(terms))
+    told = with_uncertain_ages(evidence, held, held).posterior
+    monkeypatch.setattr(JointModel, "held_ages", lambda self, terms: frozenset())
+    free = Evidence(evidence.model, evidence.noise, evidence.spread)
+    free = free.with_shapes(free.score(terms, held.posterior.variance))
+    own, other, before = (np.sqrt(np.diag(p.covariance))[:3] for p in (told, free.posterior, held.posterior))
+    np.testing.assert_allclose(own, other, rtol=0.05)  # the shapes' tangent is that of the held fit
+    assert own[1] > 2.0 * before[1]
+
+
+def test_a_shift_by_half_a_sample_smooths_nothing() -> None:
+    """A sine with 8 samples a period; straight lines between the samples would lose 8 % of it."""
+    at = np.arange(400.0)
+    moved = shift(np.sin(2.0 * np.pi * at / 8.0), 0.5)
+    np.testing.assert_allclose(moved[20:-20], np.sin(2.0 * np.pi * (at - 0.5) / 8.0)[20:-20], atol=4e-3)
+
+
+def scored(names: str, variance: float, passed: float) -> Scored:
+    terms = tuple(SimpleNamespace(effect=SimpleNamespace(key=name)) for name in names)
+    posterior = Posterior(np.zeros(1), np.eye(1), variance, 0.0)
+    return Scored(cast(Any, terms), 100.0, posterior, 1, passed=passed)
+
+
+def test_noise_counts_against_a_set_beside_the_one_that_is_louder_but_not_against_a_part_that_leaves_less() -> None:
+    rows = SimpleNamespace(index=np.arange(1000))
+    evidence = cast(
+        Any,
+        SimpleNamespace(
+            white_gain=1.0, noise=SimpleNamespace(share=1.0), model=SimpleNamespace(train=SimpleNamespace(rows=rows))
+        ),
+    )
+    loud = scored("ab", 1.0, 0.5)
+    for quiet, variance, less in (("a", 0.9, False), ("a", 1.1, True), ("c", 0.9, True)):
+        pair = equally_noisy([(evidence, loud), (evidence, scored(quiet, variance, 0.0))])
+        assert pair[0][1].log_odds == 100.0
+        expected = 0.5 * 1000 * np.log(1.0 + 0.5 / variance) if less else 0.0
+        assert pair[1][1].log_odds == pytest.approx(100.0 - expected)
