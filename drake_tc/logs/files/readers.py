@@ -16,7 +16,7 @@ from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
 from drake_tc.logs.episodes import Source, source_of
-from drake_tc.logs.files.array_files import Value, read_arrays, read_mat
+from drake_tc.logs.files.array_files import read_arrays, read_mat
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.files.json_log import read_json, read_json_lines
 from drake_tc.logs.files.lerobot import is_data_set, read_data_set, without_lists
@@ -155,17 +155,9 @@ def _read_npz(path: Path) -> pd.DataFrame:
     return _of_arrays(path, read_arrays(path))
 
 
-def _flatten(prefix: str, value: Value) -> Iterator[tuple[str, np.ndarray]]:
-    """Arrays of a MATLAB value: the fields of a struct become `struct/field`, a double underscore a slash."""
-    if isinstance(value, dict):
-        for field, inner in value.items():
-            yield from _flatten(f"{prefix}/{field}", inner)
-    else:
-        yield prefix.replace("__", "/"), value
-
-
 def _read_mat(path: Path) -> pd.DataFrame:
-    return _of_arrays(path, dict(pair for name, value in read_mat(path).items() for pair in _flatten(name, value)))
+    """As `read_mat`; a double underscore in a name stands for a slash."""
+    return _of_arrays(path, {name.replace("__", "/"): value for name, value in read_mat(path).items()})
 
 
 READERS: Mapping[str, Reader] = MappingProxyType(
