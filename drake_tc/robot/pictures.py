@@ -1,7 +1,7 @@
 """Meshes of a robot's links as triangles: STL and COLLADA, which Drake does not draw, are read here.
 
-No reader of another package is used: Drake reads OBJ, glTF and VTK files alone, and trimesh needs pycollada beside it for
-COLLADA, two more packages for the hundred lines below.
+No reader of another package is used: Drake reads OBJ, glTF and VTK files alone, and trimesh needs pycollada beside it
+for COLLADA, two more packages for the hundred lines below.
 
 COLLADA's unit and the transforms of its nodes are applied; its up axis is not, as in RViz.
 
