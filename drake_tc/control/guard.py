@@ -6,13 +6,15 @@ The law of the CommandGuard: bumpless start, limits, hold, damp; one tick as a p
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drake_tc.actuation.compensator import rated_effort
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import COPY_BELOW, GUARD, KernelCall, copying
@@ -22,6 +24,8 @@ from drake_tc.types import BoolArray, Call, FloatArray
 _STEP = Kernel("guard", "step")
 OFFSET = 0.2
 """Of a servo's command from its joint where nothing is known of the drives [rad]."""
+UNBOUNDED = 1e9
+"""The same of another drive whose joint has no rated torque [A | V | N m]."""
 
 
 class GuardMode(IntEnum):
@@ -84,11 +88,32 @@ class GuardSpec:
                 )
 
 
+def rated_guard(
+    spec: GuardSpec, models: Sequence[ActuatorModel], effort: FloatArray, velocity: FloatArray
+) -> GuardSpec:
+    """The spec, with the offset limit that each drive needs for its joint's rated torque where it states none.
+
+    Args:
+        spec: Limits and times.
+        models: One a joint.
+        effort: (n,) largest torque of the joints [N m]; infinite where it is not known.
+        velocity: (n,) their largest speed [rad/s]; infinite where it is not known.
+    """
+    if spec.offset_limit is not None:
+        return spec
+    rated = map(rated_effort, models, effort.tolist(), velocity.tolist())
+    widest = (OFFSET if model.drive.kind == "position_servo" else UNBOUNDED for model in models)
+    return replace(spec, offset_limit=tuple(map(min, rated, widest)))
+
+
 class GuardLaw:
     """x[n+1] = step(x[n], command, position, fault): see `drake_tc.control.guard.CommandGuard`. Holds no changing data.
 
     x = [y (n), last finite position (n), anchor (n), mode, time in hold and damp, time sound, s, 1/T], 1/T = 0 before
     the first tick; in normal mode the anchor is the y before the last.
+
+    Attributes:
+        limits: (4, n) offset limit, largest step, that of the start, and 1 for a position servo, 0 for another drive.
     """
 
     def __init__(self, size: int, dt: float, spec: GuardSpec, servo: tuple[bool, ...] | None = None) -> None:
@@ -105,7 +130,7 @@ class GuardLaw:
         start_step = np.where(flags, np.minimum(step, dt * spec.start_rate), step)
         widest = OFFSET if spec.offset_limit is None else spec.offset_limit
         offset, servos = self._spread("offset_limit", widest), np.array(flags, dtype=np.float64)
-        self._limits: FloatArray = np.stack([offset, step, start_step, servos])
+        self.limits: FloatArray = np.stack([offset, step, start_step, servos])
         times = (spec.start_time, spec.hold_time, spec.damp_time, spec.damp_rate, spec.recover_time, spec.blend_time)
         self._options = np.array([dt, *times])
 
@@ -123,7 +148,7 @@ class GuardLaw:
         self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float, after: FloatArray
     ) -> None:
         """One tick: the next state into `after`, whose first n numbers are the outgoing command."""
-        _STEP(state, command, position, fault, self._limits, self._options, after)
+        _STEP(state, command, position, fault, self.limits, self._options, after)
 
     def bind(
         self, state: FloatArray, command: FloatArray, position: FloatArray, fault: FloatArray, after: FloatArray
@@ -133,7 +158,7 @@ class GuardLaw:
         def outputs(time: float) -> None:
             self.step(state, command, position, fault[0], after)
 
-        return KernelCall(GUARD, outputs, state, command, position, fault, self._limits, self._options, after)
+        return KernelCall(GUARD, outputs, state, command, position, fault, self.limits, self._options, after)
 
 
 class CommandGuard(PortMethods, LeafSystem):

@@ -13,7 +13,8 @@ _START, _NORMAL, _HOLD, _DAMP = 0.0, 1.0, 2.0, 3.0
 """Values of `GuardMode`."""
 _OFFSET, _STEP, _START_STEP, _SERVO = range(4)
 """Rows of `limits`."""
-_COMPLETE = 1.0 - 1e-9
+COMPLETE = 1.0 - 1e-9
+"""Share of a blend from which it has ended."""
 
 
 @helper
@@ -39,7 +40,7 @@ def waiting(mode: float, waited: float, sound_for: float, sound: bool, options: 
 @helper
 def blended(anchor: float, command: float, s: float) -> float:
     """From the anchor to the command as s goes from 0 to 1."""
-    return anchor + s * s * (3.0 - 2.0 * s) * (command - anchor) if s < _COMPLETE else command
+    return anchor + s * s * (3.0 - 2.0 * s) * (command - anchor) if s < COMPLETE else command
 
 
 @helper
@@ -106,7 +107,7 @@ def step(
             s, rate = 0.0, 1.0 / max(options[6], options[0])
     if mode == _START:
         s = min(s + options[0] * rate, 1.0)
-    met = s >= _COMPLETE
+    met = s >= COMPLETE
     for i in range(n):
         wish, largest, offset = command[i], limits[_STEP, i], limits[_OFFSET, i]
         if mode == _START:

@@ -18,6 +18,7 @@ from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
+from drake_tc.control.guard import GuardLaw, GuardSpec, rated_guard
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.control.trajectories import knot_trajectory
@@ -61,8 +62,13 @@ class Compiled:
 
     def call(self, name, *arrays, state=False):
         function = getattr(self._library, f"{self._name}_{name}")
-        pointers = [array.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for array in arrays]
-        return function(*([self._state] if state else []), *pointers)
+        given = [
+            each.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            if isinstance(each, np.ndarray)
+            else ctypes.c_double(each)
+            for each in arrays
+        ]
+        return function(*([self._state] if state else []), *given)
 
 
 @pytest.fixture(scope="module")
@@ -271,6 +277,47 @@ def test_every_effect_is_compensated_as_in_python(effect, tmp_path):
 def test_drive_effects_are_among_them():
     assert any(isinstance(effect, DriveEffect) for effect in EFFECTS)
     assert len(EFFECTS) > 25
+
+
+def played(rng, start):
+    """(command, position, fault) of each tick: a joint that follows, now and then what is lost, late or far off."""
+    position, fault = start.copy(), 0.0
+    yield start, np.full(N, np.nan), 0.0
+    for k in range(3000):
+        if k % 150 == 0:
+            fault = rng.choice([0.0, 0.0, 1.0, 2.0])
+            odd = rng.choice([np.nan, np.inf, 5.0], N), rng.random((2, N)) < rng.choice([0.0, 0.0, 0.1, 0.5])
+        command = position + rng.normal(0.0, 2e-4, N)
+        position = position + rng.normal(0.0, 3e-4, N)
+        yield np.where(odd[1][0], odd[0], command), np.where(odd[1][1] & (k % 7 == 0), np.nan, position), fault
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_guard_is_that_of_python(tmp_path, seed):
+    """Commands and modes over starts, holds, damps and returns; commands of servos are in the joints' ranges."""
+    robot, rng = load_robot(LEG), np.random.default_rng(seed)
+    models, limits = load_models(robot.actuators), joint_limits(robot)
+    spec = GuardSpec(start_time=0.05, hold_time=0.03, recover_time=0.02, blend_time=0.03, rate_limit=4.0)
+    compiled = Compiled(to_c(models, robot, replace(SPEC, guard=spec)), tmp_path)
+    compiled.call("init", state=True)
+    law = GuardLaw(N, DT, rated_guard(spec, list(models.values()), limits.effort, limits.velocity))
+    state, after, seen = law.initial(), law.initial(), set()
+    for command, position, fault in played(rng, robot.posture):
+        sent = np.empty(N)
+        mode = compiled.call("guard", command, position, fault, sent, state=True)
+        within = np.where(np.isfinite(command), np.clip(command, limits.lower, limits.upper), command)
+        law.step(state, within, position, fault, after)
+        state, after = after, state
+        assert mode == (state[3 * N] if state[3 * N + 4] else -1)
+        assert_allclose(sent, state[:N], rtol=0.0, atol=1e-15)
+        seen.add(mode)
+    assert seen == {-1, 0, 1, 2, 3}
+
+
+def test_a_drive_of_which_nothing_is_known_has_no_guard():
+    drive = {"j": ActuatorModel("j", Drive("current", 0.1))}
+    assert "_guard(" not in to_c(drive).header
+    assert "_guard(" in to_c(drive, None, CSpec(guard=GuardSpec(offset_limit=2.0))).header
 
 
 BENCH = r"""

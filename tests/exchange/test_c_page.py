@@ -91,8 +91,10 @@ def test_the_lerobot_loop_holds_the_arms_weight(folder):
     spec.loader.exec_module(page)
     robot = load_robot(LEG / "hrp2_like_leg.yaml")
     arm = Arm(robot.joints, np.degrees(robot.posture))
-    page.float_arm(arm, robot.joints, str(library), 0.05)
-    assert len(arm.sent) in (50, 51)  # sums of the period end before or behind the duration
+    page.float_arm(arm, robot.joints, str(library), 0.7)  # longer than the guard's start
+    assert len(arm.sent) in (700, 701)  # sums of the period end before or behind the duration
+    first = np.radians([arm.sent[0][f"{name}.pos"] for name in robot.joints])
+    np.testing.assert_allclose(first, robot.posture, atol=1e-6)
     plant = make_plant(robot, 0.0)
     context = plant.CreateDefaultContext()
     places = [plant.GetJointByName(name).position_start() for name in robot.joints]

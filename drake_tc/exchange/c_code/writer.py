@@ -6,6 +6,7 @@ those of the plant (`links`); the rest stands in the two templates beside this f
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from jinja2 import Environment, StrictUndefined
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_effects import Models, model_list
+from drake_tc.actuation.model import ActuatorModel
+from drake_tc.control.guard import GuardLaw, GuardSpec, rated_guard
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import LARGEST
@@ -22,6 +25,8 @@ from drake_tc.exchange.c_code.expressions import c_function, moved_links, number
 from drake_tc.filtering.savitzky_golay import delay, savgol_weights
 from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations as scalar
+from drake_tc.kernels.guard import COMPLETE, UNTRUSTED
+from drake_tc.kernels.guard import LARGEST as MOST
 from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND
 from drake_tc.kernels.torque_equations import EQUATIONS, REFERENCE_CELSIUS
 from drake_tc.robot.plant import joint_limits
@@ -43,6 +48,8 @@ class CSpec:
         ki: Integral of the torque error [1/s].
         residual_gain: K of the external torques [1/s].
         compensation: Motion for which the effects of the drives are compensated.
+        guard: Limits and times of the guard. None: those of `GuardSpec`. Where it has no offset limit, a robot's rated
+            torques give it; drives other than position servos have no guard without either.
 
     Raises:
         ParamsError: a name that is no identifier of C, or a number that is not possible.
@@ -60,6 +67,7 @@ class CSpec:
     ki: float = 0.0
     residual_gain: float = 30.0
     compensation: CompensationSpec = field(default_factory=CompensationSpec)
+    guard: GuardSpec | None = None
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
@@ -152,6 +160,7 @@ def to_c(models: Models, robot: Robot | None = None, spec: CSpec | None = None) 
         "blend": -math.expm1(-spec.residual_gain * spec.dt),
         "residual_gain": spec.residual_gain,
         "largest": LARGEST,
+        "limits": _guard(drives, robot, spec),
         "num": number,
     }
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
@@ -161,6 +170,35 @@ def to_c(models: Models, robot: Robot | None = None, spec: CSpec | None = None) 
         for ending in ("h", "c")
     )
     return CFiles(spec.name, header, source)
+
+
+def _guard(drives: Sequence[ActuatorModel], robot: Robot | None, spec: CSpec) -> dict[str, Any] | None:
+    """Numbers of the guard; None where nothing limits a drive that is no position servo."""
+    guard, n = spec.guard or GuardSpec(), len(drives)
+    servo = tuple(model.drive.kind == "position_servo" for model in drives)
+    bounds = None if robot is None else joint_limits(robot)
+    if bounds is not None:
+        guard = rated_guard(guard, drives, bounds.effort, bounds.velocity)
+    if guard.offset_limit is None and not all(servo):
+        return None
+    offset, step, start_step, _ = GuardLaw(n, spec.dt, guard, servo).limits
+    none = np.full(n, np.inf)
+    return {
+        "offset": offset,
+        "step": step,
+        "start_step": start_step,
+        "lower": -none if bounds is None else np.where(servo, bounds.lower, -none),
+        "upper": none if bounds is None else np.where(servo, bounds.upper, none),
+        "most": MOST,
+        "untrusted": UNTRUSTED,
+        "complete": COMPLETE,
+        "start_rate": 1.0 / max(guard.start_time, spec.dt),
+        "blend_rate": 1.0 / max(guard.blend_time, spec.dt),
+        "recover": guard.recover_time - 0.5 * spec.dt,
+        "hold": guard.hold_time + 0.5 * spec.dt,
+        "damp_step": guard.damp_rate * spec.dt,
+        "damp_share": spec.dt / max(guard.damp_time, spec.dt),
+    }
 
 
 def _laws(compensator: Compensator) -> tuple[list[dict[str, Any]], set[int]]:

@@ -22,12 +22,11 @@ import numpy as np
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, Demultiplexer, MatrixGain
 
-from drake_tc.actuation.compensator import rated_effort
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints, save_models
 from drake_tc.actuation.wiring import sliding
 from drake_tc.control.gains import TorqueGains
-from drake_tc.control.guard import OFFSET, CommandGuard
+from drake_tc.control.guard import CommandGuard, rated_guard
 from drake_tc.control.inverse_dynamics import InverseDynamics
 from drake_tc.control.torque_control import TorqueControl
 from drake_tc.errors import ParamsError
@@ -47,9 +46,6 @@ from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.sensing.suite import Readings
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 from drake_tc.types import FloatArray
-
-UNBOUNDED = 1e9
-"""Of the effort of a drive that is no position servo and whose joint has no rated torque [A | V | N m]."""
 
 
 @dataclass
@@ -344,11 +340,9 @@ def _guarded(parts: TorqueLoopBuilder, command: OutputPort, fault: OutputPort) -
     encoder = parts.readings.encoder
     n, spec = len(parts.robot.joints), parts.scenario.guard
     servo = tuple(model.drive.kind == "position_servo" for model in parts.models)
-    if spec.offset_limit is None and parts.scenario.controller == "torque":
+    if parts.scenario.controller == "torque":
         limits = joint_limits(parts.robot)
-        rated = map(rated_effort, parts.models, limits.effort.tolist(), limits.velocity.tolist())
-        widest = [OFFSET if each else UNBOUNDED for each in servo]
-        spec = replace(spec, offset_limit=tuple(map(min, rated, widest)))
+        spec = rated_guard(spec, parts.models, limits.effort, limits.velocity)
     guard = parts.add(
         "guard",
         lambda: CommandGuard(n, parts.scenario.dt, spec, servo),
