@@ -9,13 +9,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, get_args
 
+import numpy as np
 import yaml
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.remainder import Remainder
 from drake_tc.config.files import write_whole
 from drake_tc.config.joint_units import JointType
-from drake_tc.config.keys import Keys, Name, PositiveNumber, UnboundedNumber, key, one_of, unknown_key
+from drake_tc.config.keys import (
+    AnyNumber,
+    Keys,
+    Name,
+    Number,
+    PositiveNumber,
+    UnboundedNumber,
+    key,
+    one_of,
+    unknown_key,
+)
 from drake_tc.config.quoted import quoted
 from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
@@ -142,6 +154,43 @@ class EffectKeys(Keys):
         return EffectValue(self.effect, self.__pydantic_extra__ or {}, self.ci95 or {}, tuple(self.at_bound or ()))
 
 
+class RemainderKeys(Keys):
+    """Torque that no effect explains, a smooth function of position, velocity, direction and load torque.
+
+    `drake_tc.actuation.remainder` has its equation. Controllers and simulated actuators do not use it.
+    """
+
+    share: AnyNumber = key(
+        "Share of the squared error of held-out runs that it explains.", example=0.12, default=float("nan")
+    )
+    share_ci95: Interval | None = key("Its 95 % interval.", example=[0.08, 0.15], absent="not known")
+    center: list[Number] = key("Subtracted from each signal.", example=[0.0] * 4, default=..., expected="4 numbers")
+    scale: list[PositiveNumber] = key(
+        "By which each signal is divided then.", example=[1.0] * 4, default=..., expected="4 positive numbers"
+    )
+    points: list[list[Number]] = key(
+        "Scaled signals near which it holds.", example=[[0.0] * 4], default=..., expected="a list of rows of 4 numbers"
+    )
+    radius: Number = key("Distance up to which it holds.", example=1.0, default=..., expected="a number >= 0")
+    slow: PositiveNumber = key(
+        "Speed at which the direction turns over.",
+        unit="rad/s",
+        example=0.05,
+        default=...,
+        expected="a positive number",
+    )
+    largest: Number = key("Bound of the torque.", unit="N·m", example=0.8, default=..., expected="a number >= 0")
+    weights: list[Number] = key(
+        "Of the features.", unit="N·m", example=[0.1, -0.2], default=..., expected="a list of numbers"
+    )
+
+    def value(self) -> Remainder:
+        """The function."""
+        center, scale, points, weights = map(np.array, (self.center, self.scale, self.points, self.weights))
+        known = self.share_ci95 or (math.nan, math.nan)
+        return Remainder(center, scale, points, self.radius, self.slow, self.largest, weights, self.share, known)
+
+
 class JointKeys(Keys):
     """One joint's actuator."""
 
@@ -162,6 +211,14 @@ class JointKeys(Keys):
         example=[{"effect": "viscous", "viscous": 31.0}],
         absent="none",
     )
+    remainder: RemainderKeys | None = key(
+        "Torque that no effect explains, of a joint whose verdict is `unexplained_structure`.",
+        example={
+            "share": 0.12, "center": [0.0] * 4, "scale": [1.0] * 4, "points": [[0.0] * 4], "radius": 1.0, "slow": 0.05,
+            "largest": 0.8, "weights": [0.1, -0.2],
+        },
+        absent="none",
+    )  # fmt: skip
 
     def model(self, joint: str) -> ActuatorModel:
         """The joint's model."""
@@ -205,12 +262,14 @@ class ModelFile:
         provenance: Where the numbers come from: record, fit error ...; free-form.
         shared: What no joint owns: `{effect, where, <parameter>: number, ci95}` of a link or sensor each; free-form.
         links: By link, inertial parameters that were fitted together with the joints.
+        remainders: By joint, torque that no effect explains; no controller uses it by itself.
     """
 
     models: Mapping[str, ActuatorModel]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     shared: tuple[Mapping[str, Any], ...] = ()
     links: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    remainders: Mapping[str, Remainder] = field(default_factory=dict)
 
     @property
     def torque_as_effort(self) -> tuple[str, ...]:
@@ -232,7 +291,14 @@ def load_model_file(path: Path | str) -> ModelFile:
     if odd is not None:
         raise ParamsError(f"{path}: joints: expected names of printable characters; got {quoted(odd)}")
     models = {joint: entry.model(joint) for joint, entry in read.joints.items()}
-    return ModelFile(models, read.provenance or {}, tuple(read.shared or ()), read.links or {})
+    remainders = {}
+    for joint, entry in read.joints.items():
+        if entry.remainder is not None:
+            try:
+                remainders[joint] = entry.remainder.value()
+            except ParamsError as error:
+                raise ParamsError(f"{path}: joints.{joint}.{error}") from None
+    return ModelFile(models, read.provenance or {}, tuple(read.shared or ()), read.links or {}, remainders)
 
 
 def load_models(path: Path | str) -> dict[str, ActuatorModel]:
@@ -273,6 +339,25 @@ def _line(value: EffectValue) -> str:
     return yaml.safe_dump(entry, default_flow_style=True, sort_keys=False, width=10**6, allow_unicode=True).strip()
 
 
+def _flow(entry: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(entry), default_flow_style=True, sort_keys=False, width=10**6).strip()
+
+
+def _remainder_entry(found: Remainder) -> dict[str, Any]:
+    arrays = {name: getattr(found, name).tolist() for name in ("center", "scale", "points")}
+    known: dict[str, Any] = {"share": float(found.share), "share_ci95": [float(end) for end in found.share_ci95]}
+    if not math.isfinite(found.share):
+        known = {}
+    return {
+        **known,
+        **arrays,
+        "radius": found.radius,
+        "slow": found.slow,
+        "largest": found.largest,
+        "weights": found.weights.tolist(),
+    }
+
+
 def save_models(
     models: Mapping[str, ActuatorModel],
     path: Path | str,
@@ -280,6 +365,7 @@ def save_models(
     provenance: Mapping[str, Any] | None = None,
     shared: Sequence[Mapping[str, Any]] = (),
     links: Mapping[str, Mapping[str, float]] | None = None,
+    remainders: Mapping[str, Remainder] | None = None,
 ) -> None:
     """Write a model file that `load_models` reads back to the same models, one effect a line.
 
@@ -289,6 +375,7 @@ def save_models(
         provenance: Where the numbers come from, of plain YAML types.
         shared: What no joint owns, of plain YAML types.
         links: By link, inertial parameters that were fitted.
+        remainders: By joint, torque that no effect explains.
 
     Example:
         >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
@@ -310,17 +397,12 @@ def save_models(
             lines.append(f"    joint_type: {model.joint_type}")
         lines.append("    effects:" + ("" if model.effects else " []"))
         lines.extend(f"      - {_line(value)}" for value in model.effects)
+        if remainders and joint in remainders:
+            lines.append(f"    remainder: {_flow(_remainder_entry(remainders[joint]))}")
     if shared:
         lines.append("shared:")
-        lines.extend(
-            f"  - {yaml.safe_dump(dict(entry), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
-            for entry in shared
-        )
+        lines.extend(f"  - {_flow(entry)}" for entry in shared)
     if links:
         lines.append("links:")
-        lines.extend(
-            f"  {yaml.safe_dump(link).splitlines()[0]}: "
-            f"{yaml.safe_dump(dict(values), default_flow_style=True, sort_keys=False, width=10**6).strip()}"
-            for link, values in links.items()
-        )
+        lines.extend(f"  {yaml.safe_dump(link).splitlines()[0]}: {_flow(values)}" for link, values in links.items())
     write_whole(path, "\n".join(lines) + "\n")

@@ -1,6 +1,7 @@
 """`drake-tc export`: an identified model in another simulator's terms, with the loss of each effect."""
 
 import json
+import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
@@ -19,6 +20,7 @@ from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
+    from drake_tc.actuation.remainder import Remainder
     from drake_tc.diagnosis.result.applications import ExportErrors
     from drake_tc.exchange.isaaclab import ServoSettings
     from drake_tc.exchange.projection import Projection
@@ -207,6 +209,7 @@ def export_command(
     if into is not None and to is not Target.bam:
         notes += changes(text, projections, into)
     notes += [_not_in_newton_metres(models[name]) for name in read.torque_as_effort if name in models]
+    notes += [_without_remainder(name, each) for name, each in read.remainders.items() if name in models]
     notes += of_links
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
@@ -304,6 +307,11 @@ def _not_in_newton_metres(model: "ActuatorModel") -> str:
         " in the exported file have this scale too. Declare `drive_gain` in the rig file and run close-loop again."
     )
     return in_units_of(model.joint_type, text)
+
+
+def _without_remainder(joint: str, remainder: "Remainder") -> str:
+    share = "" if math.isnan(remainder.share) else f", {100.0 * remainder.share:.0f} % of the error that was left,"
+    return f"{joint}: the remainder of the model{share} is lost: the target has no function of motion and load."
 
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:

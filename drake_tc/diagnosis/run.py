@@ -15,6 +15,7 @@ from drake_tc.diagnosis.notes import LoadInAllRuns
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import without_errors
 from drake_tc.diagnosis.refinement.stage import refine_joint
+from drake_tc.diagnosis.residual.remainder import remainder_of
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, Verdict
 from drake_tc.diagnosis.result.errors import FreeRun, with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -129,6 +130,8 @@ def _close_loop(
     for joint in rig.joints:
         if logs_of_robot is None:
             joints[joint] = diagnose_joint(train, held, rig, joint, options, progress, executor=executor)
+        if joints[joint].verdict == "unexplained_structure" and not wrong:
+            joints[joint] = _with_remainder(joints[joint])
         if free_run is not None and not wrong:
             result = joints[joint]
             own = [without_errors(runs, rig, joint, result.final) for runs in (train, held)]
@@ -151,6 +154,11 @@ def _close_loop(
         notes=link_notes(shared, logs_of_robot),
         hints=distinct_notes((run.name, hint) for run in runs for hint in run.hints),
     )
+
+
+def _with_remainder(joint: JointResult) -> JointResult:
+    """The result with the smooth part of what is left."""
+    return replace(joint, remainder=remainder_of(joint.train, joint.heldout, joint.final.gain))
 
 
 def _ranked(joint: JointResult, gains: Mapping[tuple[str, str], float]) -> JointResult:

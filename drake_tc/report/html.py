@@ -52,6 +52,7 @@ from drake_tc.report.sentences.words import (
     floors_left,
     headline,
     ranked_effects,
+    remainder_sentence,
     structure_words,
     title_of,
     unexplained,
@@ -299,7 +300,7 @@ def _joint(joint: JointResult, prefix: str, budget: PageBudget, executor: Execut
         "left": {
             "fraction": percent(left.fraction),
             "structure": structure_words(left),
-            "sentence": capital(unexplained(joint)),
+            "sentence": " ".join(filter(None, (capital(unexplained(joint)), remainder_sentence(joint)))),
             "depends_on": dependence_words(left),
             "confined_to": left.confined_to,
             "line": "none" if left.period_hz is None else f"{significant(left.period_hz)} Hz",

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from drake_tc.actuation.remainder import SIGNALS
 from drake_tc.config.joint_units import TORQUE, TURNING, JointUnits
 from drake_tc.config.quoted import json_value
 from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
@@ -229,6 +230,7 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             "explainable_rms": _number(left.explainable_rms),
             "beyond": None if left.beyond is None else json_value(asdict(left.beyond)),
         },
+        "remainder": _remainder(joint),
         "runs": [_run(errors) for errors in joint.runs],
         "free_runs": free_runs_json(joint),
         "refinement": refinement_json(joint.refinement),
@@ -237,6 +239,15 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
         "notes": list(note_sentences(joint.notes, joint.units)),
     }
+
+
+def _remainder(joint: JointResult) -> dict[str, Any] | None:
+    """The smooth part of what is left."""
+    found = joint.remainder
+    if found is None:
+        return None
+    share = {"value": _number(found.model.share), "ci95": [_number(end) for end in found.model.share_ci95]}
+    return {"signals": list(SIGNALS), "share": share, "rms": _number(found.rms), "in_model": found.holds}
 
 
 def shared_json(cause: SharedEffect) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from drake_tc.report.sentences.words import (
     capital,
     floors_left,
     ranked_effects,
+    remainder_sentence,
     unexplained,
     verdict_words,
 )
@@ -143,6 +144,8 @@ def say_joint(console: Console, joint: JointResult) -> None:
     console.print(_errors_table(joint))
     if joint.verdict.startswith("unexplained") and not joint.set_up_wrong:
         say(console, f"  {escape(capital(unexplained(joint)))}")
+        if smooth := remainder_sentence(joint):
+            say(console, f"  {escape(smooth)}")
     if joint.load is not None:
         title, load = joint.load
         say(console, f"  {title}: {', '.join(_parameter(n.replace('_', ' '), p) for n, p in load.items())}")

@@ -10,6 +10,7 @@ from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.notes import Note
 from drake_tc.diagnosis.problem.parameters import Correlation, Estimate, PlausibleRange
 from drake_tc.diagnosis.problem.regression import Fit
+from drake_tc.diagnosis.residual.remainder import FoundRemainder
 from drake_tc.diagnosis.residual.unexplained import DataSplit, NextExperiment, SharedBand, Unexplained, Verdict
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.unknown_load import UnknownLoadEffect
@@ -189,7 +190,8 @@ class JointResult(Shown):
     the robot's links were fitted at the declared drive gains. `free_run` holds, by held-out run, time, recorded
     position and the free runs "before", "after" and, where the refinement was accepted, "refined". `unit` is that of
     the effort, `units` are those of the joint's other quantities. `run_spread`: standard deviation of each friction
-    from run to run over its mean.
+    from run to run over its mean. `remainder`: the smooth part of what is left, of a joint whose verdict is
+    `unexplained_structure`.
     """
 
     joint: str
@@ -224,6 +226,7 @@ class JointResult(Shown):
     held: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     correlation: Correlation | None = None
     run_spread: float = 0.0
+    remainder: FoundRemainder | None = None
 
     @property
     def model(self) -> ActuatorModel:

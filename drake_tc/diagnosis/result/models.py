@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import TORQUE_AS_EFFORT, save_models
+from drake_tc.actuation.remainder import Remainder
 from drake_tc.config.files import path_from, utf8_name
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.notes import TorqueAsEffort
@@ -60,10 +61,18 @@ def models_of(result: CloseLoopResult, out: Path, home: Path | None = None) -> t
         }
         shared = [shared_entry(cause) for cause in result.shared] if final else []
         links = None if result.links is None or not final else links_entry(result.links)
-        save_models(models, out / name, provenance=provenance, shared=shared, links=links)
+        left = remainders_of(result) if final else None
+        save_models(models, out / name, provenance=provenance, shared=shared, links=links, remainders=left)
         texts.append((out / name).read_text(encoding="utf-8"))
     _save_refined(result, out / MODEL_FILE, home or out)
     return texts[0], texts[1]
+
+
+def remainders_of(result: CloseLoopResult) -> dict[str, Remainder]:
+    """By joint, the smooth part of what is left, where it explains some of the error of the held-out runs for sure."""
+    return {
+        name: j.remainder.model for name, j in result.joints.items() if j.remainder is not None and j.remainder.holds
+    }
 
 
 def simulation_models(result: CloseLoopResult) -> tuple[str, dict[str, ActuatorModel]]:

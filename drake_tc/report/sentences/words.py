@@ -190,6 +190,18 @@ def _is_function(left: Unexplained) -> bool:
     return left.fraction >= LEAST_FRACTION
 
 
+def remainder_sentence(joint: JointResult) -> str:
+    """How much of what is left is a smooth function of the signals; "" where that was not asked or is not sure."""
+    found = joint.remainder
+    if found is None or not found.holds:
+        return ""
+    low, high = (percent(end) for end in found.model.share_ci95)
+    return (
+        f"{percent(found.model.share)} of the squared error on the held-out runs (95 % interval {low} to {high}) is a"
+        " smooth function of position, velocity and load torque, which model_after.yaml has as the joint's `remainder`."
+    )
+
+
 def unexplained(joint: JointResult) -> str:
     """What is left in the residual, in one sentence that can follow "However,"."""
     left = joint.unexplained
