@@ -30,7 +30,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Loss, Projection, Vocabulary
 from drake_tc.exchange.xml_text import append, child, number, put
 from drake_tc.exchange.xml_text import element as new_element
-from drake_tc.simulator_files.mjcf import ACTUATORS, drive_of, joints_of
+from drake_tc.simulator_files.mjcf import ACTUATORS, disabled_groups, drive_of, joints_of
 from drake_tc.simulator_files.mjcf_actuator import Actuator
 from drake_tc.simulator_files.terms import Ripple, Terms
 from drake_tc.simulator_files.xml_tree import xml_tree
@@ -103,6 +103,8 @@ BRISTLE = 1e-3
 """Deflection of the bristles at which they slide [rad], [m]."""
 BRISTLE_DAMPING = 5e-3
 """Damping of the bristles over their stiffness [s]: they neither ring nor brake what slides."""
+GROUPS = 31
+"""Groups of actuators that a file can switch off, from 0."""
 OF_OTHERS = ("dampratio", "timeconst", "damping", "armature", "inheritrange")
 """Attributes of a servo or motor that the identified model replaces."""
 OF_MOTORS = ("controller", "input", "nominal", "lugre", "cogging", "thermal", "saturation")
@@ -118,14 +120,19 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
     joint = projection.joint
     mine = [node for group in _groups(root) for node in _elements(group) if node.getAttribute("joint") == joint]
     mine = [node for node in mine if node.getAttribute("name") != joint + FRICTION]
-    read = joints_of(xml_tree(root.toxml()))
+    tree = xml_tree(root.toxml())
+    read, switched_off = joints_of(tree), disabled_groups(tree)
     before = [each for each in read[joint].actuators if each.element.get("name") != joint + FRICTION]
     place = _place_of_drive(before)
     for other, node in zip(before, mine, strict=True):
-        if other is not place and acts_without_command(other):
+        if other is not place and other.enabled and acts_without_command(other):
             put(node, gear="0")
+        elif other is not place and (any(other.numbers("damping")) or any(other.numbers("armature"))):
+            put(node, damping="0", armature="0")
     old = next((node for each, node in zip(before, mine, strict=True) if each is place), None)
     element = old or append(child(root, "actuator"), "position")
+    if (place.values.get("group", "0") if place else "0") in switched_off:
+        put(element, group=next(name for name in map(str, range(GROUPS)) if name not in switched_off))
     left = _put_drive(element, projection, place, timestep(root))
     return _put_friction(root, left, joint)
 

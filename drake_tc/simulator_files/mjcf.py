@@ -20,7 +20,7 @@ from drake_tc.simulator_files.mjcf_actuator import ACTUATORS, Actuator, actuator
 from drake_tc.simulator_files.terms import ReadJoint, Ripple, StribeckPeak, Terms
 from drake_tc.simulator_files.xml_tree import Attributes, Defaults, bodies, finite, place, with_includes
 
-__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
+__all__ = ["ACTUATORS", "PLAY", "MjcfJoint", "disabled_groups", "drive_of", "gears_of", "joints_of", "mjcf_joints"]
 
 PLAY = "_backlash"
 """End of the name of a hinge that is the play of a gear."""
@@ -39,6 +39,7 @@ ACTUATOR_USED = {
 }
 DC_MOTOR_USED = {"motorconst", "resistance", "saturation", "inductance", "cogging", "lugre", "input"}
 PID_USED = {"ki", "input"}
+BY_MUJOCO = "which MuJoCo computes; it does not load the file, or is not installed (pip install 'drake-tc[mujoco]')"
 SYMMETRIC = 1e-6
 
 
@@ -76,7 +77,11 @@ def joints_of(root: ET.Element) -> dict[str, MjcfJoint]:
     """
     defaults = Defaults(root)
     driving: dict[str, list[Actuator]] = {}
+    flags, groups = _disabled(root), disabled_groups(root)
     for each in actuators(root, defaults):
+        each.enabled = each.values.get("group", "0") not in groups
+        if "clampctrl" in flags:
+            each.values["ctrllimited"] = "false"
         name = each.values.get("joint") or each.values.get("jointinparent") or ""
         driving.setdefault(name, []).append(each)
     found = {}
@@ -220,7 +225,7 @@ def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> Re
     first = drive_of(acting)
     read = read if first is None else _with_drive(read, first, made)
     for actuator in acting:
-        if actuator is not first:
+        if actuator is not first and actuator.enabled:
             read = _with_second(read, actuator, first)
     return read
 
@@ -236,7 +241,9 @@ def drive_of(found: Sequence[Actuator]) -> Actuator | None:
         plain = each.values.get("input", "voltage") == "voltage" and not each.values.get("controller")
         return each.kind == "dcmotor" and plain and _motor_constants(each) is not None
 
-    known = [each for each in found if each.gear and each.dynamics in ("none", "filter", "filterexact")]
+    known = [
+        each for each in found if each.enabled and each.gear and each.dynamics in ("none", "filter", "filterexact")
+    ]
     servos = [each for each in known if each.is_servo or each.kind == "pid"]
     plain = [each for each in known if each.gain and not each.bias[1] and not _is_velocity(each)]
     return next(iter((*servos, *plain, *(each for each in known if dc(each)))), None)
@@ -269,7 +276,7 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
     if actuator.damping_ratio:
         kv = made.damping(actuator) if made is not None else 0.0
         if made is None:
-            unused.append(f"dampratio of {actuator.name}, which needs MuJoCo: pip install 'drake-tc[mujoco]'")
+            unused.append(f"dampratio of {actuator.name}, {BY_MUJOCO}")
     unused += [f"the constant force of {actuator.name}"] if bias else []
     at_joint = (gear**2 if servo else gear) * kp
     limits, told = _limits(actuator, servo=servo, kp=at_joint)
@@ -334,9 +341,9 @@ def _with_second(read: ReadJoint, actuator: Actuator, first: Actuator | None) ->
 
 
 def _motor_constants(actuator: Actuator) -> tuple[float, float] | None:
-    """(k, R) of a motor on a voltage, k = sqrt(kt ke); None where the file states neither them nor nominal values."""
+    """(k, R) of a motor on a voltage, k = sqrt(kt ke); None where it is not stated by these alone."""
     constants, resistance = actuator.numbers("motorconst"), (actuator.numbers("resistance", "0") or [0.0])[0]
-    if not constants or resistance <= 0.0:
+    if not constants or resistance <= 0.0 or any(actuator.numbers("nominal")):
         return None
     return math.sqrt(constants[0] * constants[-1]), resistance
 
@@ -369,6 +376,7 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     )
     told = [f"ctrlrange of {actuator.name}, which is not symmetric"] if command is not None and not voltage else []
     told += [f"saturation of {actuator.name} beside its ctrlrange"] if of_voltage <= whole < math.inf else []
+    told += [f"that its inductance delays the back-EMF of {actuator.name} too"] if terms.lag else []
     told += [f"the voltage of saturation of {actuator.name}"] if any(actuator.numbers("saturation")[2:]) else []
     return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told)
 
@@ -409,7 +417,7 @@ def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) ->
     span = joint.numbers("actuatorfrcrange", "")
     if len(span) == 2 and joint.values.get("actuatorfrclimited") != "false" and span[0] < span[1]:
         if _is_symmetric((span[0], span[1])):
-            several = sum(1 for each in joint.actuators if each.gear) > 1
+            several = sum(1 for each in joint.actuators if each.gear and each.enabled) > 1
             if several and any(each.limits("forcerange") for each in joint.actuators):
                 read = read.also_unused("actuatorfrcrange, which limits several actuators together")
             read = _with_joint_limit(read, span[1])
@@ -418,7 +426,7 @@ def _in_effect(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) ->
     if not any(joint.numbers("springdamper")):
         return read
     if made is None:
-        return read.also_unused("springdamper, which needs MuJoCo: pip install 'drake-tc[mujoco]'")
+        return read.also_unused(f"springdamper, {BY_MUJOCO}")
     stiffness, damping, rest = made.spring(joint)
     terms = read.terms
     if "spring" not in flags:
@@ -447,6 +455,15 @@ def _disabled(root: ET.Element) -> set[str]:
     return found | ({"spring", "damper"} if "passive" in found else set())
 
 
+def disabled_groups(root: ET.Element) -> set[str]:
+    """Groups of actuators that the file switches off; their armature and damping still act.
+
+    Args:
+        root: `<mujoco>`.
+    """
+    return {name for each in root.findall("option") for name in each.get("actuatorgroupdisable", "").split()}
+
+
 def _couplings(root: ET.Element) -> dict[str, list[str]]:
     """By joint, what couples it to others: equalities and tendons."""
     found: dict[str, list[str]] = {}
@@ -467,7 +484,7 @@ def _couplings(root: ET.Element) -> dict[str, list[str]]:
 
 
 def _beside_joints(root: ET.Element) -> list[str]:
-    """What acts on bodies, and so on any joint: air and water, closed loops, spatial tendons."""
+    """What acts on bodies, and so on any joint: air and water, closed loops, spatial tendons, actuators at sites."""
     found = [
         f"{name} of {place(each)}"
         for each in root.findall("option")
@@ -475,11 +492,14 @@ def _beside_joints(root: ET.Element) -> list[str]:
         if any(finite(each, name, each.get(name, "")))
     ]
     found += [place(each) for each in root.iterfind("equality/*") if each.tag in ("connect", "weld", "tendon")]
+    at_bodies = ("site", "body", "cranksite")
+    found += [f"the actuator {place(each)}" for each in root.iterfind("actuator/*") if any(map(each.get, at_bodies))]
     return found + [place(each) for each in root.iterfind("tendon/spatial")]
 
 
 def _of_body(joint: MjcfJoint) -> list[str]:
-    return ["gravcomp of its body"] if joint.body.get("gravcomp", "0") not in ("0", "0.0") else []
+    carried = (each for each in joint.body.iter("body") if any(finite(each, "gravcomp", each.get("gravcomp", ""))))
+    return [f"gravcomp of {place(each)}" for each in carried]
 
 
 class _Compiled:

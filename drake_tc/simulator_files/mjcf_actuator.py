@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drake_tc.simulator_files.xml_tree import Attributes, Defaults, finite, place
+from drake_tc.simulator_files.xml_tree import Defaults, finite, place
 
 AFFINE = ("general", "motor", "position", "velocity", "intvelocity")
 """Kinds of actuator that are one equation."""
@@ -35,6 +35,7 @@ class Actuator:
         dynamics: none, integrator, filter, filterexact or another of MuJoCo's.
         time_constant: Of a filter [s].
         values: Attributes, those of default classes among them.
+        enabled: Whether its group is not switched off.
     """
 
     element: ET.Element
@@ -43,7 +44,8 @@ class Actuator:
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dynamics: str = "none"
     time_constant: float = 1.0
-    values: Attributes = field(default_factory=dict)
+    values: dict[str, str] = field(default_factory=dict)
+    enabled: bool = True
 
     def numbers(self, name: str, absent: str = "") -> list[float]:
         """The numbers of an attribute."""

@@ -81,7 +81,9 @@ def _of_xml(root: ET.Element, path: Path) -> dict[str, ReadJoint]:
         raise ValueError(f"expected {KINDS}, got <{root.tag}>")
     found = readers[root.tag](root)
     if not found:
-        raise ValueError("it has no joint that moves and has a name")
+        kinds = sorted({each.get("type", "hinge") for each in root.iter("joint")} - {"fixed", "hinge"})
+        others = f"; joints of the types {', '.join(kinds)} are not read" if kinds else ""
+        raise ValueError(f"it has no joint that moves, by one coordinate, and has a name{others}")
     return found
 
 

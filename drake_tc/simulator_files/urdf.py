@@ -34,6 +34,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 SIMPLE = "SimpleTransmission"
 JOINT_USED = {"parent", "child", "origin", "axis", "dynamics", "limit", "mimic", "calibration"}
 ACTUATOR_USED = {"hardwareInterface", "mechanicalReduction", "motorInertia"}
+TRANSMISSION_USED = {"type", "joint", "actuator", "mechanicalReduction"}
 DRAKE_USED = {f"{DRAKE}{name}" for name in ("rotor_inertia", "gear_ratio", "controller_gains")}
 """Of an actuator's tags."""
 TOP_USED = {"link", "joint", "transmission", "gazebo", "ros2_control", "material", "sensor"} | {
@@ -62,11 +63,15 @@ def urdf_joints(root: ET.Element, *, robot: bool = False) -> dict[str, ReadJoint
     others = (each for each in root if each.tag not in TOP_USED and (each.tag.startswith(DRAKE) or ":" not in each.tag))
     coupling = [f"{place(each)} beside its joints" for each in others]
     found = {name: joint.also_unused(*coupling) for name, joint in found.items()}
+    driven: set[str] = set()
     for transmission in root.findall("transmission"):
         for joint in transmission.findall("joint"):
             name = joint.get("name", "")
-            if name in found:
+            if name in driven:
+                found[name] = found[name].also_unused(f"its further transmission {place(transmission)}")
+            elif name in found:
                 found[name] = _with_transmission(found[name], transmission, joint)
+                driven.add(name)
     for name, told in _extensions(root):
         if name in found:
             found[name] = found[name].also_unused(told)
@@ -115,8 +120,9 @@ def _joint(joint: ET.Element) -> ReadJoint:
         torque_limit=effort if effort > 0.0 else None,
     )
     unused = [f"its {_word(each.tag)}" for each in joint if each.tag not in JOINT_USED]
+    unused += [f"its further {place(each)}" for tag in ("dynamics", "limit") for each in joint.findall(tag)[1:]]
     for tag, used in (("dynamics", ("damping", "friction")), ("limit", ("effort", "lower", "upper", "velocity"))):
-        for child in joint.findall(tag):
+        for child in joint.findall(tag)[:1]:
             unused += [f"{_word(name)} of its {tag}" for name in child.attrib if name not in used]
     return ReadJoint(terms, unused=tuple(unused))
 
@@ -153,6 +159,7 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     unused += [
         f"its {_word(each.tag)}" for each in of_joint if each.tag not in ("hardwareInterface", "mechanicalReduction")
     ]
+    unused += [f"its {_word(each.tag)}" for each in transmission if each.tag not in TRANSMISSION_USED]
     if inertia and content(actuator, "motorInertia"):
         unused.append("its motorInertia beside drake:rotor_inertia")
     return with_drake(joint, armature, *gains).also_unused(*unused)
@@ -168,6 +175,9 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
         for joint in control.findall("joint"):
             for each in joint.findall("param"):
                 yield joint.get("name", ""), f"its <ros2_control> parameter {each.get('name')}"
+        for transmission in control.findall("transmission"):
+            for joint in transmission.findall("joint"):
+                yield joint.get("name", ""), f"its <ros2_control> transmission {place(transmission)}"
 
 
 def content(element: ET.Element, path: str) -> float:

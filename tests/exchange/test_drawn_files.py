@@ -27,7 +27,7 @@ from drake_tc.logs.rig_document.declared_file import declared_terms
 from drake_tc.simulator_files.read import read_joints
 
 from ..simulator_files.drawn_drake import drawn_sdf, drawn_urdf
-from ..simulator_files.drawn_mjcf import drawn_mjcf
+from ..simulator_files.drawn_mjcf import drawn_mjcf, with_includes
 
 MJCF_FILES, DRAKE_FILES = 200, 50
 """Of each kind: with URDF and SDFormat files 300."""
@@ -40,7 +40,15 @@ NONE = np.zeros(STEPS)
 LINK = Link(0.01)
 WITHIN = 0.01
 """Largest RMS difference of two motions over the range of the motion."""
-LISTED = ("its actuator", "ctrlrange", "several actuators", "switched off", "of its drive", "inheritrange")
+LISTED = (
+    "its actuator",
+    "the actuator",
+    "ctrlrange",
+    "several actuators",
+    "switched off",
+    "of its drive",
+    "inheritrange",
+)
 """Words of what a file has and our model is said not to have, which moves the joint differently."""
 KEYS = {each.key for each in BUILT_IN}
 
@@ -104,6 +112,10 @@ def test_a_drawn_mjcf_file_comes_back_and_moves_as_our_model(tmp_path, number):
         text = drawn_mjcf(seed, more=True)
         path.write_text(text, encoding="utf-8")
         joint = read_joints(path, ParamsError)["j"]
+        apart, files = with_includes(text)
+        for name, content in (files | {"apart.xml": apart}).items():
+            (tmp_path / name).write_text(content, encoding="utf-8")
+        assert read_joints(tmp_path / "apart.xml", ParamsError)["j"] == joint, seed
         if not joint.driven:
             assert any("its actuator <" in each for each in joint.unused), seed
             continue

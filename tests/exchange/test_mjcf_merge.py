@@ -157,6 +157,39 @@ def test_a_second_actuator_that_brakes_is_switched_off(tmp_path):
     assert "the command of <velocity name='b'>" in removed and "its actuator <motor name='c'>" in kept
 
 
+@pytest.mark.parametrize("group", ["", "group='3'"])
+def test_damping_and_inertia_of_a_second_actuator_are_not_added_to_the_models(tmp_path, group):
+    """In MuJoCo they act at the joint whatever drives the actuator, also in a group that is switched off."""
+    path = tmp_path / "robot.xml"
+    second = f"<motor name='b' joint='knee' gear='5' damping='0.9' armature='0.01' {group}/>"
+    text = FILE.format(default="", actuator=f'<position name="a" joint="knee"/>{second}')
+    path.write_text(text.replace("<worldbody>", "<option actuatorgroupdisable='3'/><worldbody>", 1))
+    written = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+    path.write_text(FILE.format(default="", actuator='<position name="a" joint="knee"/>'))
+    alone = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+    accelerations = []
+    for each in (written, alone):
+        model = mujoco.MjModel.from_xml_string(each)
+        data = mujoco.MjData(model)
+        data.qvel[0], data.ctrl[0] = 1.0, 0.5
+        mujoco.mj_forward(model, data)
+        accelerations.append(data.qacc[0])
+    assert accelerations[0] == pytest.approx(accelerations[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("group", [0, 2])
+def test_a_drive_whose_group_is_switched_off_is_switched_on(tmp_path, group):
+    path = tmp_path / "robot.xml"
+    text = FILE.format(default="", actuator=f'<position name="a" joint="knee" group="{group}"/>')
+    path.write_text(text.replace("<worldbody>", f"<option actuatorgroupdisable='{group}'/><worldbody>", 1))
+    written = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+    model = mujoco.MjModel.from_xml_string(written)
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 0.5
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_actuator[0] == pytest.approx(0.5 / SERVO.gain, rel=1e-9)
+
+
 LEFT = {
     "spring": ('stiffness="1.5" springref="0.2"', "<position joint='knee' kp='5'/>", "a spring of 1.5 N m/rad"),
     "filter": ("", "<position joint='knee' kp='5' timeconst='0.02'/>", "a filter of the command of 0.02 s"),

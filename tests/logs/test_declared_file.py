@@ -4,6 +4,7 @@ import pytest
 import yaml
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
 from drake_tc.exchange.bam import to_bam
 from drake_tc.exchange.mjcf import to_mjcf
@@ -12,7 +13,7 @@ from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
 from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.declared_file import declared_terms, with_declared_file
+from drake_tc.logs.rig_document.declared_file import LEAST_CYCLES, declared_terms, with_declared_file
 from drake_tc.logs.rig_document.writing import save_rig
 
 GAIN = 2e-4
@@ -204,6 +205,19 @@ def test_effects_in_mjcf_come_back(tmp_path, effect, expected):
     expected = expected or {f"{effect.key}.{name}": value for name, value in effect.parameters.items()}
     for name, value in expected.items():
         assert rig.declared["knee"][name] == pytest.approx(value, rel=1e-8), name
+
+
+def test_a_ripple_that_the_library_does_not_have_is_listed(tmp_path):
+    path = tmp_path / "slow.xml"
+    path.write_text(
+        "<mujoco><worldbody><body><joint name='j'/></body></worldbody><actuator><dcmotor joint='j' motorconst='0.1'"
+        " resistance='2' cogging='0.1 1 0'/></actuator></mujoco>",
+        encoding="utf-8",
+    )
+    (found,) = declared_terms(parse_rig({"joint": "j", "drive": "voltage", "load": "unknown"}), path)
+    assert "torque_ripple" not in found.declared
+    assert any("a torque ripple of 1 cycles per turn" in each for each in found.unused)
+    assert next(p for p in effect("torque_ripple").parameters if p.name == "cycles_per_turn").lower == LEAST_CYCLES
 
 
 def test_a_limit_of_a_servo_with_damping_is_that_of_the_whole(tmp_path):

@@ -1,7 +1,9 @@
 """MJCF files that are drawn at random: one joint, default classes, actuators of every kind that is read.
 
 `more` draws further what MuJoCo has at one instant no torque of: delays, limits of the command, springdamper, forces
-that are switched off, gears of one turn against the other, and a second hinge that is the play or the spring of a gear.
+and actuators that are switched off, gears of one turn against the other, a second hinge that is the play or the spring
+of a gear, friction and cogging of a motor, classes in classes, and what is no drive of a joint: dampers, adhesion,
+actuators at sites and tendons, couplings, weights that are compensated.
 """
 
 import random
@@ -28,17 +30,50 @@ def drawn_mjcf(seed: int, *, more: bool = False) -> str:
     kind = r.choice(KINDS)
     further = random.Random(f"more of {seed}")
     drive, of_joint, option, gear = _more(further, kind) if more else ({}, {}, "", "")
+    second, rest, groups = _others(further) if more else ("", "", "")
+    if more and nested and further.random() < 0.5:
+        nested = nested.replace("</default>", f'<default class="d"><joint {_joint(further)}/></default></default>')
+        own, around = (each.replace('"c"', '"d"') for each in (own, around))
     actuators = f'<{kind} name="a" joint="j"{own} {_attributes(_pairs(_actuator(r, kind)) | drive)}/>'
     if kind in ("position", "general") and r.random() < 0.3:
         actuators += f'<velocity name="v" joint="j" kv="{_number(r, 0.1, 2.0)}"/>'
+    actuators += second
     unit = '<compiler angle="radian"/>' if r.random() < 0.5 else ""
     return (
-        f"<mujoco>{unit}<option gravity='0 0 0'>{option}</option>"
+        f"<mujoco>{unit}<option gravity='0 0 0'{groups}>{option}</option>"
         f"<default>{inner}{nested}</default><worldbody><body{around}>"
         f"<joint name='j' axis='0 1 0' {_attributes(_pairs(_joint(r)) | of_joint)}/>{gear}"
-        "<inertial pos='0 0 0' mass='1' diaginertia='0.01 0.01 0.01'/></body></worldbody>"
-        f"<actuator>{actuators}</actuator></mujoco>"
+        "<inertial pos='0 0 0' mass='1' diaginertia='0.01 0.01 0.01'/><site name='s'/></body></worldbody>"
+        f"<actuator>{actuators}</actuator>{rest}</mujoco>"
     )
+
+
+def with_includes(text: str) -> tuple[str, dict[str, str]]:
+    """The text with its classes and its actuators in files that it includes, and these by name."""
+    files = {}
+    for tag in ("default", "actuator"):
+        start, end = text.index(f"<{tag}>") + len(tag) + 2, text.rindex(f"</{tag}>")
+        if start == end:
+            continue  # MuJoCo refuses an empty file
+        files[f"{tag}s.xml"] = f"<mujoco>{text[start:end]}</mujoco>"
+        text = f"{text[:start]}<include file='{tag}s.xml'/>{text[end:]}"
+    return text, files
+
+
+def _others(r: random.Random) -> tuple[str, str, str]:
+    """Further actuators, what couples joints, and groups that are switched off."""
+    second, rest, groups = "", "", ""
+    if r.random() < 0.04:
+        second += f"<damper joint='j' kv='{_number(r, 0.1, 2.0)}' ctrlrange='0 1'/>"
+    if r.random() < 0.04:
+        second += f"<general site='s' gear='0 0 0 0 {_number(r, 1.0, 3.0)} 0'/>"
+    if r.random() < 0.04:
+        second += f"<position tendon='t' kp='{_number(r, 1.0, 9.0)}'/>"
+        rest += "<tendon><fixed name='t'><joint joint='j' coef='2'/></fixed></tendon>"
+    if r.random() < 0.1:
+        second += f"<motor joint='j' gear='{_number(r, 1.0, 9.0)}' group='3'/>"
+        groups = " actuatorgroupdisable='3 4'"
+    return second, rest, groups
 
 
 def _pairs(text: str) -> dict[str, str]:
@@ -57,6 +92,10 @@ def _more(r: random.Random, kind: str) -> tuple[dict[str, str], dict[str, str], 
         drive["ctrlrange"] = f"-{limit} {limit}"
     if r.random() < 0.2 and kind in ("position", "motor"):
         drive |= {"delay": f"{0.001 * r.randint(2, 20)}", "nsample": "100"}
+    if kind == "dcmotor" and r.random() < 0.3:
+        drive["cogging"] = f"{_number(r, 0.01, 0.1)} {r.randint(4, 9)} {_number(r, -1.0, 1.0)}"
+    if kind == "dcmotor" and r.random() < 0.3:
+        drive["inductance"] = _number(r, 0.001, 0.004)
     joint = {}
     if r.random() < 0.1:
         joint |= {"springdamper": f"{_number(r, 0.2, 1.0)} {_number(r, 0.3, 1.5)}"}

@@ -101,6 +101,40 @@ def test_what_acts_on_bodies_is_listed_at_their_joints(tmp_path):
     assert "viscosity" not in told
 
 
+BODY = '<body name="x" {}><site name="s"/><geom size="0.1"/></body>'
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ({"more": BODY.format(""), "actuators": '<adhesion body="x" ctrlrange="0 1"/>'}, "the actuator <adhesion>"),
+        ({"more": BODY.format(""), "actuators": '<motor site="s" gear="0 0 0 0 1 0"/>'}, "the actuator <motor>"),
+        ({"more": BODY.format('gravcomp="1"')}, "gravcomp of <body name='x'>"),
+        ({"actuators": '<damper joint="a" kv="2" ctrlrange="0 1"/>'}, "its actuator <damper>"),
+        (
+            {"actuators": '<dcmotor joint="a" motorconst="0.1" resistance="2" nominal="9 1 20"/>'},
+            "its actuator <dcmotor>",
+        ),
+    ],
+)
+def test_what_acts_on_a_joint_and_is_no_drive_is_listed(tmp_path, parts, told):
+    joint = read_one(tmp_path, **parts)
+    assert any(told in each for each in joint.unused)
+    assert not joint.driven
+
+
+def test_a_group_that_is_switched_off_does_not_drive_and_its_damping_acts(tmp_path):
+    mujoco = pytest.importorskip("mujoco", minversion="3.12")
+    actuators = '<position joint="a" kp="5" group="2"/><motor joint="a" gear="3" damping="0.5" group="4"/>'
+    joint = read_one(tmp_path, options='<option actuatorgroupdisable="2 4"/>', actuators=actuators)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "one.xml"))
+    data = mujoco.MjData(model)
+    data.ctrl[:], data.qvel[0] = 1.0, 1.0
+    mujoco.mj_forward(model, data)
+    assert not joint.driven
+    assert data.qfrc_actuator[0] + data.qfrc_passive[0] == pytest.approx(-joint.terms.damping)
+
+
 def test_an_include_is_followed_and_one_that_is_missing_is_named(tmp_path):
     (tmp_path / "drives.xml").write_text(
         '<mujoco><actuator><position joint="a" kp="7"/></actuator></mujoco>', encoding="utf-8"

@@ -360,3 +360,43 @@ def test_what_couples_joints_of_a_urdf_is_listed(tmp_path):
     bushing = '<drake:linear_bushing_rpy xmlns:drake="http://drake.mit.edu"/>'
     path.write_text(URDF.replace("</robot>", f"\n{bushing}</robot>"), encoding="utf-8")
     assert any("<drake:linear_bushing_rpy> in line" in each for each in read_joints(path, RigError)["knee"].unused)
+
+
+TRANSMISSION = (
+    '<transmission name="t{}"><type>SimpleTransmission</type><joint name="a"/><actuator name="m">'
+    "<mechanicalReduction>50</mechanicalReduction><motorInertia>1e-5</motorInertia></actuator>{}</transmission>"
+)
+IN_CONTROL = '<ros2_control name="c"><transmission name="t"><joint name="a"/></transmission></ros2_control>'
+
+
+@pytest.mark.parametrize(
+    ("of_joint", "beside", "told"),
+    [
+        ('<dynamics damping="0.3"/><dynamics friction="0.2"/>', "", "its further <dynamics>"),
+        (
+            "",
+            TRANSMISSION.format(1, "") + TRANSMISSION.format(2, ""),
+            "its further transmission <transmission name='t2'>",
+        ),
+        ("", TRANSMISSION.format(1, "<motorTorqueConstant>1</motorTorqueConstant>"), "its motorTorqueConstant"),
+        ("", IN_CONTROL, "its <ros2_control> transmission"),
+        ('<safety_controller k_velocity="3"/>', "", "its safety_controller"),
+    ],
+)
+def test_odd_forms_of_a_urdf_are_listed(tmp_path, of_joint, beside, told):
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        '<robot name="r"><link name="b"/><link name="l"/><joint name="a" type="continuous"><parent link="b"/>'
+        f'<child link="l"/>{of_joint}</joint>{beside}</robot>'
+    )
+    joint = read_joints(path, RigError)["a"]
+    assert any(told in each for each in joint.unused)
+    assert joint.terms.armature == pytest.approx(0.025 if "motorInertia" in beside else 0.0)
+
+
+def test_a_file_whose_joints_are_of_other_types_says_so(tmp_path):
+    path = tmp_path / "robot.sdf"
+    joint = "<joint name='a' type='universal'><parent>world</parent><child>l</child></joint>"
+    path.write_text(f"<sdf version='1.9'><model name='r'><link name='l'/>{joint}</model></sdf>")
+    with pytest.raises(RigError, match="joints of the types universal are not read"):
+        read_joints(path, RigError)

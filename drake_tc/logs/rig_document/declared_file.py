@@ -125,6 +125,8 @@ def with_declared_file(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> "R
     return replace(rig, declared=declared, declared_by_files=(*rig.declared_by_files, *told), **changed)  # type: ignore[arg-type]
 
 
+LEAST_CYCLES = 1.5
+"""Per turn, of a torque ripple of the library: no log tells a slower one from the weight of the link."""
 ALWAYS = ("viscous", "coulomb")
 """Part of every declared model, whether a file has values or not."""
 
@@ -144,6 +146,9 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
     }
     declared: dict[str, float | None] = {name: value for name, value in values.items() if value > 0.0}
     declared |= _springs(terms)
+    if terms.ripple is not None and terms.ripple.cycles < LEAST_CYCLES:
+        slow = f"a torque ripple of {terms.ripple.cycles:.3g} cycles per turn, fewer than {LEAST_CYCLES:g}"
+        read = read.also_unused(slow)
     for effect, parameters in read.effects.items():
         declared[effect] = None
         declared |= {f"{effect}.{name}": value for name, value in (parameters or {}).items()}
@@ -180,7 +185,7 @@ def _springs(terms: Terms) -> dict[str, float | None]:
     if terms.stiffness or terms.preload:
         found |= {"cable_spring": None, "cable_spring.spring_stiffness": terms.stiffness}
         found["cable_spring.spring_preload"] = terms.preload
-    if terms.ripple is not None:
+    if terms.ripple is not None and terms.ripple.cycles >= LEAST_CYCLES:
         found |= {"torque_ripple": None, "torque_ripple.ripple_cosine": terms.ripple.cosine}
         found |= {"torque_ripple.ripple_sine": terms.ripple.sine}
         found |= {"torque_ripple.cycles_per_turn": terms.ripple.cycles}
