@@ -139,9 +139,9 @@ def _together(scores: Mapping[int, "BenchmarkScore"]) -> "BenchmarkScore":
 @app.command("months", short_help="The same joint later.")
 def months_benchmark(
     count: Annotated[
-        int, typer.Option(min=1, help="Number of joints. 10 joints hold one of each kind of change.")
+        int, typer.Option(min=0, help="Number of joints. 10 joints hold one of each kind of change.")
     ] = 20,
-    joints: Annotated[int, typer.Option(min=0, help="Number of joints with a history of sessions.")] = 12,
+    histories: Annotated[int, typer.Option(min=0, help="Number of other joints, with a history of sessions.")] = 0,
     out: Out = None,
     seed: Seeds = None,
     jobs: Jobs = ALL_CORES,
@@ -149,9 +149,9 @@ def months_benchmark(
 ) -> None:
     """Compare simulated joints with their models after wear, backlash, a slip, a payload, new grease, or nothing.
 
-    Other joints are recorded in six sessions each, for the trends of their histories.
+    Joints with a history are recorded in six sessions each, for their trends.
     """
-    from tests.benchmarks.histories import histories, history_rows
+    from tests.benchmarks.histories import history_rows, told_histories
     from tests.benchmarks.months import month_rows, months
 
     told = by_seed(
@@ -161,11 +161,11 @@ def months_benchmark(
         jobs,
         lambda folder, number, pool, report: (
             months(number, count, folder, pool, report),
-            histories(number, joints, folder, pool, report),
+            told_histories(number, histories, folder, pool, report),
         ),
         quiet=as_json,
     )
-    rows = month_rows([each for found, _ in told.values() for each in found])
+    rows = month_rows([each for found, _ in told.values() for each in found]) if count else []
     trends = [each for _, found in told.values() for each in found]
     rows += history_rows(trends) if trends else []
     if as_json:
@@ -644,6 +644,18 @@ def _real_icub(data: Path, progress: Report) -> list[FigureRow]:
     return rows(data, progress)
 
 
+def _real_sessions(data: Path, progress: Report) -> list[FigureRow]:
+    from tests.benchmarks.real_sessions import session_rows
+
+    return session_rows(data, progress)
+
+
+_public(
+    "real-sessions",
+    "compare on public logs.",
+    "Compare public recordings of one joint in several sessions; what changed between them is not known.",
+    _real_sessions,
+)
 _public(
     "real-bam",
     "Public logs: XL330 pendulum.",

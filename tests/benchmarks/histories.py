@@ -122,7 +122,7 @@ def watch_history(seed: int, number: int, root: Path) -> list[ToldTrend]:
     ]
 
 
-def histories(seed: int, count: int, folder: Path, pool: Executor, progress: Progress) -> list[ToldTrend]:
+def told_histories(seed: int, count: int, folder: Path, pool: Executor, progress: Progress) -> list[ToldTrend]:
     """The trends of `count` joints."""
     waiting = [pool.submit(watch_history, seed, number, folder) for number in range(count)]
     out: list[ToldTrend] = []
