@@ -30,11 +30,34 @@ TURN = 2.0 * np.pi
         ("torque_kgfcm", "torque", "kgf*cm"),
         ("Torque (lb-in)", "torque", "lbf*in"),
         ("Temperature [°C]", "temperature", "degC"),
+        ("I / A", "current", "A"),
+        ("φ / °", "position", "deg"),
+        ("φ_soll / °", "position_command", "deg"),
+        ("Sollposition [°]", "position_command", "deg"),
+        ("Istposition [°]", "position", "deg"),
+        ("Sollstrom [mA]", "current_command", "mA"),
+        ("Drehzahl [1/min]", "velocity", "rpm"),
     ],
 )
 def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
     told = meaning(name)
     assert told is not None and (told.joint, told.quantity, told.unit) == ("", quantity, unit)
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "quantity"),
+    [
+        ("tau_J[3]", "joint_3", "torque"),
+        ("tau_J_d[3]", "joint_3", "torque_command"),
+        ("applied_torque_1", "joint_1", "torque_command"),
+        ("obs/joint_pos_0", "joint_0", "position"),
+        ("left / position", "left", "position"),
+        ("list_position", "list", "position"),
+    ],
+)
+def test_names_of_public_logs(name, joint, quantity):
+    told = meaning(name)
+    assert told is not None and (told.joint, told.quantity, told.unit) == (joint, quantity, "")
 
 
 @pytest.mark.parametrize(("name", "joint"), [("pos (A)", "A"), ("pos (left/knee)", "left_knee"), ("q_ma", "ma")])

@@ -47,7 +47,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "velocity": (
             *("velocity", "vel", "dq", "qd", "speed", "omega", "actual_qd", "present_velocity", "q_dot", "qvel"),
             *("joint_velocity", "joint_vel", "rpm", "dtheta", "theta_dot", "qdot", "spd", "velo", "ang_vel"),
-            *("angular_velocity", "motor_velocity", "motor_speed", "motor_vel"),
+            *("angular_velocity", "motor_velocity", "motor_speed", "motor_vel", "geschwindigkeit", "drehzahl"),
         ),
         "current": (
             *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
@@ -60,12 +60,14 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "torque": (
             *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
             *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured", "drehmoment"),
+            "tau_j",
             *("force", "load_cell", "loadcell", "force_sensor", "measured_force", "load_force", "axial_force"),
         ),
         "torque_command": (
             *("torque_command", "torque_cmd", "tau_cmd", "tau_des", "tau_d", "desired_torque", "target_torque"),
             *("force_command", "force_cmd", "force_des", "force_ref", "commanded_force", "desired_force"),
             *("effort_command", "effort", "eff", "commanded_torque", "tau_ref", "torque_des", "torque_ref"),
+            *("tau_j_d", "applied_torque", "computed_torque"),
         ),
         "enabled": (
             *("enabled", "enable", "torque_enable", "torque_enabled", "motor_enabled", "motor_on", "servo_on"),
@@ -74,7 +76,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "current_command": ("current_des", "current_cmd", "current_command", "current_ref", "i_des", "i_ref", "i_cmd"),
         "velocity_command": ("velocity_command", "vel_cmd", "cmd_vel", "dq_ref", "dq_des", "velocity_ref", "qd_des"),
         "motor_position": ("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position"),
-        "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature"),
+        "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature", "temperatur"),
         "supply_voltage": (
             *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
             *("v_bat", "v_bus", "v_supply", "vsupply"),
@@ -116,7 +118,7 @@ _COMMANDED = (
 """Words that turn a quantity into its command, as in `tau_command` and `posDes`."""
 _MEASURED = ("act", "actual", "meas", "measured", "present", "feedback", "fb", "fbk", "ist")
 """Words that say only that a quantity was measured, as in `torAct`."""
-_NOISE = ("joint", "joints", "state", "states", "data", "observation", "value", "link", "ticks", "counts", "raw")
+_NOISE = ("joint", "joints", "state", "states", "data", "observation", "obs", "value", "link", "ticks", "counts", "raw")
 """Words that name neither a joint nor a quantity, where others do."""
 _NO_JOINT = (
     *("ee", "eef", "tcp", "endeffector", "effector", "cartesian", "pose"),  # coordinates of a tool
@@ -133,7 +135,12 @@ COUNTS = (
 )
 """What names state in brackets where a unit would be: numbers of a register, whose unit the file does not say."""
 _IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
+_BEHIND_A_SLASH = re.compile(r"(.+?)\s+/\s+(\S+)\s*")
+"""A unit as ISO 80000 writes it, `I / A`."""
 _AT_THE_END = at_the_end()
+_GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ω": "omega", "τ": "tau"})
+_GERMAN = re.compile(r"(?<![a-z])(soll|ist)(?=[a-z]{4})", re.IGNORECASE)
+"""Begin of a compound such as `Sollposition`."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +169,8 @@ def words(name: str) -> list[str]:
 
     `q_ref[2]` -> q, ref, 2; `JointPos.hip` -> Joint, Pos, hip; `joint_1/pos` -> joint, 1, pos.
     """
-    spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    apart = _GERMAN.sub(r"\1 ", name.translate(_GREEK))
+    spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", apart)
     return [word for word in re.split(r"[^0-9A-Za-z]+", spaced) if word]
 
 
@@ -174,6 +182,7 @@ def meaning(name: str) -> Meaning | None:
     left names the joint. A unit that the name states is no part of the joint's name, and it decides where the words
     tell another quantity: `q-axis [A]` is a current.
     """
+    name = _with_brackets(name)
     found = _IN_BRACKETS.fullmatch(name)
     if found is not None:
         told = _meaning(found[1])
@@ -203,6 +212,16 @@ def meaning(name: str) -> Meaning | None:
     return told
 
 
+def _with_brackets(name: str) -> str:
+    """The name with a unit behind a slash, `I / A`, in brackets."""
+    found = _BEHIND_A_SLASH.fullmatch(name)
+    if found is None:
+        return name
+    told = _meaning(found[1])
+    of_quantity = told is not None and bool(_unit(found[2], told.quantity))
+    return f"{found[1]} [{found[2]}]" if of_quantity or is_unit(found[2]) else name
+
+
 def _unit(text: str, quantity: str) -> str:
     """The unit of a quantity, or of what it commands, that a text states; empty where it states none of it."""
     return unit_named(text, _BASE.get(quantity, quantity))
@@ -211,7 +230,7 @@ def _unit(text: str, quantity: str) -> str:
 def without_unit(name: str) -> str:
     """The name of a column without a unit in brackets or at its end."""
     for form in (_IN_BRACKETS, _AT_THE_END):
-        if found := form.fullmatch(name):
+        if found := form.fullmatch(_with_brackets(name)):
             return str(found[1])
     return name
 
@@ -223,6 +242,7 @@ def stated_unit(name: str, suffix: str) -> str:
         >>> stated_unit("knee angle [deg]", "position"), stated_unit("i_mA", "current"), stated_unit("tau", "torque")
         ('deg', 'mA', '')
     """
+    name = _with_brackets(name)
     found = _IN_BRACKETS.fullmatch(name)
     if found is not None and (unit := unit_named(found[3], suffix)):
         return unit
@@ -275,6 +295,7 @@ def _meaning(name: str) -> Meaning | None:
         return Meaning(owner, suffix, suffix)
     if not owner:
         owner, _, suffix = name.rpartition(".")
+    owner, suffix = owner.strip(), suffix.strip()
     if owner and (told := _of_words(words(suffix))) is not None and not told.joint and told.quantity != "time":
         parts = [owner] if "/" in name else [part for part in owner.split(".") if part.lower() not in _NOISE]
         named = [part for part in parts if part.lower() not in _COMMANDED]
