@@ -226,7 +226,13 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
         ]
         words, still = ([_LINE.sub("", told) for told in found.unused] for found in (was, now))
         gone += [told for told in words if told not in still and told.startswith(("its actuator", "the command of"))]
-        left += [told for told in dict.fromkeys(still) if told in words]
+        more = now.with_servo_damping().damping - each.terms.damping
+        left += [f"a damping of {more:.4g} N m s/rad beside the model's"] if more > SAME * each.terms.damping else []
+        more = now.terms.frictionloss - each.terms.frictionloss
+        left += (
+            [f"a dry friction of {more:.4g} N m beside the model's"] if more > SAME * each.terms.frictionloss else []
+        )
+        left += [told for told in dict.fromkeys(still) if told in words or told.endswith(DISABLED)]
         if gone:
             told = f"{each.joint}: removed from your file, because the model does not have it: {', '.join(gone)}."
             lines.append(in_units_of(each.joint_type, told))
@@ -253,11 +259,16 @@ LEFTOVERS: Mapping[str, str] = MappingProxyType(
 )
 """Terms that a file may have and a model lack, in words."""
 _INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
+DISABLED = "which <flag> disables"
 _LINE = re.compile(r" in line \d+")
 
 
+SAME = 1e-6
+"""Relative difference of two numbers that are the same but for their digits in a file."""
+
+
 def _other(value: float, wanted: float) -> bool:
-    return abs(value - wanted) > 1e-6 * max(abs(wanted), 1e-6)
+    return abs(value - wanted) > SAME * max(abs(wanted), SAME)
 
 
 def _differs(name: str, now: Terms, wanted: Terms) -> bool:

@@ -103,6 +103,8 @@ BRISTLE = 1e-3
 """Deflection of the bristles at which they slide [rad], [m]."""
 BRISTLE_DAMPING = 5e-3
 """Damping of the bristles over their stiffness [s]: they neither ring nor brake what slides."""
+OF_JOINT = ("joint", "jointinparent")
+"""Attributes by which an actuator names its joint."""
 GROUPS = 31
 """Groups of actuators that a file can switch off, from 0."""
 OF_OTHERS = ("dampratio", "timeconst", "damping", "armature", "inheritrange")
@@ -118,7 +120,7 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
         projection: Of the joint.
     """
     joint = projection.joint
-    mine = [node for group in _groups(root) for node in _elements(group) if node.getAttribute("joint") == joint]
+    mine = [node for group in _groups(root) for node in _elements(group) if joint in map(node.getAttribute, OF_JOINT)]
     mine = [node for node in mine if node.getAttribute("name") != joint + FRICTION]
     tree = xml_tree(root.toxml())
     read, switched_off = joints_of(tree), disabled_groups(tree)
@@ -161,7 +163,7 @@ def _put_drive(element: minidom.Element, projection: Projection, before: Actuato
         element = _renamed(element, kind)
     if not element.hasAttribute("name"):
         put(element, name=projection.joint)
-    put(element, joint=projection.joint, **dict.fromkeys(OF_OTHERS))
+    put(element, joint=projection.joint, **dict.fromkeys((*OF_JOINT[1:], *OF_OTHERS)))
     inherits = _has_defaults(element)
     if inherits:
         put(element, damping="0", armature="0")

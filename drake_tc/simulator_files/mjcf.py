@@ -194,6 +194,9 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
         unused.append("the stiffness that depends on the deflection")
     if joint.values.get("range") and joint.values.get("limited") != "false":
         unused.append("its limits of the position (range)")
+    forces = {"damper": "damping", "spring": "stiffness", "frictionloss": "frictionloss"}
+    off = [name for flag, name in forces.items() if flag in flags and any(joint.numbers(name))]
+    unused += [f"its {name}, which <flag> disables" for name in off]
     spring = 0.0 if "spring" in flags else stiffness[0]
     terms = Terms(
         drive="torque",
@@ -211,7 +214,7 @@ def _passive(joint: MjcfJoint, *, degrees: bool, flags: set[str]) -> ReadJoint:
 def _driven(read: ReadJoint, joint: MjcfJoint, flags: set[str], made: Any) -> ReadJoint:
     """The joint with its actuators; those that say nothing of a known drive are named as unused."""
     if "actuation" in flags:
-        return read.also_unused(*(each.name for each in joint.actuators))
+        return read.also_unused(*(f"its actuator {each.name}, which <flag> disables" for each in joint.actuators))
     acting = [each for each in joint.actuators if each.gear]
     for actuator in acting:  # armature and damping of an actuator act on the joint whatever drives it
         gear = actuator.gear

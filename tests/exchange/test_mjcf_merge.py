@@ -190,6 +190,25 @@ def test_a_drive_whose_group_is_switched_off_is_switched_on(tmp_path, group):
     assert data.qfrc_actuator[0] == pytest.approx(0.5 / SERVO.gain, rel=1e-9)
 
 
+def test_an_actuator_that_names_its_joint_in_the_parents_frame_is_the_drive(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(FILE.format(default="", actuator='<position name="a" jointinparent="knee" kp="3"/>'))
+    written = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+    model = mujoco.MjModel.from_xml_string(written)
+    assert model.nu == 1
+    assert model.actuator_gainprm[0][0] == pytest.approx(1.0 / SERVO.gain)
+
+
+def test_forces_that_the_file_disables_are_named(tmp_path):
+    path = tmp_path / "robot.xml"
+    text = FILE.format(default="", actuator='<position name="a" joint="knee"/>')
+    flag = "<option><flag damper='disable'/></option>"
+    path.write_text(text.replace("<worldbody>", f"{flag}<worldbody>", 1))
+    projections = [project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])]
+    told = changes(to_mjcf(projections, path), projections, path)
+    assert any("its damping, which <flag> disables" in each for each in told)
+
+
 LEFT = {
     "spring": ('stiffness="1.5" springref="0.2"', "<position joint='knee' kp='5'/>", "a spring of 1.5 N m/rad"),
     "filter": ("", "<position joint='knee' kp='5' timeconst='0.02'/>", "a filter of the command of 0.02 s"),
