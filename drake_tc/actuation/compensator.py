@@ -171,7 +171,7 @@ class Compensator:
         places, warm = self._nil if position is None else position, self._room if temperature is None else temperature
         rates, out = self._nil if acceleration is None else acceleration, np.empty(len(self._laws))
         given = [np.ascontiguousarray(x, dtype=np.float64) for x in (tau, velocity, ways, places, rates, warm)]
-        _EFFORTS(*given, *self._tables, out)
+        _EFFORTS(tuple(given), self._tables, out)
         for j in self._interpreted:
             out[j] = self.effort_of(j, *(float(x[j]) for x in given))
         return out

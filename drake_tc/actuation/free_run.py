@@ -136,7 +136,7 @@ def _positions(side: PlantSide, recording: Recording, link: Link, substeps: int)
     memory = joint.initial(recording.initial_velocity)
     start = (side.start, recording.initial_velocity)
     joint.start(memory, float(samples[0, 0]), start, float(samples[0, 1]) if known else math.nan, UNCONNECTED)
-    _POSITIONS(samples, *tables([joint]), plant, np.array(memory), out)
+    _POSITIONS(samples, tables([joint]), plant, np.array(memory), out)
     return out
 
 

@@ -82,12 +82,12 @@ class JointStep:
             around: (n,) temperatures [deg C] and supply voltages [V]; None: as `UNCONNECTED`.
         """
         load = self._unknown if load is None else load
-        now = command, state, load, self._room if around is None else around[0], time
+        now = kept, command, state, load, self._room if around is None else around[0], time
         work = np.empty((len(self.joints), at.WORK)) if self._interpreted else self._no_work
-        done = _ADVANCE(kept, *now, *self._tables, False, work, out)
+        done = _ADVANCE(now, self._tables, False, work, out)
         if done == at.UNSTARTED:
-            kept = self._started(kept, command, state, load, around)
-            done = _ADVANCE(kept, *now, *self._tables, False, work, out)
+            now = (self._started(kept, command, state, load, around), *now[1:])
+            done = _ADVANCE(now, self._tables, False, work, out)
         if done == at.PENDING:
             memory = out[at.OUTPUTS * len(self.joints) :]
             for j in self._interpreted:
@@ -96,7 +96,7 @@ class JointStep:
                     found = self.joints[j].evaluate(own, work[j].tolist(), _around(around, j))
                     memory[self._parts[j]] = own
                     work[j, at.ASKED :] = found
-            _ADVANCE(kept, *now, *self._tables, True, work, out)
+            _ADVANCE(now, self._tables, True, work, out)
 
     def bind(
         self,

@@ -93,7 +93,7 @@ class DynamicsTerms:
     def forces(self, scratch: "Scratch", vdot: FloatArray) -> FloatArray:
         """(n,) M vdot + h [N m] for vdot (n,) [rad/s^2], by one recursion; h = C(q, v) v - tau_g(q)."""
         out = np.empty(self.size)
-        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self.tree, self._still, out)
+        _JOINT_FORCES((scratch.q, scratch.v, vdot), self.tree, self._still, out)
         return out
 
     def base(self, scratch: "Scratch") -> FloatArray:
@@ -193,7 +193,7 @@ class FloatingTerms:
     def forces(self, scratch: "FloatingScratch", vdot: FloatArray) -> FloatArray:
         """(n,) tau of the module's docstring [N m] for vdot (n,) [rad/s^2]."""
         out = np.empty(self.size)
-        _JOINT_FORCES(scratch.q, scratch.v, vdot, *self.tree, self.base(scratch), out)
+        _JOINT_FORCES((scratch.q, scratch.v, vdot), self.tree, self.base(scratch), out)
         return out
 
     def base(self, scratch: "FloatingScratch") -> FloatArray:

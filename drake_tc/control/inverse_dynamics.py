@@ -218,9 +218,8 @@ class InverseDynamics(PortMethods, LeafSystem):
                 desired[:] = self._desired(given, scratch)
 
             if plain:
-                return KernelCall(
-                    MOTION, outputs, *self._motion(given, self._nothing), self._model.base(scratch), out
-                ), None
+                constants = *self._model.tree, self._model.base(scratch)
+                return KernelCall(MOTION, outputs, *self._motion(given, self._nothing), *constants, out), None
             return outputs, None
 
         return ArrayStage(4 * n, places({"desired_torque": slice(n, 2 * n)}), bind, frozenset(names))
@@ -271,15 +270,15 @@ class InverseDynamics(PortMethods, LeafSystem):
                 return None
             self._model.carry(scratch, *given.base)
         out = np.empty(4 * n)
-        if not _MOTION_TORQUE(*self._motion(given, others), self._model.base(scratch), out):
+        if not _MOTION_TORQUE(self._motion(given, others), self._model.tree, self._model.base(scratch), out):
             return None
         unmet = given.desired - given.felt if self._forces else given.desired
         return _Parts(out[:n], out[n : 2 * n], out[2 * n :], given.desired, unmet)
 
     def _motion(self, given: _Given, others: FloatArray) -> tuple[FloatArray, ...]:
-        """Arguments of the kernel `motion_torque` but for the last two."""
+        """The first argument of the kernel `motion_torque`."""
         place = given.reference if self._at_reference else given.estimate
-        return (given.estimate, given.reference, given.position, others, given.gains, place, *self._model.tree)
+        return (given.estimate, given.reference, given.position, others, given.gains, place)
 
 
 def _one_of(key: str, value: str, possible: tuple[str, ...]) -> None:

@@ -94,7 +94,8 @@ class TorqueLaw:
         rows[:, LIMIT] = limit
         choices = ("estimate", "reference", "none")
         sources = np.array([choices.index(each) for each in (spec.velocity, spec.direction, spec.acceleration)])
-        self._constants = (sources, 1.0 / spec.direction_speed, rows, inverses, terms, values)
+        self._constants = sources, 1.0 / spec.direction_speed
+        self._tables = rows, inverses, terms, values
 
     def solve(self, out: FloatArray, given: tuple[FloatArray, ...]) -> None:
         """One tick.
@@ -104,7 +105,7 @@ class TorqueLaw:
             given: Desired and estimated torque (n,), position (n,), estimate (3n,), reference (3n,) or (0,),
                 disturbance (n,) or (0,), [Kp; Ki] and s[n] (n,).
         """
-        _SOLVE(*given, *self._constants, out)
+        _SOLVE(tuple(given), *self._constants, self._tables, out)
         if self._compensator.interpreted and math.isfinite(out[0]):
             self._interpret(out.reshape(len(SOLUTION), -1), given[2], given[3], given[4])
 
@@ -116,11 +117,11 @@ class TorqueLaw:
 
         if self._compensator.interpreted:
             return outputs
-        return KernelCall(SOLVE, outputs, *given, *self._constants, out)
+        return KernelCall(SOLVE, outputs, *given, *self._constants, *self._tables, out)
 
     def _interpret(self, rows: FloatArray, position: FloatArray, estimate: FloatArray, reference: FloatArray) -> None:
         """Command and effort of the joints that have an effect without compiled equation."""
-        n, (sources, per_speed, joints, _, _, _) = self._limit.size, self._constants
+        n, (sources, per_speed), joints = self._limit.size, self._constants, self._tables[0]
         motion = np.zeros((3, 3 * n))
         motion[0], motion[1] = estimate, reference if reference.size else 0.0
         velocity, turning = motion[sources[0], n : 2 * n], motion[sources[1], n : 2 * n]

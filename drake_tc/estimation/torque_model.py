@@ -34,7 +34,7 @@ from drake_tc.types import GRAVITY, FloatArray, IntArray
 def kernel_tables(
     robot: Robot, model: EstimationPlant, context: Any, unknown: Any, imu: Any, mode: int, still: FloatArray
 ) -> tuple[Any, ...]:
-    """The constant arguments of `joint_torque.estimate`: places, constants, trunk, base, picks, sensors and frames.
+    """The robot as `drake_tc.kernels.joint_torque.Robot` has it.
 
     Args:
         robot: The robot.
@@ -218,7 +218,7 @@ class TorqueModel:
             wrenches: (6k,).
             largest: Inputs from this size on count as missing.
         """
-        _ESTIMATE(joint, imu, wrenches, *self.tables, largest, out)
+        _ESTIMATE((joint, imu, wrenches), self.tables, largest, out)
 
     def motion_forces(
         self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray

@@ -5,13 +5,24 @@ another one are evaluated by the caller, between two calls: the first leaves in 
 compiled ones resist with, the second takes from there what they gave.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from drake_tc.kernels import equations, friction
 from drake_tc.kernels import joint_layout as at
-from drake_tc.kernels.compiling import FLAG, MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import (
+    FLAG,
+    MATRIX,
+    OUT_MATRIX,
+    OUT_VECTOR,
+    REAL,
+    TABLE,
+    VECTOR,
+    helper,
+    kernel,
+    together,
+)
 from drake_tc.kernels.torque_equations import JointState
 from drake_tc.kernels.torque_terms import parts_of
 from drake_tc.types import FloatArray, IntArray
@@ -224,45 +235,18 @@ def finish(
     return torque, motor, rubbed, work[at.ASKED], work[at.FAULT]
 
 
-@kernel(
-    *(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, REAL),
-    *(TABLE, MATRIX, TABLE, MATRIX, TABLE, VECTOR, VECTOR),
-    *(FLAG, OUT_MATRIX, OUT_VECTOR),
-)
-def advance(
-    kept: FloatArray,
-    command: FloatArray,
-    state: FloatArray,
-    load: FloatArray,
-    celsius: FloatArray,
-    time: float,
-    layout: IntArray,
-    numbers: FloatArray,
-    drives: IntArray,
-    parameters: FloatArray,
-    terms: IntArray,
-    values: FloatArray,
-    travels: FloatArray,
-    again: bool,
-    work: FloatArray,
-    out: FloatArray,
-) -> int:
+TABLES = together(TABLE, MATRIX, TABLE, MATRIX, TABLE, VECTOR, VECTOR)
+"""See `Tables`."""
+
+
+@kernel(together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, REAL), TABLES, FLAG, OUT_MATRIX, OUT_VECTOR)
+def advance(given: tuple[Any, ...], constants: tuple[Any, ...], again: bool, work: FloatArray, out: FloatArray) -> int:
     """The step of all joints.
 
     Args:
-        kept: (m + 1,) memories of the joints, and the time of the last update [s].
-        command: (n,).
-        state: (2n,) [q; v].
-        load: (n,) torque on the link side [N m], NaN where only the motion tells it.
-        celsius: (n,) temperature [deg C].
-        time: [s].
-        layout: Of `Tables`, as all up to `travels`.
-        numbers: The same.
-        drives: The same.
-        parameters: The same.
-        terms: The same.
-        values: The same.
-        travels: The same.
+        given: (m + 1,) memories of the joints, and the time of the last update [s]; (n,) command; (2n,) [q; v]; (n,)
+            torque on the link side [N m], NaN where only the motion tells it; (n,) temperature [deg C]; time [s].
+        constants: See `Tables`.
         again: Whether this is the second call, for the joints whose effects the caller has evaluated.
         work: (n, 11) what passes between the two calls; without rows where every joint is compiled.
         out: (5n + m + 1,) the outputs of the first joint, of the second, and so on, then the next `kept`; written.
@@ -270,7 +254,8 @@ def advance(
     Returns:
         DONE; UNSTARTED where a joint must be started first, nothing being written; or PENDING.
     """
-    tables = Tables(layout, numbers, drives, parameters, terms, values, travels)
+    (kept, command, state, load, celsius, time), tables = given, Tables(*constants)
+    layout, numbers = tables.layout, tables.numbers
     n, end = layout.shape[0], out.shape[0] - 1
     memory = out[at.OUTPUTS * n : end]
     rows = work if work.shape[0] else np.empty((n, at.WORK))
@@ -283,20 +268,20 @@ def advance(
         out[end] = time
     result = at.DONE
     for j in range(n):
-        given = out[at.OUTPUTS * j : at.OUTPUTS * (j + 1)]
+        shown = out[at.OUTPUTS * j : at.OUTPUTS * (j + 1)]
         now = Inputs(command[j], state[j], state[n + j], load[j], celsius[j], at_tick)
         if not again:
             begin(memory, tables, j, now, rows[j])
             if rows[j, at.STATUS]:
                 resist(memory, tables, j, celsius[j], rows[j])
         if rows[j, at.STATUS] == 0.0:
-            given[:] = 0.0
-            given[4] = 1.0
+            shown[:] = 0.0
+            shown[4] = 1.0
         elif layout[j, at.COMPILED] or again:
             if not again:
                 drive(memory, tables, j, rows[j])
             if not (again and layout[j, at.COMPILED]):
-                given[0], given[1], given[2], given[3], given[4] = finish(memory, tables, j, now, rows[j])
+                shown[0], shown[1], shown[2], shown[3], shown[4] = finish(memory, tables, j, now, rows[j])
         else:
             result = at.PENDING
     return result

@@ -1,48 +1,33 @@
 """One joint's actuator on a pendulum or a rotor over a whole run, see `drake_tc.actuation.free_run`."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from drake_tc.kernels import joint_layout as at
-from drake_tc.kernels.actuator import Inputs, Tables, begin, drive, finish, resist
-from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.kernels.actuator import TABLES, Inputs, Tables, begin, drive, finish, resist
+from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, VECTOR, kernel
+from drake_tc.types import FloatArray
 
 STEP, SUBSTEPS, MOVED, MOMENT, ZERO, KNOWN, START, VELOCITY, CENTRE, LIMIT = range(10)
 
 
-@kernel(MATRIX, TABLE, MATRIX, TABLE, MATRIX, TABLE, VECTOR, VECTOR, VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(MATRIX, TABLES, VECTOR, OUT_VECTOR, OUT_VECTOR)
 def positions(
-    samples: FloatArray,
-    layout: IntArray,
-    numbers: FloatArray,
-    drives: IntArray,
-    parameters: FloatArray,
-    terms: IntArray,
-    values: FloatArray,
-    travels: FloatArray,
-    plant: FloatArray,
-    memory: FloatArray,
-    out: FloatArray,
+    samples: FloatArray, constants: tuple[Any, ...], plant: FloatArray, memory: FloatArray, out: FloatArray
 ) -> None:
     """Position (T,) [rad] into out, which stays as it is from where the joint has left its range.
 
     Args:
         samples: (T, 4) command, load [N m], its change in a step, and temperature [deg C].
-        layout: (1, 11) of the joint, whose effects all have a compiled equation; `actuator.Tables`, up to `travels`.
-        numbers: (1, 14) the same.
-        drives: The same.
-        parameters: The same.
-        terms: The same.
-        values: The same.
-        travels: The same.
+        constants: `actuator.Tables` of the joint, whose effects all have a compiled equation.
         plant: h, steps in a sample, inertia that is moved, moment of the pendulum's weight and where it hangs, 1 where
             the load is all that the gear transmits, position and velocity at the start, middle and half of the range.
         memory: (m,) of the joint, which has started; updated.
         out: Written.
     """
-    tables = Tables(layout, numbers, drives, parameters, terms, values, travels)
+    tables = Tables(*constants)
     q, v, work = plant[START], plant[VELOCITY], np.zeros(at.WORK)
     for k in range(samples.shape[0]):
         out[k] = q

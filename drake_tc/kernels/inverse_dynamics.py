@@ -1,47 +1,33 @@
 """The torque of a desired motion and of the feedback on it, see `drake_tc.control.inverse_dynamics`."""
 
+from typing import Any
+
 import numpy as np
 
-from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel
-from drake_tc.kernels.joint_forces import joint_forces
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, kernel, together
+from drake_tc.kernels.joint_forces import TREE, joint_forces
+from drake_tc.types import FloatArray
 
 LARGEST = 1e12
 """Inputs beyond this count as not finite."""
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, TABLE, MATRIX, VECTOR, VECTOR, OUT_VECTOR)
-def motion_torque(
-    estimate: FloatArray,
-    reference: FloatArray,
-    position: FloatArray,
-    others: FloatArray,
-    gains: FloatArray,
-    place: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    trunk: FloatArray,
-    base: FloatArray,
-    out: FloatArray,
-) -> bool:
+@kernel(together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR), TREE, VECTOR, OUT_VECTOR)
+def motion_torque(given: tuple[FloatArray, ...], tree: tuple[Any, ...], base: FloatArray, out: FloatArray) -> bool:
     """[M qddot_d + h; its sum with Ks e and Kd edot; Ks e; Kd edot] (4n,) into out.
 
     Args:
-        estimate: (3n,) [q; qdot; qddot].
-        reference: (3n,) the desired ones.
-        position: (n,) q to take in e; empty: that of the estimate.
-        others: Inputs of which only is asked whether they are finite.
-        gains: (2n,) or more, [Ks; Kd].
-        place: (2n,) or more, [q; qdot] where M and h are taken.
-        places: Tree, see `dynamics`.
-        constants: The same.
-        trunk: See `joint_forces.joint_forces`.
-        base: The same.
+        given: (3n,) estimate [q; qdot; qddot] and reference; (n,) q to take in e, empty for that of the estimate;
+            inputs of which only is asked whether they are finite; (2n,) or more, [Ks; Kd]; (2n,) or more, [q; qdot]
+            where M and h are taken.
+        tree: See `joint_forces.TREE`.
+        base: See `joint_forces.joint_forces`.
         out: (4n,) written.
 
     Returns:
         Whether all inputs are finite; else the second part of `out` is NaN and the others are not to be used.
     """
+    estimate, reference, position, others, gains, place = given
     n = estimate.shape[0] // 3
     finite = True
     for j in range(3 * n):
@@ -56,7 +42,7 @@ def motion_torque(
     if not finite:
         out[n : 2 * n] = np.nan
         return False
-    joint_forces(place[:n], place[n : 2 * n], reference[2 * n :], places, constants, trunk, base, out[:n])
+    joint_forces((place[:n], place[n : 2 * n], reference[2 * n :]), tree, base, out[:n])
     for j in range(n):
         out[n + j] = out[j] + (out[2 * n + j] + out[3 * n + j])
     return True

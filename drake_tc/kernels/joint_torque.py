@@ -11,9 +11,11 @@ of a sensor in row i as such a wrench:
 The sensors stand in the tree as joints with a zero axis, which neither move nor take a torque.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel, together
 from drake_tc.kernels.dynamics import (
     BODY_WIDTH,
     cross_into,
@@ -50,11 +52,36 @@ def imu_acceleration(
         out[3 + k] = seen[3 + k] - motion[9 + k] - out[3 + k]
 
 
+ROBOT = together(TABLE, MATRIX, VECTOR, VECTOR, INDEX, TABLE, MATRIX)
+
+
+class Robot(NamedTuple):
+    """What does not change with the readings.
+
+    Attributes:
+        places, constants: Tree of joints and sensors, see `dynamics`.
+        trunk: (10,) the base's body.
+        base: (21,) the IMU's frame (12) in its body, [alpha; a] of a base without IMU, and the place from the unknown
+            link's body of the unknown wrench.
+        picks: Row of the IMU's body, -1 where the base is at rest; source of the angular acceleration: 0 the gyro's
+            derivative, 1 none of the IMU's link, 2 none of the base; row of the unknown link's body.
+        sensors: (k, 3) number of the sensor, rows of its own and of its contact's body; those farther out first.
+        frames: (2k, 12) sensor frame and contact frame of each in these bodies.
+    """
+
+    places: IntArray
+    constants: FloatArray
+    trunk: FloatArray
+    base: FloatArray
+    picks: IntArray
+    sensors: IntArray
+    frames: FloatArray
+
+
 @helper
-def carry_base(
-    joint: FloatArray, imu: FloatArray, places: IntArray, constants: FloatArray, base: FloatArray, picks: IntArray
-) -> FloatArray:
+def carry_base(joint: FloatArray, imu: FloatArray, robot: Robot) -> FloatArray:
     """(rows + 1, 30) all bodies as they move, the base as its IMU says; arguments as `estimate`."""
+    places, constants, base, picks = robot.places, robot.constants, robot.base, robot.picks
     n, row = joint.shape[0] // 3, picks[0]
     q, v, vdot = joint[:n], joint[n : 2 * n], joint[2 * n :]
     bodies = np.empty((places.shape[0] + 1, BODY_WIDTH))
@@ -100,48 +127,28 @@ def wrench_at(wrench: FloatArray, place: FloatArray, at: int, out: FloatArray, t
         out[to + 3 + k] = wrench[k] - out[to + 3 + k]
 
 
-@kernel(VECTOR, VECTOR, VECTOR, TABLE, MATRIX, VECTOR, VECTOR, INDEX, TABLE, MATRIX, REAL, OUT_VECTOR)
-def estimate(
-    joint: FloatArray,
-    imu: FloatArray,
-    readings: FloatArray,
-    places: IntArray,
-    constants: FloatArray,
-    trunk: FloatArray,
-    base: FloatArray,
-    picks: IntArray,
-    sensors: IntArray,
-    frames: FloatArray,
-    largest: float,
-    out: FloatArray,
-) -> None:
+@kernel(together(VECTOR, VECTOR, VECTOR), ROBOT, REAL, OUT_VECTOR)
+def estimate(sensed: tuple[FloatArray, ...], robot: tuple[Any, ...], largest: float, out: FloatArray) -> None:
     """Torques, unknown wrench, contact wrenches and fault, one behind the other.
 
     Args:
-        joint: (3n,) [q; qdot; qddot].
-        imu: (9,) or more, [gyro; accel; d gyro/dt] in the IMU's frame.
-        readings: (6k,) W = [f; t] of the sensors, in their frames.
-        places: Tree of joints and sensors, see `dynamics`.
-        constants: The same.
-        trunk: (10,) the base's body.
-        base: (21,) the IMU's frame (12) in its body, [alpha; a] of a base without IMU, and the place from the unknown
-            link's body of the unknown wrench.
-        picks: Row of the IMU's body, -1 where the base is at rest; source of the angular acceleration: 0 the gyro's
-            derivative, 1 none of the IMU's link, 2 none of the base; row of the unknown link's body.
-        sensors: (k, 3) number of the sensor, rows of its own and of its contact's body; those farther out first.
-        frames: (2k, 12) sensor frame and contact frame of each in these bodies.
+        sensed: (3n,) [q; qdot; qddot]; (9,) or more, [gyro; accel; d gyro/dt] in the IMU's frame; (6k,) W = [f; t] of
+            the sensors, in their frames.
+        robot: See `Robot`.
         largest: Inputs from this size on are taken for missing.
         out: (n + 6 + 6k + 1,) written; zeros and a 1 behind them where an input is missing.
     """
+    (joint, imu, readings), own = sensed, Robot(*robot)
+    places, picks, sensors, frames = own.places, own.picks, own.sensors, own.frames
     n = joint.shape[0] // 3
     out[:] = 0.0
-    for array in (joint, imu, readings):
+    for array in sensed:
         for i in range(array.shape[0]):
             if not abs(array[i]) < largest:  # also where it is NaN
                 out[out.shape[0] - 1] = 1.0
                 return
-    bodies = carry_base(joint, imu, places, constants, base, picks)
-    loads = wrenches_needed(bodies, places, constants, trunk)
+    bodies = carry_base(joint, imu, own)
+    loads = wrenches_needed(bodies, places, own.constants, own.trunk)
     pose, wrench = np.empty(12), np.empty(6)
     for i in range(sensors.shape[0]):
         at, row, touched = 6 * sensors[i, 0], sensors[i, 1], sensors[i, 2]
@@ -155,7 +162,7 @@ def estimate(
         frame_pose(bodies, touched, frames[2 * i + 1], pose)
         wrench_at(wrench, pose, 9, out, n + 6 + at)
         take_out(loads, places, touched, wrench)
-    rotate_into(pose, 9, bodies[picks[2]], base, _UNKNOWN)
+    rotate_into(pose, 9, bodies[picks[2]], own.base, _UNKNOWN)
     for k in range(3):
         pose[9 + k] += bodies[picks[2], _PLACE + k]
     wrench[:] = loads[0]

@@ -40,9 +40,11 @@ A late sensor is believed again after it has agreed for `LATE_AGREED` ticks, as 
 Source: our own; the paper has no faults.
 """
 
+from typing import Any
+
 import numpy as np
 
-from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray
 
 LATEST, WINDOW = 40, 40
@@ -215,25 +217,20 @@ def suspect_of(same: FloatArray, known: FloatArray) -> int:
 
 @helper
 def vote_of(
-    memory: FloatArray, past: FloatArray, ticks: int, j: int, y: FloatArray, c: float, s: float, repeats: FloatArray,
-    known: FloatArray, work: FloatArray, after: FloatArray, found: FloatArray,
+    before_now: tuple[Any, ...], joint: tuple[int, float, float], y: FloatArray, limits: tuple[FloatArray, ...],
+    written: tuple[FloatArray, ...],
 ) -> None:  # fmt: skip
     """The vote at joint j: its column of `after` and `found`.
 
     Args:
-        memory: (ROWS, n) of the tick before.
-        past: (HISTORY, 3 n) of the ticks before.
-        ticks: How many these are.
-        j: Joint.
+        before_now: (ROWS, n) memory of the tick before, (HISTORY, 3 n) of the ticks before, and how many these are.
+        joint: j, compliance c [rad/(N m)], share s of a new deflection in d [-].
         y: (3,) its readings.
-        c: Compliance [rad/(N m)].
-        s: Share of a new deflection in d [-].
-        repeats: (3,) ticks from which one that repeats itself is frozen.
-        known: (3,) 1 for a kind of sensor that is late at some joint.
-        work: (4, 3) for intermediate results.
-        after: (ROWS, n) written.
-        found: (10, n) written.
+        limits: (3,) ticks from which one that repeats itself is frozen, (3,) 1 for a kind of sensor that is late at
+            some joint.
+        written: (4, 3) for intermediate results, (ROWS, n) after, (10, n) found.
     """
+    (memory, past, ticks), (j, c, s), (repeats, known), (work, after, found) = before_now, joint, limits, written
     same, bad, left, held = work[0], work[1], work[2], work[3]
     before = memory[DEFLECTION, j]
     d = before + s * (c * y[TAU] - before)
@@ -282,37 +279,31 @@ def vote_of(
     after[DEFLECTION, j] = d
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, OUT_VECTOR, OUT_MATRIX, OUT_MATRIX)
+@kernel(
+    together(VECTOR, VECTOR, VECTOR), together(VECTOR, MATRIX), MATRIX, VECTOR,
+    together(OUT_VECTOR, OUT_MATRIX, OUT_MATRIX),
+)  # fmt: skip
 def vote(
-    motor_angle: FloatArray,
-    torque: FloatArray,
-    link_angle: FloatArray,
-    state: FloatArray,
-    past: FloatArray,
+    now: tuple[FloatArray, ...],
+    before: tuple[FloatArray, ...],
     springs: FloatArray,
     repeats: FloatArray,
-    after: FloatArray,
-    given: FloatArray,
-    found: FloatArray,
+    written: tuple[FloatArray, ...],
 ) -> bool:
     """One tick of all joints; whether nothing is wrong.
 
     Args:
-        motor_angle: (n,) theta as it came [rad].
-        torque: (n,) tau [N m].
-        link_angle: (n,) q [rad].
-        state: (ROWS n + 1,) memory, and the number of ticks so far.
-        past: (HISTORY, 3 n) of these ticks.
+        now: (n,) theta as it came [rad], tau [N m], q [rad].
+        before: (ROWS n + 1,) memory, and the number of ticks so far; (HISTORY, 3 n) of these ticks.
         springs: (2, n) compliance c [rad/(N m)] and share s.
         repeats: (3,) ticks from which one that repeats itself is frozen.
-        after: (ROWS n + 1,) the state after it; written.
-        given: (4, n) theta, tau, q that can be believed, and theta - d; written.
-        found: (10, n) 1 where a reading is missing, frozen, odd (three rows each), and where two of three are wrong;
-            written.
+        written: (ROWS n + 1,) the state after it; (4, n) theta, tau, q that can be believed, and theta - d; (10, n) 1
+            where a reading is missing, frozen, odd (three rows each), and where two of three are wrong.
     """
+    (motor_angle, torque, link_angle), (state, past), (after, given, found) = now, before, written
     n, ticks = motor_angle.size, int(state[-1])
     y, work, known = np.empty((n, 3)), np.empty((4, 3)), np.zeros(3)
-    memory, written = state[:-1].reshape(ROWS, n), after[:-1].reshape(ROWS, n)
+    memory, reached = state[:-1].reshape(ROWS, n), after[:-1].reshape(ROWS, n)
     y[:, THETA], y[:, TAU], y[:, Q] = motor_angle, torque, link_angle
     if not ticks:
         fresh = np.empty((ROWS, n))
@@ -321,40 +312,30 @@ def vote(
     for row in range(3):
         known[row] = 1.0 if memory[_DOUBT + row].max() > AGREED else 0.0
     for j in range(n):
-        vote_of(memory, past, ticks, j, y[j], springs[0, j], springs[1, j], repeats, known, work, written, found)
+        spring = j, springs[0, j], springs[1, j]
+        vote_of((memory, past, ticks), spring, y[j], (repeats, known), (work, reached, found))
         for row in range(3):
-            given[row, j] = written[_LAST + row, j]
-        given[3, j] = written[_LAST + THETA, j] - written[DEFLECTION, j]
+            given[row, j] = reached[_LAST + row, j]
+        given[3, j] = reached[_LAST + THETA, j] - reached[DEFLECTION, j]
     after[-1] = ticks + 1.0
     return not found.any()
 
 
-@kernel(VECTOR, MATRIX, REAL, OUT_VECTOR, OUT_MATRIX, OUT_VECTOR, OUT_VECTOR, OUT_VECTOR)
-def remember(
-    reached: FloatArray,
-    found: FloatArray,
-    hold: float,
-    memory: FloatArray,
-    past: FloatArray,
-    left: FloatArray,
-    flags: FloatArray,
-    lost: FloatArray,
-) -> None:
+@kernel(together(VECTOR, MATRIX), REAL, together(OUT_VECTOR, OUT_MATRIX, OUT_VECTOR, OUT_VECTOR, OUT_VECTOR))
+def remember(voted: tuple[FloatArray, ...], hold: float, kept: tuple[FloatArray, ...]) -> None:
     """The state after a vote, in place; arrays that are written hold the state before it.
 
     Flags stay up, and joints stay lost, for `hold` ticks; each cause that the vote finds begins them anew.
 
     Args:
-        reached: (ROWS n + 1,) `after` of the vote.
-        found: (10, n) of the vote.
+        voted: (ROWS n + 1,) `after` and (10, n) `found` of the vote.
         hold: Ticks.
-        memory: (ROWS n + 1,) becomes `reached`.
-        past: (HISTORY, 3 n) takes this tick's readings.
-        left: (7,) ticks that each flag stays up.
-        flags: (7,) 1 where it is up: a missing and an odd encoder before the spring (a frozen one too); a missing, a
-            frozen and an odd gauge; an odd encoder behind the spring; two of three wrong.
-        lost: (n,) ticks that each joint stays lost.
+        kept: (ROWS n + 1,) becomes `after`; (HISTORY, 3 n) takes this tick's readings; (7,) ticks that each flag stays
+            up; (7,) 1 where it is up: a missing and an odd encoder before the spring (a frozen one too); a missing, a
+            frozen and an odd gauge; an odd encoder behind the spring; two of three wrong; (n,) ticks that each joint
+            stays lost.
     """
+    (reached, found), (memory, past, left, flags, lost) = voted, kept
     n = lost.size
     for i in range(reached.size):
         memory[i] = reached[i]

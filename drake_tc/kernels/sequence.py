@@ -133,21 +133,22 @@ def run(calls: IntArray, time: float) -> int:
             row = tick if rows.shape[0] > 1 else 0
             reading(vector(c, 0), rows, row, vector(c, 4), vector(c, 5), matrix(c, 6), index(c, 7), vector(c, 8))
         elif kind == ESTIMATE:
-            given = (vector(c, 0), vector(c, 1), vector(c, 2), table(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6))
-            estimate(*given, index(c, 7), table(c, 8), matrix(c, 9), vector(c, 10)[0], vector(c, 11))
+            given = (vector(c, 0), vector(c, 1), vector(c, 2))
+            robot = (table(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6), index(c, 7), table(c, 8), matrix(c, 9))
+            estimate(given, robot, vector(c, 10)[0], vector(c, 11))
         elif kind == MOTION:
             motion = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
-            motion_torque(*motion, table(c, 6), matrix(c, 7), vector(c, 8), vector(c, 9), vector(c, 10))
+            motion_torque(motion, (table(c, 6), matrix(c, 7), vector(c, 8)), vector(c, 9), vector(c, 10))
         elif kind == SOLVE:
             inputs = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
-            more = (vector(c, 6), vector(c, 7), index(c, 8), vector(c, 9)[0], matrix(c, 10), matrix(c, 11))
-            solve(*inputs, *more, table(c, 12), vector(c, 13), vector(c, 14))
+            more, tables = (vector(c, 6), vector(c, 7)), (matrix(c, 10), matrix(c, 11), table(c, 12), vector(c, 13))
+            solve(inputs + more, index(c, 8), vector(c, 9)[0], tables, vector(c, 14))
         elif kind == GUARD:
             step(vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3)[0], matrix(c, 4), vector(c, 5), vector(c, 6))
         elif kind == ADVANCE:
             now = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), time)
-            models = (table(c, 6), matrix(c, 7), table(c, 8), matrix(c, 9), table(c, 10), vector(c, 11))
-            if advance(*now, *models, vector(c, 12), False, matrix(c, 14), vector(c, 15)):
+            models = (table(c, 6), matrix(c, 7), table(c, 8), matrix(c, 9), table(c, 10), vector(c, 11), vector(c, 12))
+            if advance(now, models, False, matrix(c, 14), vector(c, 15)):
                 return i
         elif kind == FILTER:
             filtered(vector(c, 0), matrix(c, 1), index(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
@@ -179,14 +180,15 @@ def run(calls: IntArray, time: float) -> int:
         elif kind == BASE_OUTPUTS:
             outputs(vector(c, 0), index(c, 1)[0], index(c, 2)[0], index(c, 3), vector(c, 4))
         elif kind == VOTE:
-            seen = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), matrix(c, 4), matrix(c, 5), vector(c, 6))
-            vote(*seen, vector(c, 7), matrix(c, 8), matrix(c, 9))
+            seen, left = (vector(c, 0), vector(c, 1), vector(c, 2)), (vector(c, 3), matrix(c, 4))
+            vote(seen, left, matrix(c, 5), vector(c, 6), (vector(c, 7), matrix(c, 8), matrix(c, 9)))
         elif kind == REMEMBER:
-            found_now = (vector(c, 0), matrix(c, 1), vector(c, 2)[0])
-            remember(*found_now, vector(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6), vector(c, 7))
+            kept_of = (vector(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6), vector(c, 7))
+            remember((vector(c, 0), matrix(c, 1)), vector(c, 2)[0], kept_of)
         elif kind == SPRING_LAW:
-            read = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), index(c, 5), matrix(c, 6))
-            law(*read, matrix(c, 7), matrix(c, 8), vector(c, 9), vector(c, 10), matrix(c, 11))
+            read = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3))
+            joints = (index(c, 5), matrix(c, 6), matrix(c, 7), matrix(c, 8), vector(c, 9))
+            law(read, vector(c, 4), joints, vector(c, 10), matrix(c, 11))
         elif kind == IMU:
             settled, doubts = 1.0 if time >= vector(c, 3)[0] else 0.0, (vector(c, 0), vector(c, 1), vector(c, 2))
             imu(*doubts, settled, vector(c, 4), vector(c, 5), vector(c, 6), vector(c, 7), vector(c, 8))

@@ -1,11 +1,12 @@
 """A tick of the torque laws of series-elastic joints, see `drake_tc.control.series_elastic.law`."""
 
 import math
+from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, helper, kernel
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_MATRIX, OUT_VECTOR, VECTOR, helper, kernel, together
+from drake_tc.types import FloatArray
 
 LARGEST = 1e9
 """No input in SI units is as large; one that is counts as not finite."""
@@ -94,13 +95,7 @@ def remember(before: FloatArray, started: bool, readings: FloatArray, kept: Floa
 
 @helper
 def proportional_integral(
-    readings: FloatArray,
-    held: FloatArray,
-    motor: FloatArray,
-    options: FloatArray,
-    last: FloatArray,
-    integral: FloatArray,
-    rows: FloatArray,
+    readings: FloatArray, held: FloatArray, motor: FloatArray, options: FloatArray, written: tuple[FloatArray, ...]
 ) -> None:
     """The law `pi`; its integral is held where the voltage is at its limit.
 
@@ -109,10 +104,9 @@ def proportional_integral(
         held: (3, n) the integral so far.
         motor: (6, n) see `law`.
         options: See `law`.
-        last: (8, n) memory of this tick; written.
-        integral: (3, n) written.
-        rows: (4, n) written.
+        written: (8, n) memory of this tick, (3, n) integral, (4, n) rows.
     """
+    last, integral, rows = written
     dt, kp, ki = options[0], options[1], options[2]
     integral[1:] = 0.0
     for j in range(readings.shape[1]):
@@ -127,69 +121,50 @@ def proportional_integral(
 
 @helper
 def predict_speed(
-    kept: FloatArray,
-    held: FloatArray,
-    faster: FloatArray,
-    acceleration: FloatArray,
-    taps: FloatArray,
-    options: FloatArray,
-    integral: FloatArray,
-) -> FloatArray:
-    """(n,) the speed as measured [rad/s]; y, the speed when the voltage arrives, goes to integral[2].
+    kept: FloatArray, held: FloatArray, asked: tuple[FloatArray, ...], taps: FloatArray, options: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n,) the speed as measured and y, the speed when the voltage arrives [rad/s].
 
     Args:
         kept: (l, 8, n) memory; growth of the desired speed and acceleration of this tick are written.
         held: (3, n) integral, last friction and y of the tick before.
-        faster: (n,) growth by winding the spring [rad/s].
-        acceleration: (n,) desired, of the links [rad/s^2].
+        asked: (n,) growth by winding the spring [rad/s], (n,) desired acceleration of the links [rad/s^2].
         taps: (6, l) see `law`.
         options: See `law`.
-        integral: (3, n) as `held`, written.
     """
+    (faster, acceleration), arriving = asked, np.empty(held.shape[1])
     last, previous, dt = kept[-1], kept[-2], options[0]
     for j in range(faster.size):
         last[LINK, j] = acceleration[j]
         last[FASTER, j] = faster[j] + 0.5 * dt * (acceleration[j] + previous[LINK, j])
     speed, under_way = weighted(kept, ANGLE, taps[SPEED]), weighted(kept, FASTER, taps[UNDER_WAY])
     for j in range(faster.size):
-        asked = held[2, j] + last[FASTER, j]
-        integral[0, j], integral[1, j] = held[0, j], held[1, j]
-        integral[2, j] = asked + options[4] * (speed[j] + under_way[j] - asked)
-    return speed
+        due = held[2, j] + last[FASTER, j]
+        arriving[j] = due + options[4] * (speed[j] + under_way[j] - due)
+    return speed, arriving
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, MATRIX, MATRIX, MATRIX, VECTOR, OUT_VECTOR, OUT_MATRIX)
+@kernel(
+    together(VECTOR, VECTOR, VECTOR, VECTOR), VECTOR, together(INDEX, MATRIX, MATRIX, MATRIX, VECTOR), OUT_VECTOR,
+    OUT_MATRIX,
+)  # fmt: skip
 def law(
-    motor_angle: FloatArray,
-    torque: FloatArray,
-    desired: FloatArray,
-    acceleration: FloatArray,
-    state: FloatArray,
-    counts: IntArray,
-    taps: FloatArray,
-    observer: FloatArray,
-    motor: FloatArray,
-    options: FloatArray,
-    after: FloatArray,
-    rows: FloatArray,
+    now: tuple[FloatArray, ...], state: FloatArray, tables: tuple[Any, ...], after: FloatArray, rows: FloatArray
 ) -> None:
     """One tick.
 
     Args:
-        motor_angle: (n,) [rad].
-        torque: (n,) of the springs [N m].
-        desired: (n,) [N m].
-        acceleration: (n,) desired, of the links [rad/s^2].
+        now: (n,) motor angle [rad], torque of the springs and desired torque [N m], and desired acceleration of the
+            links [rad/s^2].
         state: (8 l n + 3 n + 1,) memory; the law's integral, its last friction, the speed y; 1 once there was a tick.
-        counts: Ticks l of the memory, D of the delay; where friction comes from; 1 with P; 1 where r is the desired
-            torque itself.
-        taps: (6, l) weights on the memory's ticks.
-        observer: (l, 3 n) weights of the friction over the last step.
-        motor: (6, n) 1/K, F_v, J, tau_co0, 1/Ks, limit of the voltage.
-        options: dt, kp, ki, leak, a, v_s, K_o.
+        tables: Counts: ticks l of the memory, D of the delay, where friction comes from, 1 with P, 1 where r is the
+            desired torque itself; taps: (6, l) weights on the memory's ticks; (l, 3 n) weights of the friction over the
+            last step; motor: (6, n) 1/K, F_v, J, tau_co0, 1/Ks, limit of the voltage; options: dt, kp, ki, leak, a,
+            v_s, K_o.
         after: As `state`; written.
         rows: (4, n) voltage, friction, r, and 1 where an input is not finite; written.
     """
+    (motor_angle, torque, desired, acceleration), (counts, taps, observer, motor, options) = now, tables
     length, delay, mode, n = counts[0], counts[1], counts[2], motor_angle.size
     dt, kp, leak, smooth, gain = options[0], options[1], options[3], options[5], options[6]
     size = 8 * length * n
@@ -199,14 +174,15 @@ def law(
     remember(state[:size].reshape(length, 8, n), state[-1] > 0.5, readings, kept, rows[3])
     after[-1], last, previous = 1.0, kept[-1], kept[-2]
     if mode == PROPORTIONAL_INTEGRAL:
-        proportional_integral(readings, held, motor, options, last, integral, rows)
+        proportional_integral(readings, held, motor, options, (last, integral, rows))
         return
     winding, faster = np.zeros(n), np.zeros(n)
     if not counts[4]:
         last[SHAPED] = weighted(kept, DESIRED, taps[SHAPE])
         winding = motor[4] * weighted(kept, DESIRED, taps[CURVE])
         faster = motor[4] * weighted(kept, DESIRED, taps[GROWTH])
-    speed = predict_speed(kept, held, faster, readings[3], taps, options, integral)
+    speed, arriving = predict_speed(kept, held, (faster, readings[3]), taps, options)
+    integral[0], integral[1], integral[2] = held[0], held[1], arriving
     for j in range(n):
         last[DRY, j] = motor[3, j] * math.tanh(integral[2, j] / smooth)
     friction = last[DRY].copy()

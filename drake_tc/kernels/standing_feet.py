@@ -5,9 +5,10 @@ State: [flag; time without an IMU; joint speed; tilts of the soles (2 s); angula
 """
 
 import math
+from typing import Any
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel, together
+from drake_tc.types import FloatArray
 
 FLAG, ABSENT, SPEED, TILTS = 0, 1, 2, 3
 """Where they begin in the state."""
@@ -48,25 +49,21 @@ def shown(imu: FloatArray, held: FloatArray, lost: float, out: FloatArray) -> bo
     return finite(imu)
 
 
-@kernel(VECTOR, VECTOR, INDEX, INDEX, MATRIX, OUT_VECTOR)
-def sunk(
-    wrench: FloatArray,
-    pressure: FloatArray,
-    sensors: IntArray,
-    contacts: IntArray,
-    compliance: FloatArray,
-    out: FloatArray,
-) -> None:
+SOLES = together(INDEX, INDEX, MATRIX)
+"""(s,) which sensor has the load of a sole, (s,) which contact it is, (s, 2) compliance [rad/(N m)]."""
+
+
+@kernel(VECTOR, VECTOR, SOLES, OUT_VECTOR)
+def sunk(wrench: FloatArray, pressure: FloatArray, soles: tuple[Any, ...], out: FloatArray) -> None:
     """Tilts of the soles towards their centres of pressure.
 
     Args:
         wrench: (6 k,) [N, N m].
         pressure: (2 c,) centres of pressure of the contacts [m].
-        sensors: (s,) which sensor has the load of a sole.
-        contacts: (s,) which contact it is.
-        compliance: (s, 2) [rad/(N m)].
+        soles: See `SOLES`.
         out: (2 s,) [rad], written.
     """
+    sensors, contacts, compliance = soles
     for i in range(sensors.size):
         force = wrench[6 * sensors[i] : 6 * sensors[i] + 3]
         load = math.sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
@@ -79,45 +76,31 @@ def sunk(
             out[2 * i + axis] = tilt
 
 
-@kernel(
-    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, INDEX, MATRIX, VECTOR, OUT_VECTOR, OUT_VECTOR
-)  # fmt: skip
+@kernel(together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR), VECTOR, SOLES, VECTOR, together(OUT_VECTOR, OUT_VECTOR))
 def advance(
-    imu: FloatArray,
-    wrench: FloatArray,
-    pressure: FloatArray,
-    state: FloatArray,
-    angles: FloatArray,
+    given: tuple[FloatArray, ...],
     held: FloatArray,
-    sensors: IntArray,
-    contacts: IntArray,
-    compliance: FloatArray,
+    soles: tuple[Any, ...],
     options: FloatArray,
-    after: FloatArray,
-    rates: FloatArray,
+    written: tuple[FloatArray, FloatArray],
 ) -> bool:
     """The next state, with a flag of 0.
 
     Args:
-        imu: (6,).
-        wrench: Up to `compliance` as `sunk` takes them, but for the next three.
-        pressure: The same.
-        state: (nq + nv,) estimate [q; v].
-        angles: (n,) of the links [rad].
+        given: (6,) IMU, (6 k,) wrenches, (2 c,) centres of pressure, (nq + nv,) estimate [q; v], (n,) angles of the
+            links [rad].
         held: The state.
-        sensors: The same.
-        contacts: The same.
-        compliance: The same.
+        soles: See `SOLES`.
         options: (5,) see `PERIOD` and what follows it.
-        after: The next state, written.
-        rates: (n,) of the link angles [rad/s], 0 in the first tick; written.
+        written: The next state; (n,) rates of the link angles [rad/s], 0 in the first tick.
 
     Returns:
         Whether there is an IMU.
     """
+    (imu, wrench, pressure, state, angles), (after, rates), sensors = given, written, soles[0]
     n, begun, there, first = angles.size, held[-1] > 0.0, finite(imu), TILTS + 2 * sensors.size
     after[FLAG], after[ABSENT] = 0.0, 0.0 if there else held[ABSENT] + options[PERIOD]
-    sunk(wrench, pressure, sensors, contacts, compliance, after[TILTS:first])
+    sunk(wrench, pressure, soles, after[TILTS:first])
     for i in range(TILTS, first):
         after[i] = held[i] + options[SINKING] * (after[i] - held[i])
     for i in range(3 + n):

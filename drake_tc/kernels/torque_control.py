@@ -1,12 +1,13 @@
 """Feedforward through the actuators' models and feedback of the torque, see `drake_tc.control.torque_control`."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels import equations
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel, together
 from drake_tc.kernels.joint_layout import DEAD_ZONE, TERM_END, TERM_FIRST, TERM_KIND
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS, JointState
 from drake_tc.kernels.torque_terms import parts_of
@@ -18,16 +19,15 @@ _dead_zone_inverse, _switch_inverse = helper(equations.dead_zone_inverse), helpe
 _needed_torque, _soft_sign = helper(equations.needed_torque), helper(equations.soft_sign)
 
 
+TABLES = together(MATRIX, MATRIX, TABLE, VECTOR)
+"""Of all joints, see `compensation_layout`."""
+
+
 @helper
-def effort_of(
-    joint: FloatArray,
-    inverses: FloatArray,
-    terms: IntArray,
-    values: FloatArray,
-    now: JointState,
-    acceleration: float,
-) -> float:
-    """Effort of one joint, see `drake_tc.actuation.compensator`; joint is its row of the table."""
+def effort_of(tables: tuple[Any, ...], j: int, now: JointState, acceleration: float) -> float:
+    """Effort of one joint, see `drake_tc.actuation.compensator`."""
+    joints, inverses, terms, values = tables
+    joint = joints[j]
     tau, velocity, direction = now.tau, now.v, now.direction
     parts = joint[at.LEVEL : at.LEVEL + 3].copy()
     for t in range(int(joint[at.TERMS]), int(joint[at.TERMS_END])):
@@ -58,66 +58,30 @@ def part_of(estimate: FloatArray, reference: FloatArray, source: int, place: int
     return number
 
 
-@kernel(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, MATRIX, TABLE, VECTOR, OUT_VECTOR)
-def efforts(
-    tau: FloatArray,
-    velocity: FloatArray,
-    direction: FloatArray,
-    position: FloatArray,
-    acceleration: FloatArray,
-    celsius: FloatArray,
-    joints: FloatArray,
-    inverses: FloatArray,
-    terms: IntArray,
-    values: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Efforts (n,) of n joints for link torques; tables see `compensation_layout`."""
+@kernel(together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR), TABLES, OUT_VECTOR)
+def efforts(given: tuple[FloatArray, ...], tables: tuple[Any, ...], out: FloatArray) -> None:
+    """Efforts (n,) of n joints for link torques, velocities, directions, positions, accelerations and temperatures."""
+    tau, velocity, direction, position, acceleration, celsius = given
     for j in range(tau.shape[0]):
         now = JointState(position[j], velocity[j], direction[j], tau[j], celsius[j], direction[j])
-        out[j] = effort_of(joints[j], inverses, terms, values, now, acceleration[j])
+        out[j] = effort_of(tables, j, now, acceleration[j])
 
 
-@kernel(
-    *(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, INDEX, REAL),
-    *(MATRIX, MATRIX, TABLE, VECTOR, OUT_VECTOR),
-)
+@kernel(together(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR), INDEX, REAL, TABLES, OUT_VECTOR)
 def solve(
-    desired: FloatArray,
-    estimated: FloatArray,
-    position: FloatArray,
-    estimate: FloatArray,
-    reference: FloatArray,
-    lost: FloatArray,
-    gains: FloatArray,
-    total: FloatArray,
-    sources: IntArray,
-    per_speed: float,
-    joints: FloatArray,
-    inverses: FloatArray,
-    terms: IntArray,
-    values: FloatArray,
-    out: FloatArray,
+    given: tuple[FloatArray, ...], sources: IntArray, per_speed: float, tables: tuple[Any, ...], out: FloatArray
 ) -> None:
     """The rows of `drake_tc.control.torque_control.SOLUTION`, n each, one behind the other.
 
     Args:
-        desired: (n,) tau_d [N m].
-        estimated: (n,) tau_hat [N m].
-        position: (n,) q [rad].
-        estimate: (3n,) motion as filtered.
-        reference: (3n,) desired motion; not looked at where nothing is taken from there.
-        lost: (n,) d [N m]; empty for none.
-        gains: (2n,) [Kp; Ki].
-        total: (n,) s [N m s].
+        given: (n,) tau_d and tau_hat [N m], (n,) q [rad], (3n,) motion as filtered, (3n,) desired motion, which is not
+            looked at where nothing is taken from there, (n,) d [N m] or empty for none, (2n,) [Kp; Ki], (n,) s [N m s].
         sources: (3,) of the velocity, the direction and the acceleration: 0 the estimate, 1 the reference, 2 zero.
         per_speed: 1 over the speed that gives the direction [s/rad].
-        joints: See `compensation_layout`.
-        inverses: The same.
-        terms: The same.
-        values: The same.
+        tables: See `TABLES`.
         out: (6n,) written; NaN where an input is not finite.
     """
+    (desired, estimated, position, estimate, reference, lost, gains, total), joints = given, tables[0]
     n = desired.shape[0]
     size = 0.0
     for j in range(n):
@@ -138,7 +102,7 @@ def solve(
         direction = math.tanh(part_of(estimate, reference, sources[1], n + j) * per_speed)
         acceleration = part_of(estimate, reference, sources[2], 2 * n + j)
         now = JointState(position[j], velocity, direction, commanded, REFERENCE_CELSIUS, direction)
-        effort = effort_of(joints[j], inverses, terms, values, now, acceleration)
+        effort = effort_of(tables, j, now, acceleration)
         out[j] = joints[j, at.SERVO] * position[j] + effort
         out[n + j], out[2 * n + j], out[3 * n + j] = asked, torque, effort
         out[4 * n + j], out[5 * n + j] = integral, commanded

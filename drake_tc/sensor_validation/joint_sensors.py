@@ -104,16 +104,17 @@ class JointSensors(PortMethods, LeafSystem):
             before, past, _, up, left_of_lost = np.split(arrays.before, ends)
             after, next_past, *counters = np.split(arrays.after, ends)
             vote.given = out[:shown].reshape(len(_OUTPUTS), n)
-            given = (*now, before, past.reshape(HISTORY, 3 * n), self._springs, self._repeats)
+            memory_of = before, past.reshape(HISTORY, 3 * n)
             kept = (after, next_past.reshape(HISTORY, 3 * n), *counters)
 
             def voted(time: float) -> None:
-                _VOTE(*given, vote.after, vote.given, vote.found)
+                _VOTE(tuple(now), memory_of, self._springs, self._repeats, (vote.after, vote.given, vote.found))
 
             def update(time: float) -> None:
-                _REMEMBER(vote.after, vote.found, self._hold, *kept)
+                _REMEMBER((vote.after, vote.found), self._hold, kept)
 
             shows = copying(up, out[shown : shown + flags]), above(left_of_lost, 0.0, out[shown + flags :])
+            given = (*now, *memory_of, self._springs, self._repeats)
             calls = [KernelCall(VOTE, voted, *given, vote.after, vote.given, vote.found), *shows]
             return calls, KernelCall(REMEMBER, update, vote.after, vote.found, self._hold, *kept)
 
@@ -126,8 +127,8 @@ class JointSensors(PortMethods, LeafSystem):
         """This tick's vote."""
         now, vote = [port.Eval(context) for port in self._inputs], box.get_mutable_value()
         before, past = (context.get_discrete_state(index).value() for index in (self._state, self._past))
-        given = (before, past.reshape(HISTORY, -1), self._springs, self._repeats)
-        _VOTE(*now, *given, vote.after, vote.given, vote.found)
+        memory, written = (before, past.reshape(HISTORY, -1)), (vote.after, vote.given, vote.found)
+        _VOTE(tuple(now), memory, self._springs, self._repeats, written)
 
     def _writer(self, row: int) -> Any:
         """The calc function of one output."""
@@ -147,4 +148,4 @@ class JointSensors(PortMethods, LeafSystem):
         vote: Any = self._solved.Eval(context)
         after: Any = values
         state, past, *counters = (after.get_mutable_value(i) for i in (self._state, self._past, *self._counters))
-        _REMEMBER(vote.after, vote.found, self._hold, state, past.reshape(HISTORY, -1), *counters)
+        _REMEMBER((vote.after, vote.found), self._hold, (state, past.reshape(HISTORY, -1), *counters))

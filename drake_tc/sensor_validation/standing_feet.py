@@ -169,7 +169,7 @@ class StandingFeet(PortMethods, LeafSystem):
     def _sunk(self, given: Inputs) -> FloatArray:
         """(soles, 2) tilts of the soles towards their centres of pressure [rad]."""
         tilts: FloatArray = np.empty((len(self._links), 2))
-        _SUNK(given("wrench"), given("cop"), *self._soles, tilts.ravel())
+        _SUNK(given("wrench"), given("cop"), self._soles, tilts.ravel())
         return tilts
 
     def _moved(self, given: Inputs, scratch: Any) -> None:
@@ -225,7 +225,8 @@ class StandingFeet(PortMethods, LeafSystem):
         after: FloatArray = np.empty(held.size)
         rates, readings = np.empty(self._n), (given("imu"), given("wrench"), given("cop"))
         state = given("estimated_state")
-        there = _ADVANCE(*readings, state, given("link_angle"), held, *self._soles, self._options, after, rates)
+        now = *readings, state, given("link_angle")
+        there = _ADVANCE(now, held, self._soles, self._options, (after, rates))
         if there and after[_SPEED] < RESTS and (soles := self._standing(given)):
             self._plant.SetPositions(scratch, state[: self._plant.num_positions()])
             moving = np.zeros(self._plant.num_velocities())

@@ -27,7 +27,7 @@ def test_a_pendulum_is_that_of_the_textbook(q, v, vdot):
     base[0], base[4:7], base[18] = 1.0, (5.0, -3.0, 2.0), gravity
     out = np.empty(1)
     places, constants = np.zeros((1, 4), dtype=np.int64), np.array([[*turning, *body, 0.0]])
-    JOINT_FORCES(*np.array([[q], [v], [vdot]]), places, constants, np.zeros(10), base, out)
+    JOINT_FORCES(tuple(np.array([[q], [v], [vdot]])), (places, constants, np.zeros(10)), base, out)
     expected = (inertia + mass * length**2) * vdot + mass * gravity * length * np.sin(q)
     assert_allclose(out, expected, rtol=1e-13, atol=1e-13)
 
@@ -49,5 +49,5 @@ def test_on_a_base_that_moves_they_are_drakes(name):
         rate[model.velocity_index], rate[:6] = vdot, acceleration
         expected = plant.CalcInverseDynamics(context, rate, nothing)[model.velocity_index]
         base = np.concatenate(([1.0], np.zeros(6), twist, acceleration))
-        JOINT_FORCES(q, v, vdot, tree.places, tree.constants, tree.trunk, base, out)
+        JOINT_FORCES((q, v, vdot), (tree.places, tree.constants, tree.trunk), base, out)
         assert_allclose(out, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())

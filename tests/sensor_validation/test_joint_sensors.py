@@ -61,12 +61,12 @@ def voted(y, compliance=C, time=TIME):
     state, past, flags = np.zeros(ROWS * n + 1), np.zeros((HISTORY, 3 * n)), np.zeros((3, max(n, len(FLAGS))))
     for row in y:
         after, given_, found = np.zeros(ROWS * n + 1), np.zeros((4, n)), np.zeros((10, n))
-        well = vote_of(*np.ascontiguousarray(row), state, past, springs, repeats, after, given_, found)
+        well = vote_of(tuple(np.ascontiguousarray(row)), (state, past), springs, repeats, (after, given_, found))
         marks = found > 0.0
         votes.append(Voted(marks[:3], marks[3:6], marks[6:9], marks[9], after[:-1].reshape(ROWS, n)))
         assert well == (not marks.any())
         out.append(given_[:3])
-        remember(after, found, 100.0, state, past, flags[0, : len(FLAGS)], flags[1, : len(FLAGS)], flags[2, :n])
+        remember((after, found), 100.0, (state, past, flags[0, : len(FLAGS)], flags[1, : len(FLAGS)], flags[2, :n]))
     return votes, np.array(out)
 
 
@@ -84,14 +84,14 @@ def test_the_past_is_the_readings_of_the_ticks_before():
     raw, deflection = [], C * y[0, TAU]
     for ticks, row in enumerate(y):
         after, found = np.zeros(ROWS * n + 1), np.zeros((10, n))
-        vote_of(*np.ascontiguousarray(row), state, past, springs, repeats, after, np.zeros((4, n)), found)
+        vote_of(tuple(np.ascontiguousarray(row)), (state, past), springs, repeats, (after, np.zeros((4, n)), found))
         deflection = deflection + springs[1] * (C * row[TAU] - deflection)
         raw.append([row[THETA], deflection.copy(), row[Q]])
         ages = np.maximum(ticks - np.arange(HISTORY), 0)
         for j in range(n):
             seen = past_of(past, ticks, after[:-1].reshape(ROWS, n), j)
             assert_array_equal(seen, np.array(raw)[ages, :, j].T)
-        remember(after, found, 100.0, state, past, flags[0], flags[1], flags[2, :n])
+        remember((after, found), 100.0, (state, past, flags[0], flags[1], flags[2, :n]))
     assert len(y) > 2 * HISTORY
 
 

@@ -332,7 +332,7 @@ class SeriesElasticLaw:
             rows: (4, n) voltage, friction taken for it, desired torque as shaped, and 1 where a reading is not finite;
                 written.
         """
-        _LAW(*now, state, *self._tables, after, rows)
+        _LAW(tuple(now), state, self._tables, after, rows)
 
     def bind(self, state: FloatArray, now: Readings, after: FloatArray, rows: FloatArray) -> KernelCall:
         """`step` on arrays that stay the same objects."""
