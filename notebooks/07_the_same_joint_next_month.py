@@ -127,12 +127,11 @@ load = 15.0 * np.sin(q) + 0.8 * a + 0.15 * noise.standard_normal(t.size)
 friction = (6.0 * v + 4.0 * np.tanh(v / 0.01)) * np.where(t < 15.0, 1.0, 1.2)
 effort = 0.08 * (15.0 * np.sin(q) + 1.1 * a + friction + push + 0.3 * noise.standard_normal(t.size))
 memory, shown = monitor.start()
-before, rows = np.full(1, np.nan), []
+rows = []
 for k in range(t.size):
     seen = np.array([[x] for x in (q[k], v[k], a[k], load[k], effort[k], push[k])])
     needed = monitor.needed(seen, np.full(1, 25.0))
-    monitor.tick(seen, needed, before, memory, shown)
-    before = needed
+    monitor.tick(seen, needed, memory, shown)
     rows.append(shown[:4].copy())
 residual, cause, change, statistic = np.array(rows).T
 
