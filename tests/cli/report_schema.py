@@ -140,6 +140,16 @@ JOINT = fields(
         "unexplained": fields(
             {"floors": number_or_null, "fraction": number_or_null, "structured": flag, "depends_on": each(text)}
         ),
+        "remainder": or_null(
+            fields(
+                {
+                    "signals": each(text),
+                    "share": fields({"value": number_or_null, "ci95": each(number_or_null)}),
+                    "rms": number_or_null,
+                    "in_model": flag,
+                }
+            )
+        ),
     }
 )
 EXPORT = fields(

@@ -8,6 +8,7 @@ import pytest
 
 from drake_tc.actuation.model import Drive
 from drake_tc.actuation.model_file import load_models
+from drake_tc.cli.main import run
 from drake_tc.control.guard import GuardSpec
 from drake_tc.control.torque_uncertainty_file import load_torque_uncertainty, save_torque_uncertainty
 from drake_tc.control.trajectories import knot_trajectory
@@ -98,3 +99,18 @@ def test_only_torque_control_is_watched_and_health_names_the_joint_that_it_lacks
         ModelWatch(swinging(), ModelHealth(("a",), np.ones(1), np.ones(1), np.zeros((1, len(CAUSES)))))
     with pytest.raises(ParamsError, match="learned none"):
         ModelWatch(swinging(), health).learned()
+
+
+def test_the_command_watches_and_says_what_a_run_lacks_to_learn_from(health, tmp_path, capsys):
+    known, learned = tmp_path / "known.yaml", tmp_path / "learned.yaml"
+    save_torque_uncertainty(health.uncertainty(), known)
+    loop = ["run", "drake_tc.diagrams.hardware_loop:controller", "--robot", "drake_tc.diagrams.hardware_loop:link"]
+    loop += ["--duration", "0.3", "--stop-time", "0.01"]
+    assert run([*loop, "--watch", str(known), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["watch"]["events"] == [] and document["counts"]["watch_errors"] == 0
+    assert run([*loop, "--watch", str(known)]) == 0
+    assert "model: no change" in capsys.readouterr().out
+    assert run([*loop, "--learn-watch", str(learned)]) == 2
+    assert "expected at least 5 s of motion" in capsys.readouterr().err and not learned.exists()
+    assert run([*loop, "--learn-watch", str(learned), "--watch", str(known)]) == 2
