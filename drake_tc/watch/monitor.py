@@ -51,7 +51,7 @@ class ModelMonitorSpec:
     torque_constant: float = 0.1
     payload: float = 2.0
     bias: float = 1.0
-    delay: float = 4e-3
+    delay: float = 8e-3
     backlash: float = 1e-3
     limit: float = 60.0
     memory: float = 400.0
