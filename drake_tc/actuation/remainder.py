@@ -42,7 +42,8 @@ def frequencies(count: int) -> tuple[FloatArray, FloatArray]:
     points = qmc.Halton(len(SIGNALS) + 2, scramble=False).random(count // len(SUBSETS) + 2)[turn // len(SUBSETS) + 1]
     used = np.array([[i in subset for i in range(len(SIGNALS))] for subset in SUBSETS])[turn % len(SUBSETS)]
     lengths = np.where(points[:, -1] < 0.5, *LENGTHS)
-    return used * norm.ppf(points[:, : len(SIGNALS)]) / lengths[:, None], 2.0 * np.pi * points[:, -2]
+    w: FloatArray = used * norm.ppf(points[:, : len(SIGNALS)]) / lengths[:, None]
+    return w, 2.0 * np.pi * points[:, -2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ def nearest(z: FloatArray, points: FloatArray) -> FloatArray:
     least = np.full(len(z), np.inf)
     for point in points:
         least = np.minimum(least, np.sum((z - point) ** 2, axis=1))
-    return np.sqrt(least)
+    return np.asarray(np.sqrt(least))
 
 
 def features(z: FloatArray, count: int) -> FloatArray:

@@ -119,7 +119,7 @@ def readings(
             load = joints.gravity * np.sin(q) + joints.link * a + on * change.get("payload", 0.0) * np.sin(q + 0.4)
             friction = joints.viscous * v + joints.coulomb * np.tanh(v / 0.01)
             friction = friction * (1.0 + joints.misfit + on * change.get("friction", 0.0))
-            return load + joints.inertia * a + friction + joints.ripple * np.sin(24.0 * q)
+            return np.asarray(load + joints.inertia * a + friction + joints.ripple * np.sin(24.0 * q))
 
         torque = needed(q, v, a)
         if late:

@@ -182,7 +182,8 @@ def motion(machine: Machine, seconds: float, rng: np.random.Generator) -> Any:
     waves = np.sin(2.0 * np.pi * frequency * time[:, None, None] + phase).sum(axis=1) / 3.0
     rest: Any = np.zeros(n)
     values: Any = (robot.posture + begin**2 * room * waves).T
-    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time, values, rest, rest)
+    times: Any = time
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(times, values, rest, rest)
 
 
 def changed(model: ActuatorModel, change: Change) -> ActuatorModel:
@@ -268,9 +269,9 @@ def run(
         simulator.AdvanceTo(float(time))
         if codes and np.isin(logs["cause"].FindLog(context).data()[where], codes).any() and time > SOON + REST_S:
             break
-    signals = {name: log.FindLog(context).data().T for name, log in logs.items()}
-    signals["state"] = signals["state"][:, n:]
-    return Watched(logs["cause"].FindLog(context).sample_times(), signals)
+    signals = {name: np.asarray(log.FindLog(context).data().T) for name, log in logs.items()}
+    signals["state"] = np.asarray(signals["state"][:, n:])
+    return Watched(np.asarray(logs["cause"].FindLog(context).sample_times()), signals)
 
 
 def calibrated(machine: Machine, seed: int) -> ModelHealth:
