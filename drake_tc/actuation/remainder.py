@@ -17,7 +17,6 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import norm, qmc
 
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
@@ -38,6 +37,8 @@ def frequencies(count: int) -> tuple[FloatArray, FloatArray]:
 
     A feature depends on one signal or on two (`SUBSETS`, in turn), so that R generalises from few runs.
     """
+    from scipy.stats import norm, qmc
+
     turn = np.arange(count)
     points = qmc.Halton(len(SIGNALS) + 2, scramble=False).random(count // len(SUBSETS) + 2)[turn // len(SUBSETS) + 1]
     used = np.array([[i in subset for i in range(len(SIGNALS))] for subset in SUBSETS])[turn % len(SUBSETS)]
