@@ -8,7 +8,6 @@
 import json
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -119,37 +118,24 @@ def design_command(
         from drake_tc.experiments.design.robot import RobotOptions
         from drake_tc.experiments.design.run import DesignOptions
 
-        options = DesignOptions(
-            duration=duration,
-            basis="fourier" if basis == "fourier" else "bspline",
-            smallest=criterion == "E",
-            seed=seed,
-        )
+        common: dict[str, Any] = {"duration": duration, "basis": basis, "seed": seed}
+        common |= {k: v for k, v in (("starts", starts), ("criterion", criterion)) if v is not None}
         loads = parse_loads(load or ())
         request = DesignRequest(rig, tuple(log or ()), model, goal, after, tuple(joint or ()), given, loads, declared)
         if whole_robot(request):
             if loads:
                 raise ParamsError("--load: the loads hang on one joint; name it with --joint")
-            whole = RobotOptions(duration, options.basis, seed=seed, distance=distance, scene=scene)
-            whole = replace(whole, **_given(starts=starts, criterion=criterion))
-            robot = designed_robot(request, whole, progress)
+            robot = designed_robot(request, RobotOptions(distance=distance, scene=scene, **common), progress)
             write_robot_design(robot, folder, rate)
             document, lines = robot_json(robot), list(robot.sentences)
         else:
             _require_of_one_joint(scene, criterion)
-            document, lines = _designed_joints(
-                request, replace(options, **_given(starts=starts)), folder, rate, progress
-            )
+            document, lines = _designed_joints(request, DesignOptions(**common), folder, rate, progress)
     if as_json:
         print(json.dumps(document, indent=1))
     else:
         print("\n".join(lines))
         print(out / FILES[-1])
-
-
-def _given(**options: Any) -> dict[str, Any]:
-    """The options that are given."""
-    return {name: value for name, value in options.items() if value is not None}
 
 
 def _designed_joints(

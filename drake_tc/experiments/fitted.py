@@ -3,6 +3,7 @@
 What is said of logs before a diagnosis, or of an experiment before it is made, follows from this one fit.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,10 +11,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.diagnose import asked_of, decided, joint_model, without_attenuation
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import parameters_of
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.prepared import Prepared
@@ -52,6 +55,27 @@ class LateEffort(SensorDelay):
         if len(signals) < 2:
             return np.zeros((len(signals), 1))
         return np.asarray(np.gradient(signals.expected_torque, signals.period))[:, None]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the most probable model leaves.
+
+    Attributes:
+        floor: What the sensors' noise alone leaves [N m].
+        left: RMS that the model leaves, at least the floor [N m].
+        independent: Number of rows that count.
+    """
+
+    floor: float
+    left: float
+    independent: float
+
+    def least(self, parameters: int) -> float:
+        """RMS [N m] that a common effect with so many parameters must explain to be found (`log_odds`)."""
+        occam = NAMED + 0.5 * parameters * math.log(max(self.independent, 2.0))
+        by_evidence = self.left * math.sqrt(2.0 * occam) / math.sqrt(self.independent)
+        return max(by_evidence, NAMED_FLOORS * self.floor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +130,23 @@ class FittedJoint:
         """Standard deviation of the white noise of rows that count [N m]."""
         return float(np.sqrt(self.best.posterior.variance)) / self.gain
 
+    @cached_property
+    def balance(self) -> Noise:
+        """What the set leaves of the torque balance."""
+        evidence, floor = self.evidence, self.floor / self.gain
+        left = rms(evidence.residual(evidence.model.train, self.best)) / self.gain
+        independent = evidence.noise.share * evidence.model.train.rows.index.size
+        return Noise(floor, max(left, floor), max(independent, 3.0))
+
     @property
-    def independent(self) -> float:
-        """Number of rows that count."""
-        return self.evidence.noise.share * self.evidence.model.train.rows.index.size
+    def seconds(self) -> float:
+        """Time in motion [s]."""
+        return moving_seconds(self.prepared.train.samples)
+
+    @property
+    def per_second(self) -> float:
+        """Rows that count in a second of motion."""
+        return self.balance.independent / max(self.seconds, 1e-9)
 
     @cached_property
     def numbers(self) -> JointNumbers:
@@ -139,6 +176,11 @@ class FittedJoint:
             span=float(np.ptp(context.position_span)),
             rotor=rotor,
         )
+
+
+def moving_seconds(samples: Samples) -> float:
+    """Time in motion [s]."""
+    return float(np.count_nonzero(samples.moving)) * samples.signals.period
 
 
 def fitted_joint(

@@ -8,14 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from drake_tc.diagnosis.data.samples import rms
-from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.effects.base import Effect, JointNumbers
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.experiments.check.reasons import Hidden, MotionFacts, sentence
-from drake_tc.experiments.fitted import FittedJoint, fitted_joint
+from drake_tc.experiments.fitted import FittedJoint, Noise, fitted_joint
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size, size_of
 
@@ -102,27 +100,6 @@ SEPARABLE_WITHIN = 1.1
 """Ratio to which the size is known from which on an effect is separable."""
 
 
-@dataclass(frozen=True)
-class Noise:
-    """What the most probable model leaves.
-
-    Attributes:
-        floor: What the sensors' noise alone leaves [N m].
-        left: RMS that the model leaves, at least the floor [N m].
-        independent: Number of rows that count.
-    """
-
-    floor: float
-    left: float
-    independent: float
-
-    def least(self, parameters: int, sure: float = 0.0) -> float:
-        """RMS [N m] that a common effect with so many parameters must explain to be found (`log_odds`)."""
-        occam = NAMED + 0.5 * parameters * math.log(max(self.independent, 2.0))
-        by_evidence = self.left * (math.sqrt(2.0 * occam) + sure) / math.sqrt(self.independent)
-        return max(by_evidence, NAMED_FLOORS * self.floor)
-
-
 @dataclass(frozen=True, eq=False)
 class JointEffects:
     """What a joint's logs show of every effect.
@@ -130,19 +107,22 @@ class JointEffects:
     Attributes:
         fitted: The joint as `close-loop` fits it.
         facts: Of the motion.
-        noise: Of the balance.
         effects: One entry for each effect of the library, in its order.
     """
 
     fitted: FittedJoint
     facts: MotionFacts
-    noise: Noise
     effects: tuple[Visibility, ...]
 
     @property
     def numbers(self) -> JointNumbers:
         """The declared model."""
         return self.fitted.numbers
+
+    @property
+    def noise(self) -> Noise:
+        """Of the balance."""
+        return self.fitted.balance
 
 
 def joint_effects(
@@ -167,14 +147,7 @@ def joint_effects(
         for effect in listed
         if effect.key in usable or effect.key in fitted.obstacles
     ]
-    return JointEffects(fitted, facts, joint_noise(fitted), tuple(found))
-
-
-def joint_noise(fitted: FittedJoint) -> Noise:
-    """What the most probable model of a joint leaves."""
-    evidence, floor = fitted.evidence, fitted.floor / fitted.gain
-    left = rms(evidence.residual(evidence.model.train, fitted.best)) / fitted.gain
-    return Noise(floor, max(left, floor), max(fitted.independent, 3.0))
+    return JointEffects(fitted, facts, tuple(found))
 
 
 def _hidden(effect: Effect, fitted: FittedJoint, obstacle: Obstacle) -> Visibility:

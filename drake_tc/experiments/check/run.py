@@ -171,10 +171,9 @@ def _check_joint(runs: Sequence[Run], rig: Rig, joint: str, *, links_fitted: boo
     except IdentificationError as error:
         return JointCheck(joint, rig.drive[joint], None, (), str(error), 0, 0.0)
     effects = joint_effects(prepared, links_fitted=links_fitted)
-    samples = prepared.train.samples
-    seconds = float(np.count_nonzero(samples.moving)) * samples.signals.period
-    found = findings(effects.fitted, late_columns(effects.fitted, runs, joint))
-    return JointCheck(joint, rig.drive[joint], effects, found, "", int(samples.rows.size), seconds)
+    fitted, rows = effects.fitted, int(prepared.train.samples.rows.size)
+    found = findings(fitted, late_columns(fitted, runs, joint))
+    return JointCheck(joint, rig.drive[joint], effects, found, "", rows, fitted.seconds)
 
 
 def _run_facts(run: Run) -> RunFacts:

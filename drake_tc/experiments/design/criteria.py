@@ -31,10 +31,10 @@ import numpy as np
 from scipy.stats import norm
 
 from drake_tc.diagnosis.priors import NAMED_FLOORS
-from drake_tc.experiments.check.effects import Noise
 from drake_tc.experiments.design.forms import EffectForm, Projection, contributions
 from drake_tc.experiments.design.joint import BalanceColumns, DesignJoint
 from drake_tc.experiments.design.robot_goal import Determinant, SmallestEigenvalue
+from drake_tc.experiments.fitted import Noise
 from drake_tc.types import FloatArray
 
 

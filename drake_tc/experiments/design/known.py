@@ -23,7 +23,6 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.effects.base import Context, JointNumbers, TorqueEffect
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.check.effects import joint_noise
 from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.motions import JointLimits
@@ -61,10 +60,9 @@ def joint_from_logs(
     loaded, rig_used = with_loads(rig, runs)
     prepared = prepare_joint(loaded, [], rig_used, joint)
     fitted = fitted_joint(prepared)
-    numbers, noise = fitted.numbers, joint_noise(fitted)
+    numbers = fitted.numbers
     samples = prepared.train.samples
     s, rows = samples.signals, samples.rows
-    moving = max(float(np.count_nonzero(samples.moving)) * s.period, 1e-9)
     inertia, gravity, zero, constant = _load(prepared, rig_used, joint)
     declared = tuple(Term(t.effect, t.shape) for t in prepared.terms)
     torque, damping = numbers.torque, servo_damping(rig, joint, numbers.gain)
@@ -81,11 +79,11 @@ def joint_from_logs(
         constant=constant,
         declared=declared,
         noise=fitted.noise * float(np.sqrt(1.0 + fitted.evidence.noise.ratio)),  # away from rest
-        independent_per_second=noise.independent / moving,
+        independent_per_second=fitted.per_second,
         slowest=samples.resolution.least_speed,
         kernel_width=samples.light.actual_width_s,
         final_width=samples.kernel.actual_width_s,
-        floor=noise.floor,
+        floor=fitted.balance.floor,
         resolution=samples.resolution,
         gain_held=prepared.train.declared_gain is not None,
         servo_damping=damping,

@@ -3,7 +3,6 @@
 `design` for one joint with known loads: motions under the loads that the user has, against the best without them.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,15 +21,7 @@ from drake_tc.experiments.design.known import MOST_LOADS, KnownLoad, carrying, d
 from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
-from drake_tc.experiments.design.output import (
-    FILES,
-    drake_trajectory,
-    joint_trajectory,
-    motion_plot,
-    number_text,
-    start_text,
-    trajectory_table,
-)
+from drake_tc.experiments.design.output import motion_plot, number_text, start_text, write_told, write_trajectory
 from drake_tc.experiments.design.run import (
     FINE,
     DesignOptions,
@@ -189,23 +180,13 @@ class LoadExperiment:
 
     def write(self, folder: Path, rate_hz: float) -> None:
         """Every file."""
-        design = self.design
-        (folder / FILES[3]).write_text(json.dumps(self.json(), indent=1) + "\n", encoding="utf-8")
-        (folder / FILES[4]).write_text(self.page(), encoding="utf-8")
-        for number, run in enumerate(design.runs):
+        write_told(folder, self.json(), self.page())
+        for name, run in self._named():
             time, motion = run.design.motion(rate_hz)
-            motions = {self.joint: motion}
-            table, stem = trajectory_table(time, motions), f"trajectory_{number + 1}"
-            texts = joint_trajectory(time, motions), drake_trajectory(time, motions)
-            if number == 0:
-                table.to_csv(folder / FILES[0], index=False)
-                (folder / FILES[1]).write_text(texts[0], encoding="utf-8")
-                (folder / FILES[2]).write_text(texts[1], encoding="utf-8")
-            table[f"{self.joint}/load_mass"] = run.load.mass
-            table[f"{self.joint}/load_arm"] = run.load.arm
-            table.to_csv(folder / f"{stem}.csv", index=False)
-            (folder / f"{stem}.yaml").write_text(texts[0], encoding="utf-8")
-            (folder / f"{stem}.drake.yaml").write_text(texts[1], encoding="utf-8")
+            load = {f"{self.joint}/load_mass": run.load.mass, f"{self.joint}/load_arm": run.load.arm}
+            write_trajectory(folder, name, time, {self.joint: motion}, load)
+            if run is self.design.runs[0]:
+                write_trajectory(folder, "trajectory", time, {self.joint: motion})
         lines = self.rig_lines()
         if lines:
             (folder / RIG_LINES).write_text(lines, encoding="utf-8")
@@ -381,7 +362,7 @@ def design_with_loads(
     fill = default_motion(joint, limits, options.duration, FINE)
     by_default = next_log([PlannedRun("sinusoid", joint, fill, FINE)], options.seed)
     joints = tuple(carrying(as_fitted(joint, by_default), load) for load in loads)
-    criterion = criterion_of(goal, joints[0], options.duration, smallest=options.smallest, under=joints)
+    criterion = criterion_of(goal, joints[0], options.duration, smallest=options.criterion == "E", under=joints)
     unloaded, refusal = _unloaded(logged, limits, goal, options, logs, lambda text, part: progress(text, 0.5 * part))
     search = motion_search(joints, limits, criterion, options)
     same = unloaded is not None and unloaded.basis.period == search.basis.period

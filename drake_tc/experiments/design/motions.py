@@ -57,6 +57,21 @@ class JointLimits:
         if not (math.isfinite(self.velocity) and math.isfinite(self.acceleration)):
             raise ParamsError("velocity and acceleration: expected finite limits")
 
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """(lowest, highest) position, velocity, acceleration and jerk."""
+        rest = ((-limit, limit) for limit in (self.velocity, self.acceleration, self.jerk))
+        return self.position, *rest
+
+    def share_kept(self, mean: float, swing: FloatArray) -> float:
+        """Largest share, at most 1, of a swing (4, T) about a mean position that keeps all but the torque."""
+        lowest, highest = swing.min(axis=1), swing.max(axis=1)
+        rooms = []
+        for order, (low, high) in enumerate(self.bounds):
+            middle = 0.0 if order else mean
+            rooms += [(high - middle, float(highest[order])), (middle - low, -float(lowest[order]))]
+        return min([1.0, *(room / size for room, size in rooms if size > 0.0)])
+
     def require(self, gravity: float, friction: float, joint: str) -> None:
         """Refuse a torque limit that cannot even move the joint slowly.
 

@@ -19,7 +19,6 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.diagnosis.problem.regression import noise_floor
 from drake_tc.diagnosis.search import as_fit
 from drake_tc.errors import IdentificationError
-from drake_tc.experiments.check.effects import joint_noise
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.joint_simulator.measurement import coloured_noise
@@ -168,13 +167,12 @@ def as_fitted(joint: DesignJoint, fitted: FittedJoint | None) -> DesignJoint:
     """The joint with the filters and the noise of a fit, for a criterion that a search maximises."""
     if fitted is None:
         return joint
-    samples, noise = fitted.evidence.model.train.samples, joint_noise(fitted)
-    moving = max(float(np.count_nonzero(samples.moving)) * samples.signals.period, 1e-9)
+    samples, noise = fitted.prepared.train.samples, fitted.balance
     return replace(
         joint,
         noise=noise.left,
         floor=noise.floor,
-        independent_per_second=noise.independent / moving,
+        independent_per_second=fitted.per_second,
         kernel_width=samples.light.actual_width_s,
         final_width=samples.kernel.actual_width_s,
     )

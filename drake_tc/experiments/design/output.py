@@ -36,19 +36,36 @@ MOST_POINTS = 4000
 
 def write_design(designs: Mapping[str, JointDesign], folder: Path, rate_hz: float) -> None:
     """Write every file of an experiment of one joint or of several that move together."""
-    time, motions = motions_of(designs, rate_hz)
-    trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
-    (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
-    (folder / FILES[2]).write_text(drake_trajectory(time, motions), encoding="utf-8")
-    (folder / FILES[3]).write_text(json.dumps(design_json(designs), indent=1) + "\n", encoding="utf-8")
-    (folder / FILES[4]).write_text(design_page(designs), encoding="utf-8")
-
-
-def motions_of(designs: Mapping[str, JointDesign], rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """(time (T,), joint to motion (4, T)) at a rate [Hz]."""
     made = {joint: design.motion(rate_hz) for joint, design in designs.items()}
     time = next(iter(made.values()))[0]
-    return time, {joint: motion for joint, (_, motion) in made.items()}
+    write_trajectory(folder, "trajectory", time, {joint: motion for joint, (_, motion) in made.items()})
+    write_told(folder, design_json(designs), design_page(designs))
+
+
+def write_trajectory(
+    folder: Path, stem: str, time: FloatArray, motions: Mapping[str, FloatArray], columns: Mapping[str, float] = {}
+) -> None:
+    """Write a motion as CSV, ROS `JointTrajectory` and Drake trajectory.
+
+    Args:
+        folder: For the files.
+        stem: Of their names.
+        time: (T,) [s].
+        motions: By joint, (4, T) position, velocity, acceleration and jerk.
+        columns: More columns of the CSV, by name.
+    """
+    table = trajectory_table(time, motions)
+    for name, value in columns.items():
+        table[name] = value
+    table.to_csv(folder / f"{stem}.csv", index=False)
+    (folder / f"{stem}.yaml").write_text(joint_trajectory(time, motions), encoding="utf-8")
+    (folder / f"{stem}.drake.yaml").write_text(drake_trajectory(time, motions), encoding="utf-8")
+
+
+def write_told(folder: Path, document: Mapping[str, Any], page: str) -> None:
+    """Write what a design is, for programs and for people."""
+    (folder / FILES[3]).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    (folder / FILES[4]).write_text(page, encoding="utf-8")
 
 
 def trajectory_table(time: FloatArray, motions: Mapping[str, FloatArray]) -> pd.DataFrame:
@@ -90,12 +107,8 @@ def design_json(designs: Mapping[str, JointDesign]) -> dict[str, Any]:
 
 def write_robot_design(design: RobotDesign, folder: Path, rate_hz: float) -> None:
     """Write every file of an experiment of a whole robot."""
-    time, motions = design.motion(rate_hz)
-    trajectory_table(time, motions).to_csv(folder / FILES[0], index=False)
-    (folder / FILES[1]).write_text(joint_trajectory(time, motions), encoding="utf-8")
-    (folder / FILES[2]).write_text(drake_trajectory(time, motions), encoding="utf-8")
-    (folder / FILES[3]).write_text(json.dumps(robot_json(design), indent=1) + "\n", encoding="utf-8")
-    (folder / FILES[4]).write_text(robot_page(design), encoding="utf-8")
+    write_trajectory(folder, "trajectory", *design.motion(rate_hz))
+    write_told(folder, robot_json(design), robot_page(design))
 
 
 def robot_json(design: RobotDesign) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.config.joint_units import JointType, JointUnits
-from drake_tc.diagnosis.data.samples import Samples, rms
+from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
@@ -35,7 +35,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.design.expected import Expected
 from drake_tc.experiments.design.lead import Core, from_rest_to_rest
-from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled
+from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.next_log import declared_fit
 from drake_tc.experiments.design.robot_goal import (
     NOISE_SHARE,
@@ -51,6 +51,8 @@ from drake_tc.experiments.design.robot_goal import (
     standard_errors,
 )
 from drake_tc.experiments.design.robot_search import STEP, Collisions, RobotSearch
+from drake_tc.experiments.design.run import DesignOptions
+from drake_tc.experiments.fitted import moving_seconds
 from drake_tc.logs.prepare import in_order
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
@@ -130,24 +132,19 @@ class RobotDesign:
 
 
 @dataclass(frozen=True)
-class RobotOptions:
-    """How a robot's motion is looked for: see `design.run.DesignOptions`.
+class RobotOptions(DesignOptions):
+    """How a robot's motion is looked for; the criterion is one of `robot_goal`.
 
     Attributes:
-        duration, basis, starts, iterations, seed: As there.
-        criterion: Which of `robot_criteria`.
         distance: Between links, and from the scene, at least [m].
         scene: File of what stands around the robot.
         rotors: Joints whose rotor inertia is fitted along with the links.
         noise: Of the joints' torques in the logs so far; None where there are none.
     """
 
-    duration: float = 30.0
-    basis: BasisKind = "fourier"
     criterion: CriterionName = "intervals"
     starts: int = 4
     iterations: int = 60
-    seed: int = 0
     distance: float = 0.01
     scene: Path | None = None
     rotors: tuple[str, ...] = ()
@@ -344,9 +341,5 @@ def _noise(evidence: Evidence, scored: Scored) -> tuple[float, float]:
     """(noise [N m], independent samples per second)."""
     split = evidence.model.train
     independent = evidence.noise.share * split.rows.index.size
-    return rms(evidence.residual(split, scored)) / float(scored.b[0]), independent / _seconds(split.samples)
-
-
-def _seconds(samples: Samples) -> float:
-    """Time in motion [s]."""
-    return max(float(np.count_nonzero(samples.moving)) * samples.signals.period, 1e-9)
+    seconds = max(moving_seconds(split.samples), 1e-9)
+    return rms(evidence.residual(split, scored)) / float(scored.b[0]), independent / seconds

@@ -222,12 +222,7 @@ class RobotSearch:
                 np.clip(own if abs(own) > 1e-9 else middle, low + 0.05 * (high - low), high - 0.05 * (high - low))
             )
             swing = row - own * ones
-            q, v, a, j = basis.matrices @ swing
-            rooms = (
-                (high - mean, q.max()), (mean - low, -q.min()), (limits.velocity, np.abs(v).max()),
-                (limits.acceleration, np.abs(a).max()), (limits.jerk, np.abs(j).max()),
-            )  # fmt: skip
-            share = min([1.0, *(float(room / size) for room, size in rooms if size > 0.0)])
+            share = limits.share_kept(mean, basis.motion(swing))
             rows.append((mean, ones, share * swing, middle))
         factor = 1.0
         while factor > 1e-3:
@@ -253,9 +248,7 @@ class RobotSearch:
         x = program.NewContinuousVariables(n * m, "x")
         for i, (basis, limits) in enumerate(zip(self.bases, self.limits, strict=True)):
             mine = x[i * m : (i + 1) * m]
-            low, high = limits.position
-            bounds = ((low, high), *((-b, b) for b in (limits.velocity, limits.acceleration, limits.jerk)))
-            for order, (lower, upper) in enumerate(bounds):
+            for order, (lower, upper) in enumerate(limits.bounds):
                 if np.isfinite(upper):
                     rows = basis.matrices[order, ::3]
                     program.AddLinearConstraint(rows, np.full(len(rows), lower), np.full(len(rows), upper), mine)

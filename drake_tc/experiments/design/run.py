@@ -12,6 +12,7 @@ from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.lead import Core, default_motion, from_rest_to_rest
 from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
+from drake_tc.experiments.design.robot_goal import CriterionName
 from drake_tc.experiments.design.search import MotionSearch, Optimum
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.types import FloatArray
@@ -44,14 +45,14 @@ class DesignOptions:
     Attributes:
         duration: Of the experiment [s].
         basis: Functions of the motion.
-        smallest: E- instead of D-optimality of parameters.
+        criterion: D- or E-optimality of parameters.
         starts: Of the solver. iterations: from each of them.
         seed: Of the random starts.
     """
 
     duration: float = 30.0
     basis: BasisKind = "fourier"
-    smallest: bool = False
+    criterion: CriterionName = "D"
     starts: int = 2
     iterations: int = 20
     seed: int = 0
@@ -142,7 +143,7 @@ def design_joint(
     fill = default_motion(joint, limits, options.duration, FINE)
     by_default = next_log([PlannedRun("sinusoid", joint, fill, FINE)], options.seed)
     seen = as_fitted(joint, by_default)
-    criterion = criterion_of(goal, seen, options.duration, smallest=options.smallest)
+    criterion = criterion_of(goal, seen, options.duration, smallest=options.criterion == "E")
     limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
     search = motion_search((seen,), limits, criterion, options)
     starts, repeats, basis = options.starts, search.slots, search.basis

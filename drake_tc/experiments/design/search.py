@@ -129,15 +129,7 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
     mean = float(np.mean(basis.matrices[0] @ x))
     mean = float(np.clip(mean, low + 0.02 * (high - low), high - 0.02 * (high - low)))
     swing = x - float(np.mean(basis.matrices[0] @ x)) * one
-    q, v, a, j = (basis.matrices[order] @ swing for order in range(4))
-    rooms = [
-        ((high - mean), float(q.max())),
-        ((mean - low), float(-q.min())),
-        (limits.velocity, float(np.abs(v).max())),
-        (limits.acceleration, float(np.abs(a).max())),
-        (limits.jerk, float(np.abs(j).max())),
-    ]
-    share = min([1.0, *(room / size for room, size in rooms if size > 0.0)])
+    share = limits.share_kept(mean, basis.motion(swing))
     for _ in range(60):
         motion = basis.motion(mean * one + share * swing)
         torque = np.abs(joint.motor_torque(motion, basis.step))
@@ -184,14 +176,7 @@ def _add_limits(program: Any, basis: MotionBasis, limits: JointLimits, x: Any) -
     """Linear constraints at samples, eight for each wave of the highest frequency."""
     highest = float(basis.frequency_hz.max())
     every = max(1, int(1.0 / (8.0 * highest * basis.step)))
-    low, high = limits.position
-    bounds = [
-        (low, high),
-        (-limits.velocity, limits.velocity),
-        (-limits.acceleration, limits.acceleration),
-        (-limits.jerk, limits.jerk),
-    ]
-    for order, (lower, upper) in enumerate(bounds):
+    for order, (lower, upper) in enumerate(limits.bounds):
         if np.isfinite(upper):
             rows = basis.matrices[order, ::every]
             program.AddLinearConstraint(rows, np.full(len(rows), lower), np.full(len(rows), upper), x)

@@ -232,14 +232,13 @@ def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
     resolution = prepared.train.samples.resolution
     white = max(resolution.position_noise**2 - resolution.position_step**2 / 12.0, 0.0)
     extra = max(found.noise.left**2 - found.noise.floor**2, 0.0)
-    seconds = float(np.count_nonzero(prepared.train.samples.moving)) * prepared.train.samples.signals.period
     simulator = SimulatedJoint(
         joint=joint,
         spec=_spec_of(prepared, found, load, (inertia, gravity)),
         zero=zero,
         position_noise=float(np.sqrt(white)),
         extra_noise=float(np.sqrt(extra)),
-        extra_time=0.5 * seconds / found.noise.independent,
+        extra_time=0.5 * found.fitted.seconds / found.noise.independent,
         recorded=prepared.context.recorded,
     )
     return Twin(simulator, _own_rig(rig_used, joint), repeated, found, prepared)
