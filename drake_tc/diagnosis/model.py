@@ -27,7 +27,7 @@ from drake_tc.diagnosis.priors import (
     SERVO_LAG_S,
     UNIFORM,
 )
-from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.columns import CACHE_BYTES, Term
 from drake_tc.diagnosis.split import LATE_RECORD, Split, drives, stands_for, with_clean, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.plausibility import plausible_range
@@ -134,6 +134,8 @@ class JointModel:
         """Columns of a term."""
         key = (split is self.train, *term.cache_key)
         if key not in self._blocks:
+            if sum(each.values.nbytes for each in self._blocks.values()) > CACHE_BYTES:
+                self._blocks.clear()
             self._blocks[key] = self._made(split, term)
         return self._blocks[key]
 

@@ -108,7 +108,7 @@ class Split:
                 out = out - aged
         return out
 
-    @cached_property
+    @property
     def channels(self) -> Mapping[str, "Aged"]:
         """What the age of each channel does, but that of the rate in a servo."""
         s = self.samples.signals
