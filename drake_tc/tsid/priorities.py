@@ -1,4 +1,4 @@
-"""Tasks on strict levels of priority, robustness on a level of its own: how a law uses `hierarchy`.
+"""Tasks on strict levels of priority, robustness on a level of its own: how a law uses them.
 
 Strict priorities: each level is solved within what the levels above leave free, robustness at any of them.
 
@@ -11,10 +11,10 @@ bend it, so level k is a problem over y, tau = tau_(k-1) + T y, T an orthonormal
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,9 +25,9 @@ from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
 from drake_tc.tsid.robust.convex import Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
-from drake_tc.tsid.robust.options import Options, TorqueError
-from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, ScaledRows, nothing, null_basis, scaled
-from drake_tc.tsid.rows import LeastSquares, Polytope
+from drake_tc.tsid.robust.options import Options
+from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, ScaledRows, nothing, null_basis
+from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray, IntArray
 
 BENT = 1e-9
@@ -35,86 +35,34 @@ BENT = 1e-9
 
 _SOLVE_LEVELS = Kernel("levels", "solve_levels")
 _EVALUATED = Kernel("scaling", "evaluated")
-EXACT = Options(accuracy=1e-9)
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """R_ind as a level; `hierarchy` is given its torque error."""
+    """R_ind as a level."""
 
 
 Level = LeastSquares | Robustness
 
 
-@dataclass(frozen=True, eq=False)
-class HierarchySolution:
-    """A torque, level by level.
-
-    Attributes:
-        torque: (n,) [N m].
-        values: f_k of each level at the torque: the cost, or R_ind.
-        freedom: Directions that were left to each level before it was solved.
-        outcome: SOLVED when all levels were; where one was not, the torque is that of the levels above it.
-        converged: Whether every level reached its accuracy within the budget.
-        iterations: Steps of Newton's method in all.
-        programs: Of them by the QP solver.
-    """
+class _Descent(NamedTuple):
+    """Where the levels ended; where one was not solved, the torque (n,) [N m] is that of the levels above it."""
 
     torque: FloatArray
-    values: tuple[float, ...]
-    freedom: tuple[int, ...]
     outcome: Outcome
     converged: bool
     iterations: int
     programs: int
 
 
-def hierarchy(
-    levels: Sequence[Level],
-    polytope: Polytope,
-    error: TorqueError,
-    qp: QpSolver,
-    *,
-    torque: FloatArray | None = None,
-    options: Options = EXACT,
-) -> HierarchySolution:
-    """Solve the levels, the first with the highest priority.
-
-    Args:
-        levels: Of them at most one robustness; the others over the torques [N m].
-        polytope: Limits that every level keeps.
-        error: Of the torques; its sigmas are also the units of the steps.
-        qp: Solver of the steps whose active rows cannot be guessed.
-        torque: (n,) Where to begin.
-        options: Accuracy and iterations of each level, and the time for all.
-
-    Raises:
-        ParamsError: no levels, or more than one robustness.
-    """
-    if not levels or sum(isinstance(level, Robustness) for level in levels) > 1:
-        raise ParamsError(f"levels: expected one or more, robustness at most once, got {len(levels)}")
-    problem = scaled(nothing(error.joints), polytope, error)
-    means = SolverMeans(qp, options.accuracy, options.budget.started())
-    over = [
-        level if isinstance(level, Robustness) else LeastSquares(level.matrix * problem.scale, level.target)
-        for level in levels
-    ]
-    found = _descended(over, problem, None if torque is None else torque / problem.scale, means)
-    return replace(found, values=tuple(_value(level, found.torque / problem.scale, problem) for level in over))
-
-
-def _descended(
-    levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None, means: SolverMeans
-) -> HierarchySolution:
+def _descended(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None, means: SolverMeans) -> _Descent:
     """The levels, their costs over x with tau = scale x, from `x` on."""
     n = len(problem.scale)
     x = np.zeros(n) if x is None else x
     basis: FloatArray | None = None  # of everything
-    freedom: list[int] = []
     steps, programs, outcome, converged = 0, 0, Outcome.SOLVED, True
     for number, level in enumerate(levels):
-        freedom.append(n if basis is None else basis.shape[1])
-        if not freedom[-1] and steps:
+        if basis is not None and not basis.shape[1] and steps:
             continue
         found, fixed = _solve(level, problem, x, basis, means)
         steps, programs, converged = steps + found.iterations, programs + found.programs, converged and found.converged
@@ -128,10 +76,10 @@ def _descended(
     torque = x * problem.scale
     if not np.isfinite(torque).all():
         torque, outcome = np.zeros(n), Outcome.FAILED
-    return HierarchySolution(torque, (), tuple(freedom), outcome, converged, steps, programs)
+    return _Descent(torque, outcome, converged, steps, programs)
 
 
-def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None) -> HierarchySolution | None:
+def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None) -> _Descent | None:
     """The solution where no level is held by a limit and none has two minima; None elsewhere."""
     costs = [level for level in levels if isinstance(level, LeastSquares)]
     if len(costs) < len(levels) and not isinstance(levels[-1], Robustness):
@@ -142,7 +90,7 @@ def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | Non
     target = np.concatenate([cost.target for cost in costs])
     if _SOLVE_LEVELS((matrix, target, ends), tuple(problem.limits[:3]), x) != 0:
         return None
-    return HierarchySolution(x * problem.scale, (), (), Outcome.SOLVED, True, len(costs), 0)
+    return _Descent(x * problem.scale, Outcome.SOLVED, True, len(costs), 0)
 
 
 def _solve(
@@ -155,7 +103,7 @@ def _solve(
         if basis is not None:
             inside = _free(inside, level)
         return least_cost(inside, guess, means), inside.cost.matrix
-    inside = _along(problem, x, basis)
+    inside = _along(problem._replace(cost=nothing(len(x))), x, basis)
     found = individual(inside, 1.0, guess, means)
     return found, inside.limits.matrix[_risk_at(inside, found.x).bend > BENT]
 
@@ -176,10 +124,6 @@ def _free(inside: ScaledProblem, whole: LeastSquares) -> ScaledProblem:
     left, length = (np.einsum("ij,ij->i", rows, rows) for rows in (matrix, whole.matrix))
     decided = left <= RANK * RANK * length
     return inside._replace(cost=LeastSquares(np.where(decided[:, None], 0.0, matrix), inside.cost.target))
-
-
-def _value(level: Level, x: FloatArray, problem: ScaledProblem) -> float:
-    return level(x) if isinstance(level, LeastSquares) else _risk_at(problem, x).risk
 
 
 def _risk_at(problem: ScaledProblem, x: FloatArray) -> Value:

@@ -4,17 +4,35 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.errors import ParamsError
-from drake_tc.tsid.priorities import Robustness, hierarchy
+from drake_tc.tsid.priorities import Priorities, Robustness
 from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.options import TorqueError
+from drake_tc.tsid.robust.options import Options, TorqueError
+from drake_tc.tsid.robust.scaled import scaled
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
 from .individual_risk import individual_risk
 from .robust_problems import random_polytope
 
-QP = solver()
+
+def solved(levels, polytope, error):
+    """The levels, the first with the highest priority."""
+    costs = [level for level in levels if isinstance(level, LeastSquares)]
+    whole = LeastSquares(*map(np.concatenate, zip(*costs, strict=True)))
+    places = {number: isinstance(level, LeastSquares) for number, level in enumerate(levels, 1)}
+    tasks = tuple(number for number, is_task in places.items() if is_task)
+    robustness = next((number for number, is_task in places.items() if not is_task), None)
+    sizes = [cost.target.size for cost in costs]
+    return Priorities(tasks, robustness).solve(scaled(whole, polytope, error), sizes, solver(), Options(accuracy=1e-9))
+
+
+def values(levels, polytope, error):
+    """Cost or R_ind of each level at the solution of all."""
+    torque = solved(levels, polytope, error).torque
+    return [
+        level(torque) if isinstance(level, LeastSquares) else individual_risk(polytope, torque, error).value
+        for level in levels
+    ]
 
 
 def problem(seed, n=9, sizes=(2, 3, 2), near=6.0):
@@ -47,9 +65,9 @@ def one_after_the_other(levels, polytope, error):
 @pytest.mark.parametrize("seed", range(6))
 def test_levels_are_solved_one_after_the_other(seed):
     levels, polytope, error = problem(seed)
-    found = hierarchy(levels, polytope, error, QP)
+    found = solved(levels, polytope, error)
     assert found.outcome is Outcome.SOLVED
-    assert_allclose(found.values, one_after_the_other(levels, polytope, error), rtol=1e-3, atol=1e-4)
+    assert_allclose(values(levels, polytope, error), one_after_the_other(levels, polytope, error), rtol=1e-3, atol=1e-4)
     assert polytope.violation(found.torque) < 1e-6 * error.sigma.max()
 
 
@@ -58,21 +76,21 @@ def test_a_level_changes_nothing_above_it(seed):
     levels, polytope, error = problem(seed, near=2.0)
     levels.insert(2, Robustness())
     for count in range(1, len(levels)):
-        fewer, more = (hierarchy(levels[:k], polytope, error, QP) for k in (count, count + 1))
-        assert_allclose(more.values[:count], fewer.values, rtol=1e-6, atol=1e-8)
-    assert list(more.freedom) == sorted(more.freedom, reverse=True)
+        fewer, more = (values(levels[:k], polytope, error) for k in (count, count + 1))
+        assert_allclose(more[:count], fewer, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 5])
 def test_robustness_in_the_null_space_of_two_levels(seed):
     """Of seeds whose limits leave it room, so that the risk falls and its slope in the null space vanishes."""
     levels, polytope, error = problem(seed, sizes=(2, 3))
-    without = hierarchy(levels, polytope, error, QP)
-    robust = hierarchy([*levels, Robustness()], polytope, error, QP)
-    assert_allclose(robust.values[:2], without.values, rtol=1e-7, atol=1e-9)
+    without = solved(levels, polytope, error)
+    robust = solved([*levels, Robustness()], polytope, error)
+    for level in levels:
+        assert_allclose(level(robust.torque), level(without.torque), rtol=1e-7, atol=1e-9)
     before = individual_risk(polytope, without.torque, error).value
-    assert robust.values[2] < before - 1.0
-    assert_allclose(robust.values[2], individual_risk(polytope, robust.torque, error).value, rtol=1e-9)
+    assert robust.robustness < before - 1.0
+    assert_allclose(robust.robustness, individual_risk(polytope, robust.torque, error).value, rtol=1e-9)
     basis = np.linalg.svd(np.vstack([level.matrix * error.sigma for level in levels]))[2][5:].T
     slope = basis.T @ (individual_risk(polytope, robust.torque, error).gradient * error.sigma)
     assert_allclose(slope, 0.0, atol=1e-3)
@@ -83,10 +101,9 @@ def test_robustness_first_leaves_only_what_it_does_not_see():
     sigma = np.full(4, 0.5)
     polytope = Polytope(np.eye(4), np.array([-1.0, -1.0, -500.0, -500.0]), np.array([1.0, 1.0, 500.0, 500.0]), bounds=4)
     task = LeastSquares(np.eye(4), np.array([0.9, 0.9, 7.0, -3.0]))
-    found = hierarchy([Robustness(), task], polytope, TorqueError(sigma**2), QP)
+    found = solved([Robustness(), task], polytope, TorqueError(sigma**2))
     assert_allclose(found.torque, [0.0, 0.0, 7.0, -3.0], atol=1e-4)
-    assert found.freedom == (4, 2)
-    other = hierarchy([task, Robustness()], polytope, TorqueError(sigma**2), QP)
+    other = solved([task, Robustness()], polytope, TorqueError(sigma**2))
     assert_allclose(other.torque, [0.9, 0.9, 7.0, -3.0], atol=1e-6)
 
 
@@ -95,10 +112,9 @@ def test_a_level_that_contradicts_the_one_above():
     error = TorqueError(np.ones(2))
     one, other = (LeastSquares(np.array([[1.0, 1.0]]), np.array([v])) for v in (4.0, -4.0))
     last = LeastSquares(np.array([[1.0, -1.0]]), np.array([2.0]))
-    found = hierarchy([one, other, last], polytope, error, QP)
+    found = solved([one, other, last], polytope, error)
     assert_allclose(found.torque, [3.0, 1.0], atol=1e-6)
-    assert_allclose(found.values, [0.0, 64.0, 0.0], atol=1e-8)
-    assert found.freedom == (2, 1, 1)
+    assert_allclose(values([one, other, last], polytope, error), [0.0, 64.0, 0.0], atol=1e-8)
 
 
 def test_limits_stand_above_all_levels():
@@ -107,18 +123,11 @@ def test_limits_stand_above_all_levels():
         LeastSquares(np.array([[1.0, 0.0]]), np.array([5.0])),
         LeastSquares(np.array([[0.0, 1.0]]), np.zeros(1)),
     )
-    found = hierarchy([one, other], polytope, TorqueError(np.ones(2)), QP)
+    found = solved([one, other], polytope, TorqueError(np.ones(2)))
     assert_allclose(found.torque, [1.0, 0.0], atol=1e-8)
     empty = Polytope(np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([-9.0, 1.0]), np.array([0.0, 9.0]))
-    assert hierarchy([one, other], empty, TorqueError(np.ones(2)), QP).outcome is Outcome.INFEASIBLE
+    assert solved([one, other], empty, TorqueError(np.ones(2))).outcome is Outcome.INFEASIBLE
     bad = LeastSquares(np.array([[np.nan, 0.0]]), np.zeros(1))
-    failed = hierarchy([bad, other], polytope, TorqueError(np.ones(2)), QP)
+    failed = solved([bad, other], polytope, TorqueError(np.ones(2)))
     assert failed.outcome is not Outcome.SOLVED
     assert np.all(np.isfinite(failed.torque))
-
-
-def test_refusals():
-    levels, polytope, error = problem(0)
-    for wrong in ([], [Robustness(), *levels, Robustness()]):
-        with pytest.raises(ParamsError, match="robustness at most once"):
-            hierarchy(wrong, polytope, error, QP)
