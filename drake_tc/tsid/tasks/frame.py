@@ -4,7 +4,7 @@ A frame of the robot follows a reference orientation, wherever it is.
 """
 
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class FrameTask:
     """
 
     reference_size = 19
+    _size: ClassVar[int] = 6
 
     def __init__(
         self,
@@ -57,10 +58,10 @@ class FrameTask:
         Args:
             model: Of the robot.
             frame: A link, a contact or a frame that the model was given.
-            kp: Of each of the six rows, or one for all [1/s^2].
+            kp: Of each row, or one for all [1/s^2].
             kd: The same [1/s].
             weight: Of each row, or one for all.
-            mask: Which of the six rows take part; None for all.
+            mask: Which of the rows take part; None for all.
             axes_of: In whose axes the rows stand; see the class.
             name: Of the task; None for the frame's.
 
@@ -74,10 +75,12 @@ class FrameTask:
             raise ParamsError(f"{where}: axes_of: expected one of {', '.join(get_args(Axes))}, got {axes_of!r}")
         self._frame, self._axes_of = check_frame(where, model, frame), get_args(Axes).index(axes_of)
         self._index = model.frame_names().index(frame)
-        self._kp, self._kd = gains(f"{where}: kp", kp, 6), gains(f"{where}: kd", kd, 6)
-        self._axes = axes(f"{where}: mask", mask, 6)
-        weights = gains(f"{where}: weight", weight, 6)
-        self.weight = weights[self._axes]
+        size = self._size
+        self._kp, self._kd = (
+            np.pad(gains(f"{where}: {key}", value, size), (0, 6 - size)) for key, value in (("kp", kp), ("kd", kd))
+        )
+        self._axes = axes(f"{where}: mask", mask, size)
+        self.weight: FloatArray = gains(f"{where}: weight", weight, size)[self._axes]
 
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
@@ -100,73 +103,26 @@ class FrameTask:
 _PLACES = np.array([0, 1, 2, 3, 7, 8, 9, 13, 14, 15])
 
 
-class OrientationTask:
+class OrientationTask(FrameTask):
     """The angular rows of a `FrameTask`: alpha = alpha_d + kp log(R_d R^T) + kd (omega_d - omega), or as it says.
 
+    Gains, weights and mask have three rows.
     Reference (10,): [quaternion wxyz; omega_d; alpha_d] in the world [rad/s, rad/s^2].
     """
 
     reference_size = 10
-
-    def __init__(
-        self,
-        model: TsidModel,
-        frame: str,
-        kp: Gains,
-        kd: Gains,
-        *,
-        weight: Gains = 1.0,
-        mask: Sequence[bool] | None = None,
-        axes_of: Axes = "world",
-        name: str | None = None,
-    ) -> None:
-        """Keep the gains.
-
-        Args:
-            model: Of the robot.
-            frame: A link, a contact or a frame that the model was given.
-            kp: Of each of the three rows, or one for all [1/s^2].
-            kd: The same [1/s].
-            weight: Of each row, or one for all.
-            mask: Which of the three rows take part; None for all.
-            axes_of: In whose axes the rows stand.
-            name: Of the task; None for the frame's.
-
-        Raises:
-            ParamsError: see `FrameTask`.
-        """
-        name = frame if name is None else name
-        where, still = f"task {name!r}", np.zeros(3)
-        chosen = axes(f"{where}: mask", mask, 3)
-        rows = np.zeros(6, dtype=bool)
-        rows[chosen] = True
-        whole = (
-            np.concatenate((gains(f"{where}: {key}", value, 3), still))
-            for key, value in (("kp", kp), ("kd", kd), ("weight", weight))
-        )
-        self._task = FrameTask(
-            model,
-            frame,
-            next(whole),
-            next(whole),
-            weight=next(whole),
-            mask=rows.tolist(),
-            axes_of=axes_of,
-            name=name,
-        )
-        self.name, self.weight = name, self._task.weight
+    _size = 3
 
     def rest(self, terms: Terms) -> FloatArray:
         """The reference that asks for nothing at this state."""
-        reference: FloatArray = self._task.rest(terms)[_PLACES]
-        return reference
+        return np.asarray(super().rest(terms)[_PLACES])
 
     def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""
-        return self._task.compiled_entry(contacts)._replace(kind="orientation")
+        return super().compiled_entry(contacts)._replace(kind="orientation")
 
     def rows(self, terms: Terms, reference: FloatArray) -> TaskRows:
         """The rows at this state."""
         full = np.zeros(FrameTask.reference_size)
         full[_PLACES] = reference
-        return self._task.rows(terms, full)
+        return super().rows(terms, full)
