@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from drake_tc.kernels.compiling import OUT_VECTOR, REAL, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import OUT_VECTOR, REAL, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray
 
 LARGEST = 1e5
@@ -40,32 +40,26 @@ def all_within(values: FloatArray, others: FloatArray, limits: FloatArray, share
     return found
 
 
-@kernel(VECTOR, VECTOR, VECTOR, REAL, VECTOR, VECTOR, VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(together(VECTOR, VECTOR, VECTOR), REAL, together(VECTOR, VECTOR), VECTOR, together(OUT_VECTOR, OUT_VECTOR))
 def imu(
-    u: FloatArray,
-    flagged: FloatArray,
-    jolt: FloatArray,
+    sensed: tuple[FloatArray, ...],
     settled: float,
-    limit: FloatArray,
-    options: FloatArray,
+    settings: tuple[FloatArray, FloatArray],
     state: FloatArray,
-    reading: FloatArray,
-    after: FloatArray,
+    written: tuple[FloatArray, FloatArray],
 ) -> None:
     """One tick of `ValidatedImu`.
 
     Args:
-        u: (6,) raw [gyro; accel].
-        flagged: (m,) any that is up leaves it out.
-        jolt: (j,) any that is up says that a jump is true.
+        sensed: (6,) raw [gyro; accel]; (m,) of which any that is up leaves it out; (j,) of which any that is up says
+            that a jump is true.
         settled: 1 where jumps count.
-        limit: (6,) of a step in one tick.
-        options: 1 - exp(-dt/T) of the mean; ticks for which one that jumped is left out at least, and within which it
-            has jumped back.
+        settings: (6,) limit of a step in one tick; 1 - exp(-dt/T) of the mean, ticks for which one that jumped is left
+            out at least, and within which it has jumped back.
         state: (25,) u of the last tick, its mean, mean and reading before a jump (6 each), ticks since the jump.
-        reading: (6,) u, or NaN; written.
-        after: (25,) written.
+        written: (6,) u, or NaN; (25,) the state after it.
     """
+    (u, flagged, jolt), (limit, options), (reading, after) = sensed, settings, written
     after[:] = state
     finite, jolted, since = all_below(u, LARGEST), jolt.any(), state[SINCE]
     jumps = settled > 0.0 and exceeds(u, state[:6], limit) and not jolted

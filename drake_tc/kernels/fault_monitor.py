@@ -1,9 +1,11 @@
 """The flags of a tick, see `drake_tc.sensor_validation.fault_monitor`."""
 
+from typing import Any
+
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel
-from drake_tc.types import FloatArray, IntArray
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel, together
+from drake_tc.types import FloatArray
 
 _MISSING, _FROZEN, _JUMP, _UNEXPECTED = range(4)
 """Flags of a sensor, counted from its first."""
@@ -14,14 +16,7 @@ _ENCODER_FLAGS = 3
 
 @helper
 def encoder_jumps(
-    displacement: float,
-    ticks: float,
-    step: float,
-    change: float,
-    noise: float,
-    timing: float,
-    encoder: FloatArray,
-    joint: int,
+    displacement: float, ticks: float, bounds: tuple[float, ...], encoder: FloatArray, joint: int
 ) -> bool:
     """Whether a new reading that differs from the last new one comes from where its joint cannot be.
 
@@ -41,14 +36,12 @@ def encoder_jumps(
     Args:
         displacement: y [rad].
         ticks: g.
-        step: Largest in one tick [rad].
-        change: Largest acceleration times the tick squared [rad].
-        noise: Added to it: what noise and resolution of the readings come to [rad].
-        timing: l.
+        bounds: Largest step in one tick [rad], largest acceleration times the tick squared [rad], what noise and
+            resolution of the readings add to it [rad], and l.
         encoder: (4, n) w, o, x and y/g of a jump one reading ago; NaN where unknown. Updated.
         joint: Its column.
     """
-    w = encoder[_SPEED, joint]
+    (step, change, noise, timing), w = bounds, encoder[_SPEED, joint]
     rate, x = displacement / ticks, displacement - ticks * w
     known = abs(w) if np.isfinite(w) else 0.0
     possible = abs(displacement) <= ticks * step + timing * known
@@ -66,31 +59,19 @@ def encoder_jumps(
     return False
 
 
-@kernel(VECTOR, VECTOR, MATRIX, INDEX, MATRIX, INDEX, WHOLE, VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(together(VECTOR, VECTOR), together(MATRIX, INDEX, MATRIX, INDEX, WHOLE, VECTOR), OUT_VECTOR, OUT_VECTOR)
 def raise_flags(
-    now: FloatArray,
-    reference_velocity: FloatArray,
-    channels: FloatArray,
-    flags_of_channels: IntArray,
-    checks: FloatArray,
-    flags_of_checks: IntArray,
-    lasting: int,
-    options: FloatArray,
-    memory: FloatArray,
-    flags: FloatArray,
+    seen: tuple[FloatArray, FloatArray], settings: tuple[Any, ...], memory: FloatArray, flags: FloatArray
 ) -> float:
     """One step of the recursion of `FaultMonitor`; the level of `any_fault`.
 
     Args:
-        now: (N + m - 6,) or (N + m,) raw channels [encoder; wrench; command; imu], then what is filtered besides the
-            IMU.
-        reference_velocity: (n,) [rad/s]; zero where it is unknown.
-        channels: (N, 2) largest step and ticks until it is frozen.
-        flags_of_channels: (N,) first flag of the sensor.
-        checks: (m, 2) what is expected and by how much it may be missed; the last inputs are those that are filtered.
-        flags_of_checks: (m,) the flag itself.
-        lasting: Channels before this one are wrong from a jump until they jump back.
-        options: Reference speed at which a joint must be seen to move [rad/s], for how many ticks it may hang then;
+        seen: (N + m - 6,) or (N + m,) raw channels [encoder; wrench; command; imu], then what is filtered besides the
+            IMU; (n,) reference velocity [rad/s], zero where it is unknown.
+        settings: (N, 2) largest step of each channel and ticks until it is frozen; (N,) first flag of its sensor;
+            checks (m, 2): what is expected and by how much it may be missed, the last inputs being those that are
+            filtered; (m,) the flag of each; channels before this one are wrong from a jump until they jump back;
+            options: reference speed at which a joint must be seen to move [rad/s], for how many ticks it may hang then;
             largest acceleration of a joint times the tick squared [rad], noise of the encoders [rad]; 1 - exp(-dt/T)
             of the filters; ticks for which a flag stays up; the size from which a reading is missing; and by how many
             ticks positions may come early or late.
@@ -99,6 +80,7 @@ def raise_flags(
             Updated.
         flags: (F,) written.
     """
+    (now, reference_velocity), (channels, flags_of_channels, checks, flags_of_checks, lasting, options) = seen, settings
     moving, stuck_ticks, largest_change, noise = options[0], options[1], options[2], options[3]
     blend, hold, largest = options[4], options[5], options[6]
     raw, n, m = channels.shape[0], reference_velocity.size, checks.shape[0]
@@ -116,7 +98,7 @@ def raise_flags(
         if encodes:
             ticks = max(gap[j], same[j]) + 1.0
             jump = finite and np.isfinite(changed) and changed != 0.0
-            jump = jump and encoder_jumps(changed, ticks, step, largest_change, noise, options[7], encoder, j)
+            jump = jump and encoder_jumps(changed, ticks, (step, largest_change, noise, options[7]), encoder, j)
             jump = jump or abs(encoder[_OFFSET, j]) > min(step, largest_change + noise)
         else:
             jump = finite and abs(changed) > (gap[j] + 1.0) * step

@@ -153,8 +153,8 @@ def run(calls: IntArray, time: float) -> int:
         elif kind == FILTER:
             filtered(vector(c, 0), matrix(c, 1), index(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
         elif kind == RAISE_FLAGS:
-            now_of = (vector(c, 0), vector(c, 1), matrix(c, 2), index(c, 3), matrix(c, 4), index(c, 5))
-            level = raise_flags(*now_of, index(c, 6)[0], vector(c, 7), vector(c, 8), vector(c, 9))
+            checked = (matrix(c, 2), index(c, 3), matrix(c, 4), index(c, 5), index(c, 6)[0], vector(c, 7))
+            level = raise_flags((vector(c, 0), vector(c, 1)), checked, vector(c, 8), vector(c, 9))
             vector(c, 10)[0] = level
         elif kind == ABOVE:
             source, limit, higher = vector(c, 0), vector(c, 1)[0], vector(c, 2)
@@ -191,7 +191,7 @@ def run(calls: IntArray, time: float) -> int:
             law(read, vector(c, 4), joints, vector(c, 10), matrix(c, 11))
         elif kind == IMU:
             settled, doubts = 1.0 if time >= vector(c, 3)[0] else 0.0, (vector(c, 0), vector(c, 1), vector(c, 2))
-            imu(*doubts, settled, vector(c, 4), vector(c, 5), vector(c, 6), vector(c, 7), vector(c, 8))
+            imu(doubts, settled, (vector(c, 4), vector(c, 5)), vector(c, 6), (vector(c, 7), vector(c, 8)))
         elif kind == WRENCHES:
             jumps, told = 1.0 if time >= vector(c, 2)[0] else 0.0, vector(c, 8)
             raw = (vector(c, 0), vector(c, 1), jumps, vector(c, 3), vector(c, 4))

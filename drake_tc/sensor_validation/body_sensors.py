@@ -110,7 +110,7 @@ class ValidatedImu(PortMethods, LeafSystem):
         self, now: Sequence[FloatArray], time: float, before: FloatArray, reading: FloatArray, after: FloatArray
     ) -> None:
         """The recursion: the reading and the state after it, which are written."""
-        _IMU(*now, float(time >= SETTLED), self._limit, self._options, before, reading, after)
+        _IMU(tuple(now), float(time >= SETTLED), (self._limit, self._options), before, (reading, after))
 
     def _solve(self, context: Any, box: Any) -> None:
         """This tick's reading."""

@@ -204,7 +204,7 @@ class FaultMonitor(PortMethods, LeafSystem):
             arguments = (now, rate, *self._settings, memory, flags)
 
             def update(time: float) -> None:
-                level[0] = _RAISE_FLAGS(*arguments)
+                level[0] = _RAISE_FLAGS((now, rate), self._settings, memory, flags)
 
             joined = [copying(part, now[a:b]) for part, a, b in zip(seen, ends, ends[1:], strict=False)]
             shown = copying(arrays.before[start.size :], arrays.out)
@@ -221,7 +221,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         seen = [port.Eval(context) if zeros is None or port.HasValue(context) else zeros for port, zeros in ports]
         rate = self._reference.Eval(context) if self._reference.HasValue(context) else self._still
         memory, flags = values.get_mutable_value(self._memory), values.get_mutable_value(self._flags)
-        level = _RAISE_FLAGS(np.concatenate(seen), rate, *self._settings, memory, flags)
+        level = _RAISE_FLAGS((np.concatenate(seen), rate), self._settings, memory, flags)
         values.get_mutable_value(self._largest)[0] = level
 
 
