@@ -228,7 +228,7 @@ def watch_month(seed: int, number: int, root: Path) -> Told:
             models_of(close_loop(folder / "rig.yaml", then[:2], then[2:], options), folder)
         logs = [folder / f"now_{run}.parquet" for run in ("static", "multisine")]
         found = compare(folder / "model_after.yaml", logs, options=options)
-    except DrakeTcError as error:
+    except (DrakeTcError, ArithmeticError) as error:
         return Told(number, month.change, "refused", (), (), tuple(sorted(month.causes)), {}, 0.0, problem=str(error))
     (joint,) = found.joints.values()
     changed = [p for p in joint.parameters if p.changed]
