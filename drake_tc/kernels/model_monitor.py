@@ -1,9 +1,10 @@
 """One tick of `drake_tc.watch.monitor.ModelMonitor`: whitened residual, CUSUMs, information, cause; see there.
 
 State of a joint: ticks to the next row, ticks for which a push holds, cause, its size, whether there is a last row, its
-residual, ticks to the next copy, low-passed needed torque (NaN before the first tick); C of the last columns, C of the
-tracked changes; and what a push takes back: 2 C of the CUSUMs, C of the moment b and C * C of the information matrix A,
-with two copies of them that are one and two holds old.
+residual, ticks to the next copy, needed torque less its low-passed one, rate of the latter, needed torque of the tick
+before (NaN before the first one); C of the last columns, C of the tracked changes; and what a push takes back: 2 C of
+the CUSUMs, C of the moment b and C * C of the information matrix A, with two copies of them that are one and two holds
+old.
 """
 
 import numpy as np
@@ -11,9 +12,10 @@ import numpy as np
 from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, VECTOR, helper, kernel
 from drake_tc.types import FloatArray
 
-WAIT, HELD, CAUSE, SIZE, STARTED, LAST, COPY, SLOW, PAST = 0, 1, 2, 3, 4, 5, 6, 7, 8
+WAIT, HELD, CAUSE, SIZE, STARTED, LAST, COPY, LAG, RATE, BEFORE, PAST = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 RATE_S = 0.03
-"""Time constant of the rate of the needed torque [s]."""
+"""Time constant of both low-passes of the rate of the needed torque [s]: many correlation times of the noise, which
+would be in residual and rate alike, and would look like a delay."""
 PUSH = -1.0
 """Cause of a joint that is pushed."""
 
@@ -71,9 +73,10 @@ def watch(
             gain K, inertia, 1/K of a position servo and 0 of other drives.
         sizes: (n, 3 C) sizes of the changes that are looked for, prior deviations, 0 where not looked for, and changes
             by which the model was off from the beginning.
-        numbers: (8,) what is left of the information after a row, limit of the CUSUMs, ticks after a push in which
+        numbers: (9,) what is left of the information after a row, limit of the CUSUMs, ticks after a push in which
             nothing is learned, speed of rest, period [s], ticks in which a CUSUM reaches its limit at the soonest,
-            shares of friction and of the needed torque that add to the largest external torque.
+            shares of friction and of the needed torque that add to the largest external torque, time from a reversal
+            [s]. Near one the rate stands still: it has no jump of the friction.
         state: (n, size) of the joints; written.
         out: (n, 4 + C) whitened residual, cause, change, largest CUSUM over its limit, tracked changes; written.
     """
@@ -97,13 +100,17 @@ def watch(
         )
         own[WAIT] -= 1.0
         friction = needed[i] - load - joints[i, 5] * a
-        slow = state[i, SLOW] if np.isfinite(state[i, SLOW]) else needed[i]
-        rate = (needed[i] - slow) / RATE_S
+        moving = np.abs(v) > rest + numbers[8] * np.abs(a)
         if np.isfinite(needed[i]):
-            state[i, SLOW] = slow + (needed[i] - slow) * forget
+            if moving and np.isfinite(own[BEFORE]):
+                own[LAG] += needed[i] - own[BEFORE]
+                step = own[LAG] * forget
+                own[LAG] -= step
+                own[RATE] += step / RATE_S - own[RATE] * forget
+            own[BEFORE] = needed[i]
         column[0], column[1] = friction, needed[i]
         column[2], column[3] = np.sin(q), np.cos(q)
-        column[4] = rate + joints[i, 6] * v
+        column[4] = own[RATE] + joints[i, 6] * v
         column[5], column[6] = np.sign(needed[i]) * joints[i, 6], 1.0
         for k in range(count):
             residual -= column[k] * sizes[i, 2 * count + k]
@@ -124,7 +131,7 @@ def watch(
         finite = np.isfinite(residual + q + v + a + load)
         if own[WAIT] <= 0.0 and finite:
             own[WAIT] = joints[i, 2]
-            if pushed or np.abs(v) <= rest:
+            if pushed or not moving:
                 own[STARTED] = 0.0
             else:
                 correlation = joints[i, 1] if own[STARTED] > 0.0 else 0.0

@@ -110,7 +110,7 @@ def health_of(models: Models, seen: FloatArray, dt: float, spec: ModelMonitorSpe
     """
     listed = model_list(models)
     spec = replace(spec or ModelMonitorSpec(), memory=FOREVER)
-    moving = np.abs(seen[:, 1]) > spec.rest
+    moving = np.abs(seen[:, 1]) > spec.rest + spec.reversal * np.abs(seen[:, 2])
     for model, time in zip(listed, (dt * moving.sum(axis=0)).tolist(), strict=True):
         if time < LEAST_MOTION_S:
             raise ParamsError(f"{model.joint}: expected at least {LEAST_MOTION_S:g} s of motion, got {time:.1f} s")

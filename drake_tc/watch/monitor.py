@@ -12,7 +12,7 @@ from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, 
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.lazy import Kernel
-from drake_tc.kernels.model_monitor import PAST, SLOW
+from drake_tc.kernels.model_monitor import BEFORE, PAST
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import Call, FloatArray, IntArray
 from drake_tc.watch.changes import Known, is_friction
@@ -38,6 +38,8 @@ class ModelMonitorSpec:
         limit: Of the CUSUMs: rows without a change until one reaches it are about exp(limit).
         memory: Rows after which information counts 1/e.
         rest: Speed below which a row is left out [rad/s].
+        reversal: Time before and after a reversal of the motion in which rows are left out [s]: half of that over which
+            the signals are smoothed, since friction that jumps is smoothed in the effort alone.
         push: External torque beyond which a joint is pushed, over what a model may err by (`PASSES`) [N m].
         hold: Time after a push in which nothing is learned [s]; what was learned as long before it is taken back.
         confirm: Time in motion in which a CUSUM reaches its limit at the soonest [s].
@@ -51,11 +53,12 @@ class ModelMonitorSpec:
     torque_constant: float = 0.1
     payload: float = 2.0
     bias: float = 1.0
-    delay: float = 8e-3
+    delay: float = 4e-3
     backlash: float = 1e-3
     limit: float = 60.0
     memory: float = 400.0
     rest: float = 0.05
+    reversal: float = 0.04
     push: float = 6.0
     hold: float = 0.3
     confirm: float = 0.4
@@ -89,11 +92,12 @@ class ModelMonitor(PortMethods, LeafSystem):
     c keeps single rows from deciding: a censored log likelihood ratio bears errors that are no Gaussian noise (Huber,
     1965). P has the squares of the changes looked for and of the model's own relative deviations: recursive least
     squares with forgetting whose prior does not fade. The cause is the one whose change alone explains b best, with
-    the evidence b_k^2/(2 (A_kk + 1/P_kk)) - log(1 + P_kk A_kk)/2. Rows near rest and during a push are left out, and
-    what was learned shortly before it is taken back.
+    the evidence b_k^2/(2 (A_kk + 1/P_kk)) - log(1 + P_kk A_kk)/2. Rows near rest, |v| <= rest + reversal |a|, and
+    during a push are left out, and what was learned shortly before it is taken back.
 
-    phi: the model's friction; the needed torque; sin q and cos q; its low-passed rate, and v/K more of a position
-    servo, whose effort is measured from the position; 1/K sign(needed torque) of a position servo; 1.
+    phi: the model's friction; the needed torque; sin q and cos q; the rate of the needed torque, twice low-passed and
+    without jumps of friction, and v/K more of a position servo, whose effort is measured from the position; 1/K
+    sign(needed torque) of a position servo; 1.
 
     Example:
         >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")
@@ -155,7 +159,7 @@ class ModelMonitor(PortMethods, LeafSystem):
         self._sizes = np.hstack([sizes, np.hypot(sizes, known), off])
         hold = np.ceil(spec.hold / dt)
         keep, confirm = np.exp(-1.0 / spec.memory), spec.confirm / dt
-        self._numbers = np.array([keep, spec.limit, hold, spec.rest, dt, confirm, *PASSES])
+        self._numbers = np.array([keep, spec.limit, hold, spec.rest, dt, confirm, *PASSES, spec.reversal])
         self._width = len(CAUSES)
         self._warm = np.full(n, REFERENCE_CELSIUS)
         self._declare(n)
@@ -233,7 +237,7 @@ class ModelMonitor(PortMethods, LeafSystem):
         """State and outputs of `tick` before the first one."""
         n = self._gain.size
         memory = np.zeros((n, _state_size(self._width)))
-        memory[:, SLOW] = np.nan
+        memory[:, BEFORE] = np.nan
         return memory.ravel(), np.zeros(n * (4 + self._width))
 
     def tick(self, seen: FloatArray, needed: FloatArray, memory: FloatArray, shown: FloatArray) -> None:

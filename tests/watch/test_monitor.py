@@ -5,12 +5,14 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
+from scipy.signal import lfilter
 
 import drake_tc
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused import fuse
 from drake_tc.watch.monitor import CAUSES, READ, ModelMonitor, ModelMonitorSpec
-from tests.benchmarks.monitor_hours import ROOM, Joints, calibrated, readings, watched
+from tests.benchmarks.monitor_hours import ROOM, Joints, calibrated, coloured, readings, watched
 
 COUNT = 6
 
@@ -25,14 +27,14 @@ def monitor(joints) -> ModelMonitor:
     return calibrated(joints, 3)
 
 
-def columns(joints, seen, needed, slow):
-    """The low-passed needed torque after a tick, and (n, C) by how much a change of each cause changes the residual."""
-    q, v, a, load = seen[:4]
-    slow = needed if slow is None else slow
+def columns(joints, seen, needed):
+    """(T, n, C) by how much a change of each cause changes the residual, of readings (T, 6, n) and needed torques."""
+    q, v, a, load = seen[:, :4].transpose(1, 0, 2)
     friction, stiffness = needed - load - joints.inertia * a, joints.servo / joints.gain
-    late, gap = (needed - slow) / 0.03 + stiffness * v, stiffness * np.sign(needed)
-    phi = np.stack([friction, needed, np.sin(q), np.cos(q), late, gap, np.ones_like(q)], axis=1)
-    return slow + (needed - slow) * (1.0 - np.exp(-1e-3 / 0.03)), phi
+    keep = np.exp(-1e-3 / 0.03)  # s/(1 + 0.03 s)^2
+    rate = lfilter([(1.0 - keep) / 0.03, -(1.0 - keep) / 0.03], [1.0, -2.0 * keep, keep**2], needed - needed[0], axis=0)
+    late, gap = rate + stiffness * v, stiffness * np.sign(needed)
+    return np.stack([friction, needed, np.sin(q), np.cos(q), late, gap, np.ones_like(q)], axis=2)
 
 
 def shown_after(joints, monitor, change, seconds=15.0):
@@ -71,15 +73,10 @@ def test_more_friction_is_named_and_tracked(joints, monitor):
     table, _ = shown_after(joints, monitor, {"friction": 0.3})
     assert [CAUSES[int(c) - 1] for c in table[:, 1]] == ["friction"] * COUNT
     assert np.all(np.abs(table[:, 2] - 0.3) < 0.08)
-    slow, told, true = None, [], []
-    for _, chunk in readings(joints, 5.0, np.random.default_rng(7), {}, 0.0):
-        for seen in chunk:
-            needed = monitor.needed(seen, np.full(COUNT, ROOM))
-            slow, phi = columns(joints, seen, needed, slow)
-            told.append(np.sum(phi * table[:, 4:], axis=1))
-            true.append(0.3 * phi[:, 0])
+    (_, seen), *_ = readings(joints, 5.0, np.random.default_rng(7), {}, 0.0)
+    phi = columns(joints, seen, np.array([monitor.needed(each, np.full(COUNT, ROOM)) for each in seen]))
     # causes that act alike in these strokes share the change, and together they are what more friction costs
-    told, true = np.array(told[1:]), np.array(true[1:])
+    told, true = np.sum(phi * table[:, 4:], axis=2), 0.3 * phi[:, :, 0]
     assert np.all(np.sqrt(np.mean((told - true) ** 2, axis=0)) < 0.35 * np.sqrt(np.mean(true**2, axis=0)))
 
 
@@ -89,26 +86,47 @@ def test_a_collision_is_a_push_and_no_change(joints, monitor):
 
 
 def test_the_tracked_changes_are_those_of_regularised_least_squares(joints):
-    spec = ModelMonitorSpec(memory=1e12, rest=0.0)
+    spec = ModelMonitorSpec(memory=1e12, rest=0.0, reversal=0.0)
     one = ModelMonitor(joints.models(), 0.4, 1e-6, spec)  # no correlation: every tick is a row of its own
     memory, shown = one.start()
-    rng, rows, slow = np.random.default_rng(5), [], None
+    rng, rows = np.random.default_rng(5), []
     for _ in range(40):
         seen = np.concatenate([rng.standard_normal((5, COUNT)), np.zeros((1, COUNT))])
         needed = one.needed(seen, np.full(COUNT, ROOM))
         one.tick(seen, needed, memory, shown)
-        slow, phi = columns(joints, seen, needed, slow)
-        rows.append((seen, needed, phi))
+        rows.append((seen, needed))
+    seen, needed = (np.array(each) for each in zip(*rows, strict=True))
+    phi, residual = columns(joints, seen, needed), seen[:, 4] / joints.gain - needed
     for i in range(COUNT):
-        design, target = [], []
-        for seen, needed, phi in rows:
-            design.append(phi[i])
-            target.append(seen[4, i] / joints.gain[i] - needed[i])
         prior = np.array([spec.friction, spec.torque_constant, spec.payload, spec.payload, spec.delay, 0.0, spec.bias])
         prior[5] = spec.backlash if joints.servo[i] else 1e-150
-        x, y = np.array(design) / 0.4, np.array(target) / 0.4
+        x, y = phi[:, i] / 0.4, residual[:, i] / 0.4
         expected = np.linalg.solve(x.T @ x * np.outer(prior, prior) + np.eye(7), prior * (x.T @ y)) * prior
         assert shown.reshape(COUNT, -1)[i, 4:] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("late", [0.0, 3e-3])
+def test_noise_of_the_load_and_friction_that_is_smoothed_are_no_delay(late):
+    model = ActuatorModel("elbow", Drive("current", 0.1), (EffectValue("coulomb", {"coulomb": 2.0}),))
+    one = ModelMonitor([model], 0.05, 5e-3, ModelMonitorSpec(memory=1e12))
+    time, half, size, w = 1e-3 * np.arange(60_000), 20, np.array([0.4, 0.15]), np.array([1.9, 5.1])
+
+    def moved(t):
+        angle = w * t[:, None]
+        return np.sin(angle) @ size, np.cos(angle) @ (w * size), -np.sin(angle) @ (w**2 * size)
+
+    def torque(t):
+        q, v, a = moved(t)
+        return 10.0 * np.sin(q) + a + 2.0 * np.sign(v)
+
+    q, v, a = moved(time)
+    noise = coloured(np.random.default_rng(8), (time.size, 1), 0.05, 5e-3, np.zeros(1))[:, 0]
+    smoothed = np.mean([torque(time + late + 1e-3 * k) for k in range(-half, half + 1)], axis=0)
+    readings_of = np.stack([q, v, a, 10.0 * np.sin(q) + a + noise, 0.1 * smoothed, np.full_like(q, np.nan)], axis=1)
+    memory, shown = one.start()
+    for seen in readings_of[:, :, None]:
+        one.tick(seen, one.needed(seen, one.room), memory, shown)
+    assert shown[4 + CAUSES.index("delay")] == pytest.approx(late, abs=3e-4)
 
 
 @pytest.mark.parametrize("fused", [False, True])
