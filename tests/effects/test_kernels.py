@@ -105,8 +105,9 @@ def run_kernel(kernel, values, log, memory) -> np.ndarray:
 @pytest.mark.parametrize("effect", [e for e in DRIVE if not e.coefficients], ids=key)
 @pytest.mark.parametrize("seed", range(3))
 def test_transform_of_a_log_is_the_kernel_one_sample_at_a_time(effect, seed):
+    """Delays are whole samples: between them a kernel draws straight lines, and the transform of a log splines."""
     period = 2e-3
-    parameters = {p.name: (0.05 if p.unit.startswith("effort") else 0.0093 * (seed + 1)) for p in effect.parameters}
+    parameters = {p.name: (0.05 if p.unit.startswith("effort") else 0.01 * (seed + 1)) for p in effect.parameters}
     command, position = walk(300, seed), walk(300, seed + 50)
     effort, supply = command - position, 24.0 + walk(300, seed + 9)
     log = plain_signals(300, {"effort": effort, "command": command, "supply_voltage": supply})
