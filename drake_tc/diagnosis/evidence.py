@@ -452,9 +452,11 @@ def with_run_spread(evidence: Evidence, terms: Sequence[Term]) -> Evidence:
         return evidence
     model = replace(evidence.model, common_zero=True)  # what all runs share is no spread
     first = Evidence(model, evidence.noise)
-    best = RunSpread()
-    for name in ("zero", "friction"):
-        tried = [replace(best, **{name: size}) for size in RUN_SPREADS]
+
+    def least(tried: Sequence[RunSpread]) -> RunSpread:
         odds = [replace(first, spread=spread).score(terms).log_odds for spread in tried]
-        best = next(spread for spread, own in zip(tried, odds, strict=True) if own >= max(odds) - ALTERNATIVE)
-    return Evidence(evidence.model, evidence.noise, best)
+        return next(spread for spread, own in zip(tried, odds, strict=True) if own >= max(odds) - ALTERNATIVE)
+
+    of_zeros = least([RunSpread(zero=size) for size in RUN_SPREADS])
+    both = least([replace(of_zeros, friction=size) for size in RUN_SPREADS])
+    return Evidence(evidence.model, evidence.noise, both)

@@ -83,7 +83,7 @@ def _by_run_spread(evidence: Evidence, scored: Scored) -> FloatArray:
     factor is that by which its central interval of 95 % around the taken b is wider than that of the taken spread.
     """
     at = scored.coefficients + scored.shapes
-    if len(evidence.model.train.samples.runs) < 2:
+    if evidence.spread.known or len(evidence.model.train.samples.runs) < 2:
         return np.ones(at)
     spreads = [RunSpread(*pair) for pair in product(RUN_SPREADS, RUN_SPREADS)]
     owns = [replace(evidence, spread=spread) for spread in spreads]

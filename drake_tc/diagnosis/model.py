@@ -53,10 +53,15 @@ class Block:
 
 @dataclass(frozen=True)
 class RunSpread:
-    """Standard deviations from run to run: of each friction over its mean, of the effort's zero over its RMS."""
+    """Standard deviations from run to run: of each friction over its mean, of the effort's zero over its RMS.
+
+    Attributes:
+        known: Whether they are known, and not estimated from the runs at hand.
+    """
 
     friction: float = 0.0
     zero: float = 0.0
+    known: bool = False
 
     def of(self, terms: Sequence[Term]) -> "RunSpread":
         """With terms that begin each run in an unknown state: the zero of a run is then any."""

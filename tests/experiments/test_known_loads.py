@@ -175,12 +175,7 @@ def test_a_wrong_gain_that_a_payload_contains_is_ruled_out_under_loads():
 @pytest.mark.parametrize(
     "goal",
     [
-        pytest.param(
-            "parameters:load_dependent_friction",
-            marks=pytest.mark.xfail(
-                strict=True, reason="in the posterior, loads gain less than a tenth of all intervals"
-            ),
-        ),
+        "parameters:load_dependent_friction",
         pytest.param("tell:load_dependent_friction,stribeck", marks=pytest.mark.slow),
     ],
 )

@@ -17,6 +17,7 @@ from scipy.ndimage import minimum_filter1d
 
 from drake_tc.diagnosis.data.resolution import Resolution
 from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
+from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Signals, TorqueEffect, plain_signals
@@ -58,6 +59,7 @@ class DesignJoint:
         gain_held: Whether every fit holds the drive gain at its value, so that it is no parameter.
         servo_damping: Part of the viscous friction that is the declared damping of the position servo [N m s/rad].
         left: Noise model of what the most probable model of the logs leaves.
+        spread: What differs from run to run of the logs.
         rig: Of the logs; None where there is none.
     """
 
@@ -81,6 +83,7 @@ class DesignJoint:
     gain_held: bool = False
     servo_damping: float = 0.0
     left: NoiseModel = field(default_factory=NoiseModel)
+    spread: RunSpread = field(default_factory=RunSpread)
     rig: Rig | None = None
 
     @property

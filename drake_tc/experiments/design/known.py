@@ -88,6 +88,7 @@ def joint_from_logs(
         gain_held=prepared.train.declared_gain is not None,
         servo_damping=damping,
         left=fitted.evidence.noise,
+        spread=fitted.evidence.spread,
         rig=rig_used,
     )
     made = made if model is None else with_model(made, model)

@@ -71,7 +71,8 @@ def _at_truth(prepared: Prepared, joint: DesignJoint) -> FittedJoint:
     theta = np.concatenate(
         [np.zeros(0), *(np.full(len(t.effect.coefficients), known.get(t.effect.key, 0.0)) for t in model.declared)]
     )
-    evidence = Evidence(model.relinearised(model.declared, theta, numbers.gain, {}), joint.left)
+    spread = replace(joint.spread, known=True)  # simulated runs do not differ, and tell nothing of it
+    evidence = Evidence(model.relinearised(model.declared, theta, numbers.gain, {}), joint.left, spread)
     scored = evidence.score(model.declared)
     beta = scored.posterior.beta.copy()
     beta[: scored.coefficients] = numbers.gain * np.concatenate([[1.0], theta])
@@ -82,7 +83,7 @@ def _at_truth(prepared: Prepared, joint: DesignJoint) -> FittedJoint:
     slow = replace(
         joint.left, ratio=joint.left.ratio * white / variance
     )  # as large as it is, beside more or less noise
-    evidence = Evidence(evidence.model, slow)
+    evidence = Evidence(evidence.model, slow, spread)
     own = evidence.score(model.declared, numbers.gain**2 * variance)
     scored = replace(own, posterior=replace(own.posterior, beta=beta))
     return FittedJoint(prepared, evidence, scored, (evidence, scored), floor, (), {})
