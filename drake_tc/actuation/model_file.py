@@ -163,17 +163,27 @@ class RemainderKeys(Keys):
     share: AnyNumber = key(
         "Share of the squared error of held-out runs that it explains.", example=0.12, default=float("nan")
     )
-    share_ci95: Interval | None = key("Its 95 % interval.", example=[0.08, 0.15], absent="not known")
-    center: list[Number] = key("Subtracted from each signal.", example=[0.0] * 4, default=..., expected="4 numbers")
+    share_ci95: Interval | None = key("95 % interval of the share.", example=[0.08, 0.15], absent="not known")
+    center: list[Number] = key(
+        "Mean that is subtracted from each signal.", example=[0.0] * 4, default=..., expected="4 numbers"
+    )
     scale: list[PositiveNumber] = key(
-        "By which each signal is divided then.", example=[1.0] * 4, default=..., expected="4 positive numbers"
+        "Divisor of each signal after that.", example=[1.0] * 4, default=..., expected="4 positive numbers"
     )
     points: list[list[Number]] = key(
-        "Scaled signals near which it holds.", example=[[0.0] * 4], default=..., expected="a list of rows of 4 numbers"
+        "Scaled signals of the fitted data, near which the function holds.",
+        example=[[0.0] * 4],
+        default=...,
+        expected="a list of rows of 4 numbers",
     )
-    radius: Number = key("Distance up to which it holds.", example=1.0, default=..., expected="a number >= 0")
+    radius: Number = key(
+        "Distance from these points up to which it holds, in scaled signals.",
+        example=1.0,
+        default=...,
+        expected="a number >= 0",
+    )
     slow: PositiveNumber = key(
-        "Speed at which the direction turns over.",
+        "Speed v_s of the direction tanh(v/v_s).",
         unit="rad/s",
         example=0.05,
         default=...,
@@ -181,7 +191,7 @@ class RemainderKeys(Keys):
     )
     largest: Number = key("Bound of the torque.", unit="N·m", example=0.8, default=..., expected="a number >= 0")
     weights: list[Number] = key(
-        "Of the features.", unit="N·m", example=[0.1, -0.2], default=..., expected="a list of numbers"
+        "Weights of the features.", unit="N·m", example=[0.1, -0.2], default=..., expected="a list of numbers"
     )
 
     def value(self) -> Remainder:

@@ -310,8 +310,8 @@ def _not_in_newton_metres(model: "ActuatorModel") -> str:
 
 
 def _without_remainder(joint: str, remainder: "Remainder") -> str:
-    share = "" if math.isnan(remainder.share) else f", {100.0 * remainder.share:.0f} % of the error that was left,"
-    return f"{joint}: the remainder of the model{share} is lost: the target has no function of motion and load."
+    share = "" if math.isnan(remainder.share) else f" ({100.0 * remainder.share:.0f} % of the squared held-out error)"
+    return f"{joint}: the remainder of the model{share} is lost: the target has no such function of motion and load."
 
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:

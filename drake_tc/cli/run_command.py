@@ -52,10 +52,12 @@ def run_command(
     priority: Annotated[int, typer.Option(min=0, max=99, help="Real-time priority (SCHED_FIFO); 0: none.")] = 0,
     watch: Annotated[
         Path | None,
-        typer.Option(help="Watch the models: torque uncertainty file of close-loop or of --learn-watch."),
+        typer.Option(
+            help="Report joints that change from their models; file of --learn-watch, or torque_uncertainty.yaml."
+        ),
     ] = None,
     learn_watch: Annotated[
-        Path | None, typer.Option(help="Write the file for --watch, by a run in which nothing is wrong.")
+        Path | None, typer.Option(help="Write the file for --watch from this run, in which nothing is wrong.")
     ] = None,
     stop: Annotated[bool, typer.Option("--stop", help="Only send the stop message of LCM.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,

@@ -83,7 +83,7 @@ class TorqueUncertaintyDocument(Keys):
     )
     shrinkage: Number = key("Share by which the correlations were drawn towards 0.", example=0.1, default=0.0)
     reference: dict[str, dict[str, AnyNumber]] | None = key(
-        "By joint and cause of a ModelMonitor, the change by which the model is off while nothing has changed.",
+        "By joint and cause of a ModelMonitor: the model error while nothing has changed, which it subtracts.",
         example={"hip": {"friction": 0.02}},
         absent="0",
     )

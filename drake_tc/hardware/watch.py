@@ -1,4 +1,4 @@
-"""`ModelWatch`: the models of a controller that runs, watched or learned from; nothing raises in its loop."""
+"""`ModelWatch` compares a running controller's models with its readings, or learns their errors from a sound run."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ from drake_tc.watch.monitor import CAUSES
 MOST_EVENTS = 1000
 """Events that are kept; of a longer list the first ones."""
 LONGEST_S = 600.0
-"""Of a run that is learned from, what is kept [s]: about 20 MB a minute of six joints."""
+"""Longest part of a run that is kept to learn from [s]: about 20 MB a minute of six joints."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class ModelWatch:
             ParamsError: a watch that does not learn, or a joint that hardly moved.
         """
         if not self._learns:
-            raise ParamsError("this watch was given the health of its models, so it has learned none")
+            raise ParamsError("ModelWatch.learned: expected a watch without `health`, got one that was given it")
         n = len(self._joints)
         seen = np.array(self._seen).reshape(-1, 5, n)
         sound = np.isfinite(seen).all(axis=(1, 2))

@@ -39,7 +39,7 @@ ACTUATOR_USED = {
 }
 DC_MOTOR_USED = {"motorconst", "resistance", "saturation", "inductance", "cogging", "lugre", "input"}
 PID_USED = {"ki", "input"}
-BY_MUJOCO = "which MuJoCo computes; it does not load the file, or is not installed (pip install 'drake-tc[mujoco]')"
+BY_MUJOCO = "which needs MuJoCo: it is not installed (pip install 'drake-tc[mujoco]') or does not load the file"
 SYMMETRIC = 1e-6
 
 
@@ -379,7 +379,7 @@ def _with_dc_motor(read: ReadJoint, actuator: Actuator) -> ReadJoint:
     )
     told = [f"ctrlrange of {actuator.name}, which is not symmetric"] if command is not None and not voltage else []
     told += [f"saturation of {actuator.name} beside its ctrlrange"] if of_voltage <= whole < math.inf else []
-    told += [f"that its inductance delays the back-EMF of {actuator.name} too"] if terms.lag else []
+    told += [f"that the inductance of {actuator.name} delays its back-EMF too"] if terms.lag else []
     told += [f"the voltage of saturation of {actuator.name}"] if any(actuator.numbers("saturation")[2:]) else []
     return _with_motor_friction(replace(read, terms=terms, driven=True), actuator).also_unused(*told)
 

@@ -83,7 +83,7 @@ def _of_xml(root: ET.Element, path: Path) -> dict[str, ReadJoint]:
     if not found:
         kinds = sorted({each.get("type", "hinge") for each in root.iter("joint")} - {"fixed", "hinge"})
         others = f"; joints of the types {', '.join(kinds)} are not read" if kinds else ""
-        raise ValueError(f"it has no joint that moves, by one coordinate, and has a name{others}")
+        raise ValueError(f"it has no joint that moves with one degree of freedom and has a name{others}")
     return found
 
 

@@ -1,4 +1,4 @@
-"""What the models of a loop err by while nothing has changed, which a `ModelMonitor` is given: `ModelHealth`."""
+"""`ModelHealth`: the torque errors of a loop's models while nothing has changed, which a `ModelMonitor` needs."""
 
 from dataclasses import dataclass, replace
 
@@ -17,7 +17,7 @@ FOREVER = 1e12
 ROUNDS = 2
 """Of estimates of the reference, and of deviation and correlation time beside it."""
 LEAST_MOTION_S = 5.0
-"""Time in motion of which the error of a joint is told [s]."""
+"""Shortest time in motion from which the error of a joint is estimated [s]."""
 LONGEST_S = 2.0
 """Lag up to which the autocorrelation is summed [s]."""
 
@@ -88,7 +88,7 @@ class ModelHealth:
 
 
 def health_of(models: Models, seen: FloatArray, dt: float, spec: ModelMonitorSpec | None = None) -> ModelHealth:
-    """The health of joints by a recording in which nothing changed: a minute of motion of all joints is enough.
+    """The health of joints from a recording in which nothing changed; a minute in which all joints move is enough.
 
     Args:
         models: Of n joints.
@@ -113,7 +113,9 @@ def health_of(models: Models, seen: FloatArray, dt: float, spec: ModelMonitorSpe
     moving = np.abs(seen[:, 1]) > spec.rest + spec.reversal * np.abs(seen[:, 2])
     for model, time in zip(listed, (dt * moving.sum(axis=0)).tolist(), strict=True):
         if time < LEAST_MOTION_S:
-            raise ParamsError(f"{model.joint}: expected at least {LEAST_MOTION_S:g} s of motion, got {time:.1f} s")
+            raise ParamsError(
+                f"{model.joint}: expected at least {LEAST_MOTION_S:g} s of motion in this run, got {time:.1f} s"
+            )
     n = len(listed)
     deviation, time, reference = np.ones(n), np.full(n, EVERY_TICK), np.zeros((n, len(CAUSES)))
     for _ in range(ROUNDS):  # the reference that is weighed as the monitor will weigh it

@@ -97,7 +97,7 @@ def test_only_torque_control_is_watched_and_health_names_the_joint_that_it_lacks
         ModelWatch(whole_body_controller(law), health)
     with pytest.raises(ParamsError, match="no joint 'r_hip_yaw'"):
         ModelWatch(swinging(), ModelHealth(("a",), np.ones(1), np.ones(1), np.zeros((1, len(CAUSES)))))
-    with pytest.raises(ParamsError, match="learned none"):
+    with pytest.raises(ParamsError, match="expected a watch without `health`"):
         ModelWatch(swinging(), health).learned()
 
 

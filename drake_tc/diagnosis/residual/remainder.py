@@ -1,13 +1,13 @@
-"""The smooth part of what is left of a joint whose verdict is `unexplained_structure`, and its size on held-out runs.
+"""The smooth part R of the residual of a joint whose verdict is `unexplained_structure`, and its share of the error.
 
 With rows y = Psi c + e of the training runs, c ~ N(0, a^2), e ~ N(0, s^2), and l = s^2/a^2, the ridge l is the one of
 the largest evidence (MacKay, 1992):
 
     log p(y | l) = -n/2 log s^2 - 1/2 sum_k log(1 + g_k/l) + constant,    s^2 = (y'y - y'Psi (Psi'Psi + l)^-1 Psi'y)/n
 
-g_k are the eigenvalues of Psi'Psi. Rows that follow each other are alike: of N rows n = N `share` count. Its size is
-the share of the squared error of the held-out runs that it explains, 1 - |y - R|^2/|y|^2. The interval is that of a
-bootstrap over the runs, or over stretches of them where there are few runs.
+g_k are the eigenvalues of Psi'Psi. Neighbouring rows are correlated: of N rows, n = N `share` are independent. R
+explains the share 1 - |y - R|^2/|y|^2 of the squared error of the held-out runs. Its interval is that of a bootstrap
+over the runs, or over stretches of them if there are few runs.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.types import FloatArray, IntArray
 
 COUNT = 300
-"""Features."""
+"""Number of features."""
 SLOW = 0.1
 """Speed at which the direction turns over, as a share of the RMS speed."""
 POINTS, COVERED = 60, 99.5
@@ -30,13 +30,13 @@ POINTS, COVERED = 60, 99.5
 LARGEST = 2.0
 """Largest standard deviation a of R before the rows, over the RMS of what is left: R is a part of it."""
 DECADES = 12.0
-"""Range in which the ridge is looked for."""
+"""Range in which the ridge is searched."""
 LEAST_SHARE = 0.01
-"""Share of the squared error below which there is no remainder to speak of."""
+"""Least share of the squared error for which a remainder is kept."""
 DRAWS, SEED = 1000, 0
-"""Of the bootstrap."""
+"""Draws and seed of the bootstrap."""
 FEWEST_RUNS, STRETCHES = 5, 20
-"""Held-out runs from which on they are drawn whole; of fewer, all together are cut into this many stretches."""
+"""Fewest held-out runs that the bootstrap draws whole; fewer runs are cut into this many stretches in total."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class FoundRemainder:
 
     @property
     def holds(self) -> bool:
-        """Whether it explains a share for sure that counts: only then it is part of a model file."""
+        """Whether the interval of its share lies above `LEAST_SHARE`; only then is it stored in a model file."""
         return self.model.share_ci95[0] > LEAST_SHARE
 
 
@@ -77,7 +77,7 @@ def remainder_of(train: DataSplit, held: DataSplit, gain: float) -> FoundRemaind
 
 
 def _scaling(samples: Samples) -> Remainder:
-    """A remainder of no weights that has the scales of the rows."""
+    """A remainder with zero weights and the scales of the rows."""
     s, rows = samples.signals, samples.rows
     slow = max(SLOW * rms(s.velocity[rows]), 1e-9)
     x = np.stack([s.position[rows], s.velocity[rows], np.tanh(s.velocity[rows] / slow), s.load_torque[rows]], axis=1)

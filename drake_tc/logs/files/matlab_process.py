@@ -1,4 +1,4 @@
-"""A process that reads a MATLAB file with SciPy and writes its numeric arrays into an NPZ: its end harms nobody."""
+"""A process that reads a MATLAB file with SciPy and writes its arrays into an NPZ; its caller survives a crash."""
 
 import resource
 import sys

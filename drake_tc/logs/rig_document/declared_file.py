@@ -126,7 +126,7 @@ def with_declared_file(rig: "Rig", path: Path, joints: Sequence[str] = ()) -> "R
 
 
 LEAST_CYCLES = 1.5
-"""Per turn, of a torque ripple of the library: no log tells a slower one from the weight of the link."""
+"""Fewest cycles per turn of a torque ripple: no log tells a slower one from the weight of the link."""
 ALWAYS = ("viscous", "coulomb")
 """Part of every declared model, whether a file has values or not."""
 
@@ -147,7 +147,7 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
     declared: dict[str, float | None] = {name: value for name, value in values.items() if value > 0.0}
     declared |= _springs(terms)
     if terms.ripple is not None and terms.ripple.cycles < LEAST_CYCLES:
-        slow = f"a torque ripple of {terms.ripple.cycles:.3g} cycles per turn, fewer than {LEAST_CYCLES:g}"
+        slow = f"a torque ripple of {terms.ripple.cycles:.3g} cycles per turn (the least is {LEAST_CYCLES:g})"
         read = read.also_unused(slow)
     for effect, parameters in read.effects.items():
         declared[effect] = None

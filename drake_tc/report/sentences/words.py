@@ -191,14 +191,15 @@ def _is_function(left: Unexplained) -> bool:
 
 
 def remainder_sentence(joint: JointResult) -> str:
-    """How much of what is left is a smooth function of the signals; "" where that was not asked or is not sure."""
+    """Share of the held-out error that the remainder explains; "" if none was fitted or the share is not certain."""
     found = joint.remainder
     if found is None or not found.holds:
         return ""
     low, high = (percent(end) for end in found.model.share_ci95)
     return (
-        f"{percent(found.model.share)} of the squared error on the held-out runs (95 % interval {low} to {high}) is a"
-        " smooth function of position, velocity and load torque, which model_after.yaml has as the joint's `remainder`."
+        f"A smooth function of position, velocity and load torque explains {percent(found.model.share)} of the squared"
+        f" error on the held-out runs (95 % interval {low} to {high}). model_after.yaml has it as the joint's"
+        " `remainder`."
     )
 
 
