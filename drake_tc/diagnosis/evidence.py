@@ -209,6 +209,8 @@ class Evidence:
         taken, variance = products.without_noise(gram, moment), scored.posterior.variance
         b = mode(products, prior, variance)
         left = products.rss(b)
+        if left <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
+            return replace(scored, log_odds=-np.inf)
         scored = replace(scored, passed=max(float(b @ gram @ b - 2.0 * b @ moment) / left, 0.0))
         if not asked:
             return scored

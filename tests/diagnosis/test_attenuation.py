@@ -11,6 +11,8 @@ from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import NAMED
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.effects.deadzone import Deadzone
+from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.payload import Payload
 from tests.diagnosis.rigs import Joint, record, rig_of
 
@@ -90,3 +92,10 @@ def test_what_lets_less_noise_through_is_no_merit_of_a_set(noisy: tuple[Evidence
     with_noise = evidence.score(terms)
     assert with_noise.log_odds > scored.log_odds + NAMED
     assert evidence.refined(with_noise).log_odds < scored.log_odds - NAMED
+
+
+def test_a_set_that_leaves_nothing_of_the_effort_has_no_odds() -> None:
+    """Inside a dead zone that holds every effort, all motions cost nothing, and any load explains them."""
+    evidence, scored = _heard(Joint())
+    terms = [*scored.terms, Term(Deadzone(), {"deadzone": 1e3}), Term(LoadDependentFriction())]
+    assert evidence.told_apart(evidence.score(terms)).log_odds == -np.inf
