@@ -94,12 +94,12 @@ def run_command(
     watched = _watch(made, watch, learn_watch)
     loop = RealTimeLoop(made, _link(robot, made), spec, watch=watched)
     report = loop.run(math.inf if duration is None else duration)
-    if watched is not None and learn_watch is not None:
-        save_torque_uncertainty(watched.learned().uncertainty(), learn_watch)
     if as_json:
         print(json.dumps(report.to_json()))
     else:
         print("\n".join(lines(report)))
+    if watched is not None and learn_watch is not None:
+        save_torque_uncertainty(watched.learned().uncertainty(), learn_watch)
     if report.ended == "no readings":
         print(
             f"run: no sound readings within {patience:g} s: expected all of them, finite, with joints within their"
@@ -137,7 +137,9 @@ def lines(report: "RunReport") -> list[str]:
         told.append(f"a tick {title} [us]: {shares}")
     if report.flags:
         told.append("flags [ticks]: " + ", ".join(f"{name} {n}" for name, n in report.flags.items()))
-    if report.watch is not None:
+    if counts.watch_errors:
+        told.append("model: an error ended the watch")
+    elif report.watch is not None and not report.watch["learns"]:
         told += [f"model: {event}" for event in report.watch["events"]] or ["model: no change"]
     return told + ([f"last error: {report.last_error}"] if report.last_error else [])
 

@@ -136,4 +136,5 @@ class ModelWatch:
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
         pushed = {joint: int(ticks) for joint, ticks in zip(self._joints, self.pushed, strict=True) if ticks}
-        return {"events": [asdict(event) for event in self.events], "pushed_ticks": pushed}
+        events = [asdict(event) for event in self.events]
+        return {"learns": self._learns, "events": events, "pushed_ticks": pushed}

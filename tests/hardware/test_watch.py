@@ -112,5 +112,7 @@ def test_the_command_watches_and_says_what_a_run_lacks_to_learn_from(health, tmp
     assert run([*loop, "--watch", str(known)]) == 0
     assert "model: no change" in capsys.readouterr().out
     assert run([*loop, "--learn-watch", str(learned)]) == 2
-    assert "expected at least 5 s of motion" in capsys.readouterr().err and not learned.exists()
+    told = capsys.readouterr()
+    assert "expected at least 5 s of motion" in told.err and not learned.exists()
+    assert "ended by" in told.out and "model:" not in told.out
     assert run([*loop, "--learn-watch", str(learned), "--watch", str(known)]) == 2
