@@ -13,7 +13,7 @@ from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.held_out import confirmed, noisy_lags
+from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, friction_spread, of_runs, parameters_of
 from drake_tc.diagnosis.left import visible_share
 from drake_tc.diagnosis.model import JointModel
@@ -81,7 +81,8 @@ def diagnose_joint(
     prepared = prepare_joint(train_runs, held_runs, rig, joint, command_held=options.command_held)
     model = joint_model(prepared)
     asked = asked_of(prepared, options)
-    return joint_result(decided(model, asked.usable, progress), asked, rig, joint, options, progress, executor)
+    found = find(Evidence(model).heard(model.declared, spread=False), asked.usable, progress)
+    return joint_result(decided(found), asked, rig, joint, options, progress, executor)
 
 
 @dataclass(frozen=True)
@@ -125,20 +126,11 @@ def asked_of(prepared: Prepared, options: DiagnosisOptions) -> Asked:
     return Asked(*candidates([*looked_for(context, options.effects), *rare], context, prepared.declared))
 
 
-def decided(model: JointModel, effects: Sequence[Effect], progress: Progress = lambda text, share: None) -> Decided:
-    """The most probable set without effects that do not hold, and without those that are too small.
-
-    Where a lag does not hold, the search begins anew without it: what was found beside it stands at ages that the
-    channels do not have.
-    """
-    first, noisy = Evidence(model).heard(model.declared, spread=False), list[Term]()
-    while True:
-        found = find(first, [e for e in effects if e.key not in {t.effect.key for t in noisy}], progress)
-        evidence, best = _resettled(found.evidence, found.best, pruned(found.evidence, found.best))
-        gone = noisy_lags(evidence, best)
-        if not gone:
-            break
-        noisy += gone
+def decided(found: Found) -> Decided:
+    """The most probable set without effects that do not hold, and without those that are too small."""
+    evidence, best = _resettled(found.evidence, found.best, pruned(found.evidence, found.best))
+    without, noisy = timing_holds(evidence, best)
+    evidence, best = _resettled(evidence, best, pruned(evidence, without))
     without, dropped = confirmed(evidence, best)
     evidence, best = _resettled(evidence, best, pruned(evidence, without))
     floor = noise_floor(evidence.model.train.recorded, _fit(evidence, evidence.model.train, best))

@@ -14,8 +14,8 @@ from drake_tc.diagnosis.split import is_filter
 from drake_tc.types import FloatArray
 
 
-def noisy_lags(evidence: Evidence, scored: Scored) -> tuple[Term, ...]:
-    """Lags of the effort that only the noise of one channel asks for.
+def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
+    """The set without lags of the effort that only the noise of one channel asks for, and these.
 
     A lag of the recorded effort can explain noise of the effort, and one of the effort that the model needs can explain
     noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none.
@@ -29,7 +29,7 @@ def noisy_lags(evidence: Evidence, scored: Scored) -> tuple[Term, ...]:
             if other.refined(other.score(scored.terms)).log_odds < other.refined(other.score(rest)).log_odds:
                 dropped.append(term)
                 scored = evidence.refined(evidence.score(rest))
-    return tuple(dropped)
+    return scored, tuple(dropped)
 
 
 def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:

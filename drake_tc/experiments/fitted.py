@@ -20,6 +20,7 @@ from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.diagnosis.search import find
 from drake_tc.effects.base import Context, Effect, JointNumbers, Shape, Signals, Signature
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
@@ -197,7 +198,7 @@ def fitted_joint(
     asked = asked_of(searched, DiagnosisOptions(effects=None if library is None else tuple(library)))
     model, late = joint_model(prepared), LateEffort()
     own = (late,) if effects is None and late.unavailable(prepared.context) is None else ()
-    decision = decided(model, (*asked.usable, *own))
+    decision = decided(find(Evidence(model).heard(model.declared, spread=False), (*asked.usable, *own)))
     return FittedJoint(
         prepared,
         decision.found.evidence,

@@ -15,6 +15,7 @@ from drake_tc.diagnosis.priors import NEGLIGIBLE
 from drake_tc.diagnosis.problem.prepared import Prepared
 from drake_tc.diagnosis.robot.messages import Belief, Message, belief, message, message_of_both, residual_at
 from drake_tc.diagnosis.robot.runs import RobotRuns
+from drake_tc.diagnosis.search import find
 from drake_tc.diagnosis.shared.causes import Cause
 from drake_tc.types import FloatArray, IntArray
 
@@ -160,7 +161,7 @@ def searched_fit(before: RobotFit, delta: FloatArray, names: Sequence[str]) -> R
         known = shared.belief(replace(before, joints=joints).others(name))
         model = with_shared(alone, columns, shared, known, delta, prepared.floor)
         asked = asked_of(prepared, before.runs.options)
-        decision = decided(model, asked.usable)
+        decision = decided(find(Evidence(model).heard(model.declared, spread=False), asked.usable))
         evidence = decision.found.evidence
         told = _told(evidence, decision.best, columns[0], delta)
         joints[name] = RobotJoint(prepared, columns, evidence, decision.best, told, delta, decision)
