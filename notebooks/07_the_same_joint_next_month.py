@@ -117,7 +117,7 @@ known = drake_tc.ActuatorModel(
     drake_tc.Drive("current", 0.08),
     tuple(drake_tc.EffectValue(k, {k: v}) for k, v in (("rotor_inertia", 0.3), ("viscous", 6.0), ("coulomb", 4.0))),
 )
-monitor = drake_tc.ModelMonitor([known], deviation=0.35, correlation_time=0.01)
+monitor = drake_tc.ModelMonitor([known], deviation=0.35, correlation_time=0.02)
 t = np.arange(0.0, 40.0, 1e-3)
 q, v = 0.5 * np.sin(2.0 * t) + 0.2 * np.sin(4.7 * t), np.cos(2.0 * t) + 0.94 * np.cos(4.7 * t)
 a = -2.0 * np.sin(2.0 * t) - 4.418 * np.sin(4.7 * t)

@@ -18,7 +18,6 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.linear import JITTER
 from drake_tc.diagnosis.priors import HELD_GAIN, LATE, LATE_S
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.diagnosis.split import LATE_RECORD
@@ -36,7 +35,8 @@ def with_uncertain_ages(evidence: Evidence, scored: Scored, told: Scored) -> Sco
     late_by = {"position": LATE_S} | {channel: way * LATE_S for channel, way in LATE_RECORD.items()}
     places, delayed = evidence.places_of_ages(scored), any(t.effect.ages_of for t in scored.terms)
     beta, covariance = told.posterior.beta, _with_held_ages(evidence, scored)
-    told = _with_covariance(told, told.posterior.covariance + covariance - scored.posterior.covariance)
+    widened = told.posterior.covariance + covariance - scored.posterior.covariance
+    told = replace(told, posterior=told.posterior.with_covariance(widened))
     odds, moves, widths = [0.0], [np.zeros(beta.size)], [np.zeros(beta.size)]
     for number, (channel, (mean, deviation)) in enumerate(evidence.model.ages.items()):
         if delayed or channel not in late_by:
@@ -69,8 +69,7 @@ def _mixed(evidence: Evidence, scored: Scored, odds: FloatArray, moves: FloatArr
         where, values = shape_places(terms)
         terms = tuple(with_shapes(terms, where, evidence.bounded(terms, where, values, mean[size : size + len(where)])))
         beta[size : size + len(where)] = 0.0
-    moved = replace(scored, terms=terms, posterior=replace(scored.posterior, beta=beta))
-    return _with_covariance(moved, covariance)
+    return replace(scored, terms=terms, posterior=replace(scored.posterior, beta=beta).with_covariance(covariance))
 
 
 def _with_held_ages(evidence: Evidence, scored: Scored) -> FloatArray:
@@ -81,9 +80,3 @@ def _with_held_ages(evidence: Evidence, scored: Scored) -> FloatArray:
         free = 1.0 / deviations[number] ** 2
         hessian[at + number, at + number] += free - free / HELD_GAIN**2
     return replace(scored.posterior, hessian=hessian).covariance
-
-
-def _with_covariance(scored: Scored, covariance: FloatArray) -> Scored:
-    sizes = np.outer(*2 * [1.0 / np.sqrt(np.diag(covariance))])
-    hessian = sizes * np.linalg.pinv(covariance * sizes, rcond=JITTER, hermitian=True)
-    return replace(scored, posterior=replace(scored.posterior, hessian=np.asarray(hessian)))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.linear import JITTER, Posterior, mode
+from drake_tc.diagnosis.linear import Posterior, mode
 from drake_tc.diagnosis.priors import NOISE_LEVEL
 
 
@@ -37,7 +37,4 @@ def corrected(evidence: Evidence, scored: Scored) -> Scored:
     hessian[np.ix_(at, at)] += (true.gram - own.gram) / held.variance
     covariance = louder * Posterior(held.beta, hessian, held.variance, 0.0).covariance
     covariance += NOISE_LEVEL**2 * np.outer(shift, shift)
-    sizes = np.outer(*2 * [1.0 / np.sqrt(np.diag(covariance))])
-    hessian = sizes * np.linalg.pinv(covariance * sizes, rcond=JITTER, hermitian=True)
-    beta = held.beta + shift
-    return replace(scored, posterior=Posterior(beta, np.asarray(hessian), held.variance, held.log_evidence))
+    return replace(scored, posterior=replace(held, beta=held.beta + shift).with_covariance(covariance))

@@ -122,6 +122,11 @@ class Posterior:
         eigenvalues, vectors = np.linalg.eigh(self.hessian * np.outer(scale, scale))
         return np.asarray((vectors / np.maximum(eigenvalues, JITTER)) @ vectors.T * np.outer(scale, scale))
 
+    def with_covariance(self, covariance: FloatArray) -> "Posterior":
+        """The same coefficients with this covariance (k, k), which may be singular."""
+        sizes = np.outer(*2 * [1.0 / np.sqrt(np.diag(covariance))])
+        return replace(self, hessian=np.asarray(sizes * np.linalg.pinv(covariance * sizes, JITTER, hermitian=True)))
+
 
 def log_determinant(hessian: FloatArray) -> float:
     """Of a positive matrix (k, k) whose columns may have any scale."""

@@ -17,8 +17,7 @@ class Signals:
         time: Since the start of the run [s].
         position, velocity, acceleration: q, qdot, qddot [rad, rad/s, rad/s^2].
         load_torque: tau on the link side [N m].
-        expected_torque: tau as the model so far expects it from effort and motion [N m], free of sensor noise; from the
-            motion and the fitted load alone where the effort is the target of the regression.
+        expected_torque: tau as the model so far expects it [N m], without the errors of sensors that it tells.
         slow_torque: tau low-passed three times as hard [N m], for effects that differentiate it: the sensor's noise,
             differentiated, would explain itself. The same as `load_torque` where nothing was filtered.
         effort: y, the commanded effort of the drive [rad | A | V | N m].

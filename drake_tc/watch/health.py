@@ -29,7 +29,7 @@ class ModelHealth:
     Attributes:
         joints: Names.
         deviation: (n,) standard deviation of the error beside `reference` [N m].
-        correlation_time: (n,) of the same [s].
+        correlation_time: (n,) of the same, integrated over positive and negative lags [s].
         reference: (n, C) changes by which the model is off, of each of `CAUSES`.
 
     Example:
@@ -141,7 +141,7 @@ def _shown(monitor: ModelMonitor, seen: FloatArray) -> FloatArray:
 def healthy_error(residual: FloatArray, moving: BoolArray, dt: float) -> tuple[float, float]:
     """Deviation [N m] and correlation time [s] of a joint's torque error.
 
-    The correlation time is that of a first-order process with the integral of the autocorrelation up to its first zero.
+    The correlation time is the integral of the autocorrelation between its first zeros on both sides.
 
     Args:
         residual: (T,) [N m].
@@ -157,4 +157,4 @@ def healthy_error(residual: FloatArray, moving: BoolArray, dt: float) -> tuple[f
         if share <= 0.0:
             break
         total += share
-    return float(np.sqrt(variance)), dt * (0.5 + total)
+    return float(np.sqrt(variance)), dt * (1.0 + 2.0 * total)

@@ -82,8 +82,8 @@ class ModelMonitor(PortMethods, LeafSystem):
         tracked (n C): changes of all causes, joint by joint.
 
     With the effort y^ that the model needs, the columns phi_k = dr/dx_k of the causes, and the changes x0 by which the
-    model is off from the beginning, r = (y - y^)/K - sum phi_k x0_k. Every row of m ticks, m dt about the correlation
-    time of the model's error of deviation s, and psi_k of phi_k as w of r:
+    model is off from the beginning, r = (y - y^)/K - sum phi_k x0_k. Every row of m ticks, m dt about half the
+    correlation time t of the model's error of deviation s, rho = exp(-2 m dt/t), and psi_k of phi_k as w of r:
 
         w   = (r[n] - rho r[n-m])/(s sqrt(1 - rho^2))
         g+  = max(0, g+ + clip(d_k psi_k w - (d_k psi_k)^2/2, c)),  g- likewise of -d_k     (Page, 1954)
@@ -120,7 +120,7 @@ class ModelMonitor(PortMethods, LeafSystem):
         Args:
             models: Of the joints, in the order of the ports.
             deviation: Standard deviation of the model's torque error [N m], as torque_uncertainty.yaml has it.
-            correlation_time: Of the same [s].
+            correlation_time: Of the same, integrated over positive and negative lags [s], as the file has it.
             spec: None: the defaults.
             dt: Period of the update [s].
             reference: (n, C) changes by which the model was off while nothing had changed (`health_of`); None: 0.
@@ -139,7 +139,8 @@ class ModelMonitor(PortMethods, LeafSystem):
             if not np.all(np.isfinite(values) & (values > 0.0)):
                 raise ParamsError(f"ModelMonitor: {name}: expected positive numbers, got {values.tolist()}")
         n, self._dt = len(models), float(dt)
-        row = np.maximum(np.round(time / dt), 1.0)
+        memory = 0.5 * time  # of the first-order process with this correlation time
+        row = np.maximum(np.round(memory / dt), 1.0)
         push = np.full(n, spec.push)
         self._gain, self._unknown = self._law.k_tau, np.full(n, np.nan)
         inertia = [model.inertia for model in models]
@@ -150,7 +151,7 @@ class ModelMonitor(PortMethods, LeafSystem):
             )
         servo = np.array([model.drive.kind == "position_servo" for model in models])
         stiffness = servo / self._gain
-        self._joints = np.column_stack([error, np.exp(-row * dt / time), row, push, self._gain, inertia, stiffness])
+        self._joints = np.column_stack([error, np.exp(-row * dt / memory), row, push, self._gain, inertia, stiffness])
         looked = [spec.friction, spec.torque_constant, spec.payload, spec.payload, spec.delay, spec.backlash, spec.bias]
         sizes = np.tile(looked, (n, 1))
         sizes[:, CAUSES.index("backlash")] *= servo

@@ -9,8 +9,10 @@ from scipy.signal import lfilter
 
 import drake_tc
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.diagnosis.result.torque_uncertainty import spread
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused import fuse
+from drake_tc.watch.health import healthy_error
 from drake_tc.watch.monitor import CAUSES, READ, ModelMonitor, ModelMonitorSpec
 from tests.benchmarks.monitor_hours import ROOM, Joints, calibrated, coloured, readings, watched
 
@@ -159,3 +161,15 @@ def test_the_system_shows_what_its_tick_computes(joints, fused):
 def test_it_stands_at_the_front_door_and_refuses_a_deviation_of_zero(joints):
     with pytest.raises(ParamsError, match="deviation: expected positive numbers"):
         drake_tc.ModelMonitor(joints.models(), 0.0, 0.02)
+
+
+@pytest.mark.parametrize("memory", [0.005, 0.05])
+def test_the_correlation_time_of_a_learned_error_is_that_of_torque_uncertainty_files(memory):
+    """Of a first-order process, e^(-|t|/T) over all lags: 2 T; a diagnosis writes the same into its file."""
+    dt, keep = 1e-3, np.exp(-1e-3 / memory)
+    drawn = np.random.default_rng(5).standard_normal(400_000)
+    error = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], drawn)
+    deviation, time = healthy_error(error, np.ones(error.size, dtype=bool), dt)
+    assert deviation == pytest.approx(1.0, rel=0.02)
+    assert time == pytest.approx(2.0 * memory, rel=0.1)
+    assert spread(error).correlation_time * dt == pytest.approx(time, rel=0.1)
