@@ -47,7 +47,7 @@ def test_noise_floor_error_and_features_do_not_depend_on_the_order(columns: Colu
     assert_allclose(fitted.cv_rms, first.cv_rms, rtol=1e-6)
     known = [columns.with_model(f.terms, f.beta, servo=True).samples.signals for f in (fitted, first)]
     assert_allclose(known[0].viscous, known[1].viscous, rtol=1e-6)
-    assert_allclose(known[0].expected_torque, known[1].expected_torque, atol=1e-6)
+    assert_allclose(known[0].stiffness, known[1].stiffness, rtol=1e-6)
     tables = [
         features(columns.samples, BalanceCoefficients.of(f.terms, f.beta), servo=False, load_measured=True)
         for f in (fitted, first)
