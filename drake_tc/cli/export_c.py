@@ -1,7 +1,7 @@
 """`drake-tc export --to c`: the torque control of a model's joints as one C99 file and its header."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +26,7 @@ class CRequest:
     window: int
     force: bool
     as_json: bool
+    notes: Sequence[str]
 
 
 def export_c(request: CRequest, models: "Mapping[str, ActuatorModel]") -> None:
@@ -57,9 +58,15 @@ def export_c(request: CRequest, models: "Mapping[str, ActuatorModel]") -> None:
             place.write_text(text, encoding="utf-8")
     joints = list(models) if robot is None else list(robot.joints)
     if request.as_json:
-        print(json.dumps({"name": "export", "to": "c", "files": list(map(str, paths)), "joints": joints}))
+        print(
+            json.dumps(
+                {"name": "export", "to": "c", "files": list(map(str, paths)), "joints": joints, "notes": request.notes}
+            )
+        )
         return
     print(f"joints: {', '.join(joints)}")
+    for note in request.notes:
+        print(note)
     if robot is None:
         print("no inverse dynamics, gravity and external torques: add --robot ROBOT.yaml with a fixed base")
     for path in paths:

@@ -178,8 +178,9 @@ def export_command(
         raise ParamsError("export --to parquet writes samples: add --ranges")
     read = load_model_file(model)
     models = _chosen(read.models, joint, model)
+    lost = [_without_remainder(name, each) for name, each in read.remainders.items() if name in models]
     if to is Target.c:
-        export_c(CRequest(model, out, robot, kp, ki, period, window, force, as_json), models)
+        export_c(CRequest(model, out, robot, kp, ki, period, window, force, as_json, lost), models)
         return
     if holdout and to.value not in RUNS:
         raise ParamsError(
@@ -209,7 +210,7 @@ def export_command(
     if into is not None and to is not Target.bam:
         notes += changes(text, projections, into)
     notes += [_not_in_newton_metres(models[name]) for name in read.torque_as_effort if name in models]
-    notes += [_without_remainder(name, each) for name, each in read.remainders.items() if name in models]
+    notes += lost
     notes += of_links
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]

@@ -134,7 +134,12 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
     old = next((node for each, node in zip(before, mine, strict=True) if each is place), None)
     element = old or append(child(root, "actuator"), "position")
     if (place.values.get("group", "0") if place else "0") in switched_off:
-        put(element, group=next(name for name in map(str, range(GROUPS)) if name not in switched_off))
+        free = [name for name in map(str, range(GROUPS)) if name not in switched_off]
+        if not free:
+            raise ParamsError(
+                f"{joint}: expected a group of actuators that is switched on; actuatorgroupdisable names all {GROUPS}"
+            )
+        put(element, group=free[0])
     left = _put_drive(element, projection, place, timestep(root))
     return _put_friction(root, left, joint)
 

@@ -190,6 +190,15 @@ def test_a_drive_whose_group_is_switched_off_is_switched_on(tmp_path, group):
     assert data.qfrc_actuator[0] == pytest.approx(0.5 / SERVO.gain, rel=1e-9)
 
 
+def test_where_every_group_is_switched_off_there_is_one_line(tmp_path):
+    path = tmp_path / "robot.xml"
+    text = FILE.format(default="", actuator='<position name="a" joint="knee"/>')
+    every = " ".join(map(str, range(31)))
+    path.write_text(text.replace("<worldbody>", f"<option actuatorgroupdisable='{every}'/><worldbody>", 1))
+    with pytest.raises(ParamsError, match="knee: expected a group of actuators that is switched on"):
+        to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+
+
 def test_an_actuator_that_names_its_joint_in_the_parents_frame_is_the_drive(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(FILE.format(default="", actuator='<position name="a" jointinparent="knee" kp="3"/>'))

@@ -121,5 +121,6 @@ def test_friction_that_the_library_lacks_is_a_remainder_of_the_model_and_exports
     read = load_model_file(tmp_path / "model_after.yaml").remainders["simulated_knee"]
     slow, fast = (float(read.torque(np.zeros(1), np.array([v]), np.zeros(1))[0]) for v in (0.05, 0.5))
     assert slow > fast + 1.0  # the peak of 4 N m near rest resists
-    assert run(["export", str(tmp_path / "model_after.yaml"), "--to", "mjcf", "--out", str(tmp_path / "m.xml")]) == 0
-    assert "the remainder of the model" in capsys.readouterr().out
+    for target, name in (("mjcf", "m.xml"), ("c", "m.c")):
+        assert run(["export", str(tmp_path / "model_after.yaml"), "--to", target, "--out", str(tmp_path / name)]) == 0
+        assert "the remainder of the model" in capsys.readouterr().out
