@@ -25,8 +25,7 @@ from drake_tc.identification.excitation import (
     postures_with_pushes,
 )
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import parse_rig, save_rig
 from drake_tc.types import FloatArray
 
 JOINT = "simulated_knee"

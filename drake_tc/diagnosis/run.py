@@ -31,7 +31,7 @@ from drake_tc.logs.files.readers import LogTable, named_logs
 from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.record import Run, distinct_notes
 from drake_tc.logs.rig import Rig, load_rig, parse_rig
-from drake_tc.logs.rig_document.declared_file import with_declared_file
+from drake_tc.logs.rig_document.declared import with_declared_file
 from drake_tc.robot.plant import make_plant
 
 Log = Path | str | pd.DataFrame
@@ -58,7 +58,7 @@ def close_loop(
         free_run: Simulates the model driven by a recorded command; None leaves the free-run errors out.
         progress: Told how far it is.
         executor: Runs free runs and the fits of what is left beside each other; None runs them here.
-        declared: File of another simulator whose model is declared (`drake_tc.logs.rig_document.declared_file`).
+        declared: File of another simulator whose model is declared (`drake_tc.logs.rig_document.declared`).
 
     Raises:
         RigError, LogError, IdentificationError: input that cannot be used.

@@ -15,7 +15,7 @@ import pandas as pd
 
 from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
-from drake_tc.logs.bags.roles import undecided_topics
+from drake_tc.logs.bags.joined import undecided_topics
 from drake_tc.logs.files.csv_file import ENDINGS, first_line
 from drake_tc.logs.inspection.names import meaning, stated_unit
 from drake_tc.logs.rig import Rig

@@ -22,13 +22,27 @@ from scipy.integrate import cumulative_trapezoid
 
 from drake_tc.errors import LogError
 from drake_tc.logs import channels
-from drake_tc.logs.checks.clock import GAP_PERIODS, HELD, MIN_ROWS, on_rows_of_positions, rows_in_order, uniform_clock
-from drake_tc.logs.checks.instants import sampling_instants
+from drake_tc.logs.checks.clock import (
+    GAP_PERIODS,
+    HELD,
+    MIN_ROWS,
+    on_rows_of_positions,
+    rows_in_order,
+    sampling_instants,
+    uniform_clock,
+)
 from drake_tc.logs.checks.jumps import find_jumps, stepped_clock
-from drake_tc.logs.checks.mistaken_columns import check_torque_unit, refuse_exchanged
+from drake_tc.logs.checks.mistaken_columns import (
+    TURNED,
+    SignEvidence,
+    check_torque_unit,
+    refuse_exchanged,
+    refuse_unsigned,
+    sign_evidence,
+    wrong_signs,
+)
 from drake_tc.logs.checks.outliers import without_outliers
 from drake_tc.logs.checks.plausible import check_angles, check_speed, check_velocity, lag_notes
-from drake_tc.logs.checks.signs import TURNED, SignEvidence, refuse_unsigned, sign_evidence, wrong_signs
 from drake_tc.logs.columns import RawLog, map_columns
 from drake_tc.logs.files.readers import LogTable, named_logs, read_table, run_name
 from drake_tc.logs.loads import Pendulum, RobotLoad

@@ -9,8 +9,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.config.files import whole_file, write_whole
 from drake_tc.errors import LogError
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 from drake_tc.loops.recording import write_log
 
 

@@ -15,8 +15,7 @@ from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import parse_rig, rig_document
 from drake_tc.types import GRAVITY
 
 from .pendulum_rig import Swing, record, rig_of

@@ -14,8 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_tc.errors import LogError, RigError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import load_rig, parse_rig, rig_document
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors

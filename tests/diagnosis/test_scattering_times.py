@@ -20,8 +20,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 from drake_tc.types import FloatArray
 
 FINE, PERIOD, SECONDS = 1e-4, 4e-3, 30.0

@@ -12,8 +12,7 @@ from drake_tc.errors import LogError, ParamsError, RigError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.record import Run
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 
 from .small_robot import write_robot
 

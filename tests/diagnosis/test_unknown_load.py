@@ -20,8 +20,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import Rig, load_rig, save_rig
 from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.report.report_json import joint_json
 from tests.benchmarks.importers import dfki, tmotor, uart_backlash

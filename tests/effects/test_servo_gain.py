@@ -10,8 +10,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import parse_rig, rig_document
 
 from .test_identify_back import GAIN
 from .test_told_apart import diagnosed

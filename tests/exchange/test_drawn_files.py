@@ -23,7 +23,7 @@ from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import RunInput, WrittenFile
 from drake_tc.exchange.urdf import to_sdf, to_urdf
 from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.declared_file import declared_terms
+from drake_tc.logs.rig_document.declared import declared_terms
 from drake_tc.simulator_files.read import read_joints
 
 from ..simulator_files.drawn_drake import drawn_sdf, drawn_urdf

@@ -20,8 +20,7 @@ from drake_tc.experiments.design.motions import JointLimits, motion_basis, scale
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
 from drake_tc.experiments.design.search import MotionSearch, StackedColumns, slow_passes, splits
 from drake_tc.experiments.sizes import size_of
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import parse_rig, rig_document
 from drake_tc.types import GRAVITY
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=60.0, bandwidth_hz=2.0)

@@ -92,7 +92,7 @@ def test_a_matlab_file_with_any_byte_changed_or_cut_is_read_or_refused(tmp_path,
 def test_a_matlab_file_on_which_scipy_ends_the_process_is_refused(tmp_path, monkeypatch):
     """The reader is killed, whatever the file holds."""
     (tmp_path / "sitecustomize.py").write_text(
-        "import sys, os, signal\nif 'drake_tc.logs.files.matlab_process' in str(sys.orig_argv):\n"
+        "import sys, os, signal\nif 'drake_tc.logs.files.array_files' in str(sys.orig_argv):\n"
         "    os.kill(os.getpid(), signal.SIGSEGV)\n"
     )
     monkeypatch.setattr("sys.path", [str(tmp_path), *sys.path])

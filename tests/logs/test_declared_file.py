@@ -12,9 +12,8 @@ from drake_tc.exchange.mjcf_actuator import with_torque_constant
 from drake_tc.exchange.projection import project
 from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.urdf import to_urdf
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.declared_file import LEAST_CYCLES, declared_terms, with_declared_file
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
+from drake_tc.logs.rig_document.declared import LEAST_CYCLES, declared_terms, with_declared_file
 
 GAIN = 2e-4
 MODEL = ActuatorModel(

@@ -4,8 +4,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import RigError
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import parse_rig, rig_document
 
 CURRENT = {"joint": "knee", "drive": "current"}
 SERVO = {"joint": "knee", "drive": "position_servo"}

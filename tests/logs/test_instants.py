@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_tc.logs.checks.clock import uniform_clock
-from drake_tc.logs.checks.instants import sampling_instants
+from drake_tc.logs.checks.clock import sampling_instants, uniform_clock
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 

@@ -9,8 +9,7 @@ import pytest
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.columns import map_columns
 from drake_tc.logs.prepare import load_runs
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import load_rig, parse_rig, rig_document
 from drake_tc.logs.units import allowed_units
 
 URDF = """<robot name="gantry"><link name="base"/><link name="carriage"/><link name="wrist"/>

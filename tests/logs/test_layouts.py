@@ -14,8 +14,7 @@ from numpy.testing import assert_allclose
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.logs.inspection.inspect import inspect_log, trial
 from drake_tc.logs.prepare import load_run
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 
 TIME = np.arange(3000) / 250.0
 POSITION = 0.9 * np.sin(1.7 * TIME) + 0.3 * np.sin(4.1 * TIME + 1.0)

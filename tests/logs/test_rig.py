@@ -7,8 +7,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import Pendulum
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 from drake_tc.logs.units import parse_unit, scale_of
 
 BASE = {"joint": "knee", "drive": "position_servo"}

@@ -17,8 +17,7 @@ from drake_tc.logs.loads import (
     JointSensors,
     typical,
 )
-from drake_tc.logs.rig import load_rig, parse_rig
-from drake_tc.logs.rig_document.writing import rig_document, save_rig
+from drake_tc.logs.rig import load_rig, parse_rig, rig_document, save_rig
 from drake_tc.logs.units import allowed_units
 
 BASE = {"joint": "knee", "drive": "position_servo"}

@@ -4,8 +4,7 @@ import pytest
 
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import UnknownLoad, unknown_form
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import parse_rig, rig_document
 
 
 def rig_with(load: object):  # type: ignore[no-untyped-def]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_tc.errors import LogError
-from drake_tc.logs.checks.signs import is_unsigned
+from drake_tc.logs.checks.mistaken_columns import is_unsigned
 from drake_tc.logs.prepare import load_runs
 
 from .conftest import bench, servo_rig, write

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from drake_tc.effects.library import DECLARED_ONLY, LIBRARY, UNCOMMON, effect
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.rig import load_rig, parse_rig
+from drake_tc.logs.rig import load_rig, parse_rig, rig_document
 from drake_tc.logs.rig_document.declared import EFFECT_IDS
 from drake_tc.logs.rig_document.document import RigDocument, rig_schema
 from drake_tc.logs.rig_document.loads import KINDS, WORDS, ModelLoad, PendulumKeys
@@ -28,7 +28,6 @@ from drake_tc.logs.rig_document.sensors import (
     TorqueSensorKeys,
     VoltageKeys,
 )
-from drake_tc.logs.rig_document.writing import rig_document
 from drake_tc.logs.units import COLUMN_MEANING, JOINT_SUFFIXES, SENSOR_SUFFIXES
 from drake_tc.report.rig_page import EXAMPLES, example, rig_page
 from drake_tc.robot.robot import load_robot

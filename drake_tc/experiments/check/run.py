@@ -109,7 +109,7 @@ def check_rig(
         rig_path: Rig file.
         logs: Runs that a diagnosis would fit.
         progress: Told how far it is.
-        declared: File of another simulator whose model is declared (`drake_tc.logs.rig_document.declared_file`).
+        declared: File of another simulator whose model is declared (`drake_tc.logs.rig_document.declared`).
 
     Raises:
         RigError, LogError: input that cannot be used.

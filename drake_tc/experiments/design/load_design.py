@@ -33,8 +33,7 @@ from drake_tc.experiments.design.run import (
 )
 from drake_tc.experiments.design.search import MotionPlan, MotionSearch
 from drake_tc.experiments.fitted import FittedJoint
-from drake_tc.logs.rig import Rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import Rig, rig_document
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 
 

@@ -1,7 +1,7 @@
 """Files of arrays: MATLAB's, read by SciPy, and NumPy's.
 
 A damaged MATLAB file may end the process in which SciPy reads it, or fill the memory. It is therefore read in a process
-of its own (`matlab_process`), whose memory is limited. NumPy's reader is Python, and unpacks no more than is checked.
+of its own (`main`), whose memory is limited. NumPy's reader is Python, and unpacks no more than is checked.
 """
 
 import os
@@ -11,17 +11,21 @@ import sys
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
-from drake_tc.config.files import check_size
+from drake_tc.config.files import LARGEST, check_size
 from drake_tc.errors import LogError
-from drake_tc.logs.files.matlab_process import MARK
 
 PATIENCE = 600.0
 """For a MATLAB file of the largest size [s]."""
+MARK = "_"
+"""Before each name in the NPZ: `numpy.savez` has an argument `file`, and a variable may have that name."""
+SCRATCH = 2**30
+"""Memory beside the content of the file [bytes]."""
 
 
 def read_mat(path: Path) -> dict[str, np.ndarray]:
@@ -38,7 +42,7 @@ def read_mat(path: Path) -> dict[str, np.ndarray]:
         raise LogError(f"{path}: MATLAB 7.3 file; save it with '-v7', or as CSV, Parquet or NPZ")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "arrays.npz"
-        command = [sys.executable, "-m", "drake_tc.logs.files.matlab_process", str(path), str(out)]
+        command = [sys.executable, "-m", "drake_tc.logs.files.array_files", str(path), str(out)]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
         try:
             done = subprocess.run(command, capture_output=True, env=environment, timeout=PATIENCE, check=False)
@@ -81,3 +85,45 @@ def _array(member: IO[bytes], where: str) -> np.ndarray:
     except Exception as error:  # the header is Python text, and what parses it raises errors of many kinds
         why = " ".join(str(error).split())[:200]
         raise LogError(f"{where} is no array of numbers that can be read ({why}); save it with numpy.savez") from None
+
+
+def _numeric(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """(name, array) of an array of numbers, or of each field of a struct."""
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype.names and value.size == 1:
+        for field in value.dtype.names:
+            yield from _numeric(f"{name}/{field}", value[field].item())
+    elif value.dtype.kind in "biufc":
+        yield name, value
+
+
+def main(source: str, target: str) -> str | None:
+    """Read one file and write the other.
+
+    Returns:
+        What is wrong with the file; None where nothing is.
+    """
+    from scipy.io import loadmat
+
+    path = Path(source)
+    if sys.platform == "linux":
+        import resource
+
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + LARGEST + SCRATCH, used + LARGEST + SCRATCH))
+    try:
+        values = loadmat(path, appendmat=False)
+        found = dict(pair for name, value in values.items() for pair in _numeric(name, value))
+        check_size(path, path.stat().st_size, sum(array.nbytes for array in found.values()))
+    except LogError as error:
+        return str(error)
+    except Exception as error:  # damaged bytes raise errors of any kind
+        return " ".join(f"{type(error).__name__} {error}".split())
+    named: dict[str, Any] = {MARK + name: array for name, array in found.items()}
+    np.savez(target, **named)
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

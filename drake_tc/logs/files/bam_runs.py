@@ -20,8 +20,7 @@ import pandas as pd
 from drake_tc.config.files import file_name, is_folder, unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import save_rig
+from drake_tc.logs.rig import parse_rig, save_rig
 
 JOINT = "servo"
 FULL_DUTY = 885.0

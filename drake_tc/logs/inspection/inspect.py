@@ -14,10 +14,9 @@ import pandas as pd
 from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.column import NAMELESS, Column, describe
-from drake_tc.logs.inspection.column import numbers as in_numbers
 from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit
-from drake_tc.logs.inspection.suggestion import suggested_rig
+from drake_tc.logs.inspection.suggestion import NAMELESS, Column, describe, suggested_rig
+from drake_tc.logs.inspection.suggestion import numbers as in_numbers
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 from drake_tc.logs.units import allowed_units, joint_type_of_unit

@@ -19,8 +19,7 @@ from drake_tc.experiments.design.run import DesignOptions, JointDesign
 from drake_tc.experiments.rehearsal.twin import TwinRun, integrated
 from drake_tc.joint_simulator.reference import LOG_PERIOD
 from drake_tc.joint_simulator.spec import RigSpec
-from drake_tc.logs.rig import Rig, parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import Rig, parse_rig, rig_document
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import GRAVITY
 from tests.benchmarks.evidence.loop import (

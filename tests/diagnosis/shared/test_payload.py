@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.shared.columns_of_runs import payload_of
 from drake_tc.errors import RigError
 from drake_tc.logs.loads import RobotLoad
-from drake_tc.logs.rig import parse_rig
-from drake_tc.logs.rig_document.writing import rig_document
+from drake_tc.logs.rig import parse_rig, rig_document
 from drake_tc.robot.link_parameters import link_model
 from drake_tc.robot.robot import load_robot
 
