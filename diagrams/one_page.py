@@ -28,8 +28,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 import drake_tc
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.projection import TARGETS, project
 
 STEP, PERIOD = 1e-3, 2e-3
 """Of the simulation, and of the logs [s]."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from drake_tc.errors import DrakeTcError
     from drake_tc.estimation.joint_torque import JointTorqueEstimator, MomentumResidual
     from drake_tc.estimation.torque_model import TorqueModel
-    from drake_tc.exchange.c_code.writer import CSpec, to_c
+    from drake_tc.exchange.c_code import CSpec, to_c
     from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
     from drake_tc.hardware.lcm_link import LcmLink, LcmRobot
     from drake_tc.hardware.link import CallbackLink

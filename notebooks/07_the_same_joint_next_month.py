@@ -39,7 +39,7 @@ import drake_tc
 from drake_tc.cli.demo import DemoLength, demo_model, demo_run, record_demo
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.models import models_of
-from drake_tc.report.history import history_figure, history_sentences
+from drake_tc.report.comparison import history_figure, history_sentences
 from drake_tc.watch.history import add_session, read_history, trends
 from drake_tc.watch.monitor import CAUSES
 

@@ -332,7 +332,7 @@ def test_the_diagnosis_yields_values_and_the_report_makes_sentences():
         for line, text in _texts_outside_errors(parsed(path)):
             if len(text.split()) > LONGEST_LABEL:
                 found.append(f"{path.relative_to(ROOT)}:{line}: {text}")
-    assert found == [], "sentences belong in drake_tc/report/sentences"
+    assert found == [], "sentences belong in drake_tc/report"
 
 
 @pytest.mark.parametrize(

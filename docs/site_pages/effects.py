@@ -8,7 +8,7 @@ from drake_tc.config.page import table
 from drake_tc.effects.base import Effect
 from drake_tc.effects.library import BUILT_IN, LIBRARY, UNCOMMON
 from drake_tc.report.equation import symbolic_equations
-from drake_tc.report.sentences.experiments import isolating
+from drake_tc.report.notes import isolating
 from drake_tc.types import FloatArray
 from site_pages import traces
 from site_pages.plots import BACKWARD, FORWARD, INK, Series, plot

@@ -184,7 +184,7 @@ def _require_runner(rig: Path, to: ExportTarget) -> None:
     Raises:
         ParamsError: the simulator is not installed, or cannot run this rig.
     """
-    from drake_tc.exchange.comparison import require_runner
+    from drake_tc.exchange.trial import require_runner
     from drake_tc.logs.rig import load_rig
 
     require_runner(to.value, load_rig(rig))

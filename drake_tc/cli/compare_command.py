@@ -88,7 +88,7 @@ def _written(logs: list[Path]) -> datetime:
 def _kept(found: "ComparisonResult", history: Path, serial: str, time: datetime) -> list[str]:
     """Keep the session, write history.html, and return sentences on what drifts."""
     from drake_tc.config.files import write_whole
-    from drake_tc.report.history import history_page, history_sentences
+    from drake_tc.report.comparison import history_page, history_sentences
     from drake_tc.watch.history import add_session, read_history
 
     add_session(found, history, serial, time)

@@ -39,7 +39,7 @@ def export_c(request: CRequest, models: "Mapping[str, ActuatorModel]") -> None:
     Raises:
         ParamsError: no file to write, or what cannot be written in C.
     """
-    from drake_tc.exchange.c_code.writer import CSpec, to_c
+    from drake_tc.exchange.c_code import CSpec, to_c
     from drake_tc.robot.link_changes import link_changes
     from drake_tc.robot.robot import load_robot
 

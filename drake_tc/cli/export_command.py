@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from drake_tc.actuation.model import ActuatorModel
     from drake_tc.actuation.remainder import Remainder
     from drake_tc.diagnosis.result.applications import ExportErrors
-    from drake_tc.exchange.isaaclab import ServoSettings
+    from drake_tc.exchange.actuator_configs import ServoSettings
     from drake_tc.exchange.projection import Projection
 
 
@@ -134,13 +134,11 @@ def export_command(
     from drake_tc.actuation.model_file import load_model_file
     from drake_tc.config.joint_units import JointUnits
     from drake_tc.diagnosis.result.applications import ExportTrial
-    from drake_tc.exchange.comparison import RUNS, changes
-    from drake_tc.exchange.isaaclab import limited_by_supply, to_isaaclab_bam
+    from drake_tc.exchange.actuator_configs import limited_by_supply, to_isaaclab_bam
     from drake_tc.exchange.links import with_links
-    from drake_tc.exchange.mjcf_actuator import with_torque_constant
-    from drake_tc.exchange.projection import project
-    from drake_tc.exchange.targets import TARGETS, vocabulary
-    from drake_tc.exchange.trial import export_page, sentences
+    from drake_tc.exchange.mjcf import with_torque_constant
+    from drake_tc.exchange.projection import TARGETS, project, vocabulary
+    from drake_tc.exchange.trial import RUNS, changes, export_page, sentences
     from drake_tc.report.sections import cells, headings
 
     if (log or holdout) and rig is None:
@@ -254,7 +252,7 @@ def _chosen(
 
 
 def _servo_settings(supply_voltage: float | None, position_gain: float | None) -> "ServoSettings":
-    from drake_tc.exchange.isaaclab import ServoSettings
+    from drake_tc.exchange.actuator_configs import ServoSettings
 
     if supply_voltage is None or position_gain is None:
         raise ParamsError(
@@ -265,10 +263,9 @@ def _servo_settings(supply_voltage: float | None, position_gain: float | None) -
 
 
 def _writer(to: Target) -> "Callable[[Sequence[Projection], Path | None], str]":
+    from drake_tc.exchange.actuator_configs import to_isaaclab, to_mjlab_actuators
     from drake_tc.exchange.bam import to_bam
-    from drake_tc.exchange.isaaclab import to_isaaclab
     from drake_tc.exchange.mjcf import to_mjcf
-    from drake_tc.exchange.mjlab import to_mjlab_actuators
     from drake_tc.exchange.urdf import to_sdf, to_urdf
 
     return {
@@ -334,7 +331,7 @@ def _errors(
     text: str,
 ) -> "tuple[list[ExportErrors], list[str]]":
     """Errors of the runs, and sentences on them."""
-    from drake_tc.exchange.comparison import run_errors, run_notes
+    from drake_tc.exchange.trial import run_errors, run_notes
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 

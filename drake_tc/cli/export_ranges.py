@@ -83,10 +83,8 @@ def export_ranges(request: RangesRequest) -> None:
 
 
 def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list[TermRanges]]":
-    from drake_tc.exchange.ranges.isaaclab import to_isaaclab_events
-    from drake_tc.exchange.ranges.mjlab import to_mjlab
-    from drake_tc.exchange.ranges.playground import to_playground
     from drake_tc.exchange.ranges.program import term_ranges
+    from drake_tc.exchange.ranges.simulators import to_isaaclab_events, to_mjlab, to_playground
 
     ranges = term_ranges(posterior, request.to, PROJECTED, request.seed, request.recorded, request.torque_constant)
     writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]
@@ -95,7 +93,7 @@ def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list
 
 def _losses(to: str, ranges: "Sequence[TermRanges]") -> list[str]:
     """Sentences on what the simulator cannot express, of which the ranges have nothing."""
-    from drake_tc.exchange.targets import TARGETS
+    from drake_tc.exchange.projection import TARGETS
     from drake_tc.exchange.trial import sentences
 
     return sentences([each.projection for each in ranges], TARGETS[to]) if ranges else []

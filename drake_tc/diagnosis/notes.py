@@ -1,6 +1,6 @@
 """What the reader of a result must know beside its numbers: one small record a kind, with its figures.
 
-`drake_tc.report.sentences.notes` makes the sentences.
+`drake_tc.report.notes` makes the sentences.
 """
 
 from dataclasses import dataclass

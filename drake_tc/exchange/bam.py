@@ -27,10 +27,10 @@ import numpy as np
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.mjcf_actuator import DcMotor, dc_motor
+from drake_tc.exchange.mjcf import DcMotor, dc_motor
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.target_run import RunInput
-from drake_tc.simulator_files.bam import NO_LOAD_FRICTION
+from drake_tc.simulator_files.read import NO_LOAD_FRICTION
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.types import FloatArray
 

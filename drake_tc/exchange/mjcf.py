@@ -1,4 +1,26 @@
-"""MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge or slide a joint.
+"""Torque constant and resistance of a drive on a voltage, apart.
+
+    kp V - damping v = kt/R (V - kt v) - (damping - kt^2/R) v,   R = kt/kp
+
+Logs of voltage and motion know kp = kt/R alone, and the back-EMF kt^2/R v as a part of the viscous friction.
+
+The actuators of a joint in an MJCF file: one that is the identified drive, and one without input for its friction.
+
+    position: force = kp (ctrl - q) - kv v as a whole within forcerange; timeconst filters ctrl
+    pid:      the same with ki, the integral of the error
+    motor:    force = gear ctrl, written with gear = kp, the torque for one unit of the drive's command
+    general:  the same with a filter of ctrl
+    dcmotor:  force = kt/R (ctrl - kt v), written where the torque constant is known; its limit is that of ctrl, because
+              MuJoCo 3.17 does not apply the voltage of `saturation` to it
+    dcmotor without input: a Stribeck peak F_C + (F_S - F_C) exp(-(v/v_S)^2) as `lugre`, a ripple as `cogging`
+
+The drive takes the place of the file's own. Another actuator of the joint that brakes or holds it would act beside the
+identified model: its gear is set to 0, so that controls and keyframes of the file keep their places. Default classes
+hand on gear, gains, filters, delay and limits to every actuator, so whatever differs from MuJoCo's own default is
+written out where a file has default classes. A limit of force or command that the model says nothing of stays the same
+limit at the joint when the gear changes.
+
+MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge or slide a joint.
 
 MuJoCo's joint has armature, frictionloss and damping, whose three numbers d0, d1, d2 make the passive force
 -(d0 + d1 |v| + d2 v^2) v. Its dry friction is a soft constraint: below frictionloss the velocity decays with a time
@@ -10,17 +32,299 @@ module takes them for is tested in MuJoCo itself; `mujoco_versions` has the vers
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.dom import minidom
 
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.mjcf_actuator import put_actuator, timestep
-from drake_tc.exchange.projection import Projection
+from drake_tc.exchange.projection import Loss, Projection, Vocabulary
 from drake_tc.exchange.xml_text import append, child, imported, named, number, parsed, put, read_xml, to_text, top
 from drake_tc.exchange.xml_text import element as new_element
-from drake_tc.simulator_files.mjcf import PLAY, gears_of, joints_of
-from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.mjcf import ACTUATORS, PLAY, disabled_groups, drive_of, gears_of, joints_of
+from drake_tc.simulator_files.mjcf_actuator import Actuator
+from drake_tc.simulator_files.terms import Ripple, Terms
 from drake_tc.simulator_files.xml_tree import included_path, xml_tree
+
+
+@dataclass(frozen=True)
+class DcMotor:
+    """A motor on a voltage.
+
+    Attributes:
+        torque_constant: kt [N m/A], at the joint.
+        resistance: R [Ohm].
+        damping: Viscous friction without the back-EMF [N m s/rad].
+    """
+
+    torque_constant: float
+    resistance: float
+    damping: float
+
+
+def dc_motor(terms: Terms) -> DcMotor | None:
+    """The motor of a drive; None where it is not on a voltage, or its torque constant is not known.
+
+    Args:
+        terms: Of the drive.
+    """
+    kt = terms.torque_constant
+    if terms.drive != "voltage" or kt is None:
+        return None
+    return DcMotor(kt, kt / terms.kp, terms.damping - kt * terms.kp)
+
+
+def with_torque_constant(projection: Projection, torque_constant: float, target: Vocabulary) -> Projection:
+    """The projection with the torque constant of a data sheet; a drive that is not on a voltage has no use for it.
+
+    Args:
+        projection: Of one joint.
+        torque_constant: kt [N m/A].
+        target: What it is projected to. Where the target or the drive has no use for the constant, this is one of the
+            losses.
+
+    Raises:
+        ParamsError: not positive, or a back-EMF that exceeds the viscous friction.
+    """
+    if not 0.0 < torque_constant < float("inf"):
+        raise ParamsError(f"export: --torque-constant: expected a positive number [N m/A], got {torque_constant:g}")
+    if projection.terms.drive != "voltage":
+        why = "the drive's input is not a voltage, so --torque-constant is not used"
+        return replace(projection, losses=(*projection.losses, Loss("torque_constant", why)))
+    terms = replace(projection.terms, torque_constant=torque_constant)
+    motor = dc_motor(terms)
+    if motor is not None and motor.damping < 0.0:
+        raise ParamsError(
+            f"export: a torque constant of {torque_constant:g} N m/A makes a back-EMF of"
+            f" {terms.damping - motor.damping:.4g} N m s/rad, more than all viscous friction that was found"
+            f" ({terms.damping:.4g}); give a smaller one"
+        )
+    if why := target.no_motor(terms):
+        return replace(projection, losses=(*projection.losses, Loss("torque_constant", why)))
+    return replace(projection, terms=terms)
+
+
+ROUNDING = 1e-9
+"""MuJoCo takes the sample before a delay has passed: rounding of a whole number of steps must not add one."""
+FRICTION = "_friction"
+"""End of the name of the actuator without input that is the friction of a joint."""
+SMALL_CONSTANT = 1e-6
+"""Motor constant of that actuator: MuJoCo wants one, and its back-EMF must be nothing [N m/A]."""
+BRISTLE = 1e-3
+"""Deflection of the bristles at which they slide [rad], [m]."""
+BRISTLE_DAMPING = 5e-3
+"""Damping of the bristles over their stiffness [s]: they neither ring nor brake what slides."""
+OF_JOINT = ("joint", "jointinparent")
+"""Attributes by which an actuator names its joint."""
+GROUPS = 31
+"""Groups of actuators that a file can switch off, from 0."""
+OF_OTHERS = ("dampratio", "timeconst", "damping", "armature", "inheritrange")
+"""Attributes of a servo or motor that the identified model replaces."""
+OF_MOTORS = ("controller", "input", "nominal", "lugre", "cogging", "thermal", "saturation")
+
+
+def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
+    """The drive of the joint and the actuator of its friction; the terms that are left to the joint.
+
+    Args:
+        root: `<mujoco>` with its includes.
+        projection: Of the joint.
+    """
+    joint = projection.joint
+    mine = [node for group in _groups(root) for node in _elements(group) if joint in map(node.getAttribute, OF_JOINT)]
+    mine = [node for node in mine if node.getAttribute("name") != joint + FRICTION]
+    tree = xml_tree(root.toxml())
+    read, switched_off = joints_of(tree), disabled_groups(tree)
+    before = [each for each in read[joint].actuators if each.element.get("name") != joint + FRICTION]
+    place = _place_of_drive(before)
+    for other, node in zip(before, mine, strict=True):
+        if other is not place and other.enabled and acts_without_command(other):
+            put(node, gear="0")
+        elif other is not place and (any(other.numbers("damping")) or any(other.numbers("armature"))):
+            put(node, damping="0", armature="0")
+    old = next((node for each, node in zip(before, mine, strict=True) if each is place), None)
+    element = old or append(child(root, "actuator"), "position")
+    if (place.values.get("group", "0") if place else "0") in switched_off:
+        free = [name for name in map(str, range(GROUPS)) if name not in switched_off]
+        if not free:
+            raise ParamsError(
+                f"{joint}: expected a group of actuators that is switched on; actuatorgroupdisable names all {GROUPS}"
+            )
+        put(element, group=free[0])
+    left = _put_drive(element, projection, place, timestep(root))
+    return _put_friction(root, left, joint)
+
+
+def acts_without_command(actuator: Actuator) -> bool:
+    """Whether an actuator brakes or holds its joint also while its command is 0."""
+    if actuator.gain is None:
+        return actuator.kind not in ("damper", "muscle", "adhesion")
+    return any(actuator.bias)
+
+
+def _place_of_drive(found: list[Actuator]) -> Actuator | None:
+    first = drive_of(found)
+    return first if first is not None or not found else found[0]
+
+
+def _put_drive(element: minidom.Element, projection: Projection, before: Actuator | None, step: float) -> Terms:
+    """The drive; the terms that are left to the joint."""
+    terms = projection.terms
+    was = ("", {}) if before is None else (before.kind, dict(before.values))
+    motor = None if was[1].get("forcerange") else dc_motor(terms)  # a dcmotor has no forcerange of its own
+    servo = terms.drive == "position_servo"
+    kind = ("pid" if terms.integral_rate else "position") if servo else "motor" if motor is None else "dcmotor"
+    kind = "general" if kind == "motor" and terms.lag else kind
+    if element.tagName != kind:
+        element = _renamed(element, kind)
+    if not element.hasAttribute("name"):
+        put(element, name=projection.joint)
+    put(element, joint=projection.joint, **dict.fromkeys((*OF_JOINT[1:], *OF_OTHERS)))
+    inherits = _has_defaults(element)
+    if inherits:
+        put(element, damping="0", armature="0")
+    if servo:
+        _put_servo(element, terms, inherits=inherits)
+        terms = replace(terms, damping=terms.damping - terms.derivative_gain)
+    elif motor is not None:
+        limit = 0.0 if terms.torque_limit is None else terms.torque_limit / terms.kp
+        put(element, **dict.fromkeys(OF_MOTORS))
+        put(element, motorconst=motor.torque_constant, resistance=motor.resistance, gear=1.0 if inherits else None)
+        put(element, inductance=f"0 {number(terms.lag)}" if terms.lag else None)
+        put(element, ctrlrange=f"{number(-limit)} {number(limit)}" if limit else None)
+        if was[1].get("ctrlrange"):
+            put(element, ctrllimited="true" if limit else "false")
+    else:
+        put(element, gear=terms.kp)
+        if kind == "general":
+            put(element, gaintype="fixed", gainprm="1", biastype="none", biasprm="0 0 0", dyntype="filterexact")
+            put(element, dynprm=terms.lag)
+    _put_delay(element, terms, step, was[1])
+    if motor is not None:
+        return replace(terms, damping=motor.damping)
+    _put_limits(element, terms, *was, servo=before is not None and (before.is_servo or before.kind == "pid"))
+    return terms
+
+
+def _put_servo(element: minidom.Element, terms: Terms, *, inherits: bool) -> None:
+    kv = terms.derivative_gain
+    put(element, kp=terms.kp, kv=kv if kv or inherits else None, gear=1.0 if inherits else None)
+    if element.tagName == "pid":
+        put(element, ki=terms.kp * terms.integral_rate, input="pos", imax=None, slewmax=None)
+    elif terms.lag or inherits:
+        put(element, timeconst=terms.lag)
+
+
+def _put_friction(root: minidom.Element, terms: Terms, joint: str) -> Terms:
+    """The actuator of the friction, or none; the terms without what it has."""
+    named = [node for group in _groups(root) for node in _elements(group)]
+    old = next((node for node in named if node.getAttribute("name") == joint + FRICTION), None)
+    if terms.stribeck is None and terms.ripple is None:
+        if old is not None and old.parentNode is not None:
+            old.parentNode.removeChild(old)
+        return terms
+    made = old or append(child(root, "actuator"), "dcmotor")
+    put(made, name=joint + FRICTION, joint=joint, input="none", motorconst=SMALL_CONSTANT, resistance=1.0)
+    if _has_defaults(made):
+        put(made, gear=1.0, damping="0", armature="0")
+    if terms.stribeck is not None:
+        put(made, lugre=" ".join(map(number, lugre_of(terms))))
+    if terms.ripple is not None:
+        put(made, cogging=" ".join(map(number, cogging_of(terms.ripple))))
+    return replace(terms, frictionloss=0.0) if terms.stribeck is not None else terms
+
+
+def lugre_of(terms: Terms) -> tuple[float, ...]:
+    """Stiffness, damping, F_C, F_S and v_S of MuJoCo's `lugre` for the dry friction with its Stribeck peak.
+
+    Args:
+        terms: With a peak.
+    """
+    height, velocity = (0.0, 1.0) if terms.stribeck is None else (terms.stribeck.height, terms.stribeck.velocity)
+    least, most = terms.frictionloss, terms.frictionloss + height
+    stiffness = most / BRISTLE
+    return stiffness, BRISTLE_DAMPING * stiffness, least, most, velocity
+
+
+def cogging_of(ripple: Ripple) -> tuple[float, ...]:
+    """Amplitude, periods a turn and phase of MuJoCo's `cogging`.
+
+    Args:
+        ripple: Of the joint.
+    """
+    phase = math.atan2(-ripple.cosine, -ripple.sine)
+    return math.hypot(ripple.cosine, ripple.sine), ripple.cycles, phase
+
+
+def _put_limits(element: minidom.Element, terms: Terms, kind: str, was: Mapping[str, str], *, servo: bool) -> None:
+    """The identified limit of torque, or the limit of the file; and the file's limits of the command."""
+    before = float((was.get("gear") or "1").split()[0])
+    is_servo = element.tagName in ("position", "pid")
+    after = 1.0 if is_servo else terms.kp
+    renamed = kind != element.tagName
+    if terms.torque_limit is not None:
+        bound = terms.torque_limit / after
+        put(element, forcerange=f"{number(-bound)} {number(bound)}")
+        if was.get("forcelimited") == "false":
+            put(element, forcelimited="true")
+    elif was.get("forcerange") and (before != after or renamed):
+        put(element, forcerange=_scaled(was["forcerange"], before / after))
+    if not was.get("ctrlrange"):
+        return
+    factor = 1.0 / before if servo else before / after
+    if servo != is_servo:  # an angle in place of a torque, or the other way round
+        put(element, ctrlrange=None, ctrllimited="false" if _has_defaults(element) else None)
+    elif factor != 1.0 or renamed:
+        put(element, ctrlrange=_scaled(was["ctrlrange"], factor))
+
+
+def _put_delay(element: minidom.Element, terms: Terms, step: float, was: Mapping[str, str]) -> None:
+    if terms.delay:
+        put(element, delay=terms.delay * (1.0 - ROUNDING), nsample=str(math.ceil(terms.delay / step - 1e-9) + 1))
+    elif float(was.get("delay") or 0.0) > 0.0:
+        put(element, delay=0.0, nsample="0")
+
+
+def _scaled(limits: str, factor: float) -> str:
+    return " ".join(number(float(value) * factor) for value in limits.split())
+
+
+def _renamed(element: minidom.Element, tag: str) -> minidom.Element:
+    """The element under another tag, with what both kinds have."""
+    made = new_element(element, tag)
+    for name in ("name", "class", "group", "joint"):
+        if element.hasAttribute(name):
+            made.setAttribute(name, element.getAttribute(name))
+    if element.parentNode is not None:
+        element.parentNode.replaceChild(made, element)
+    return made
+
+
+def _elements(parent: minidom.Element) -> list[minidom.Element]:
+    return [node for node in parent.childNodes if isinstance(node, minidom.Element) and node.tagName in ACTUATORS]
+
+
+def _groups(root: minidom.Element) -> list[minidom.Element]:
+    """All `<actuator>` sections: MuJoCo merges them."""
+    return [node for node in root.childNodes if isinstance(node, minidom.Element) and node.tagName == "actuator"]
+
+
+def _has_defaults(element: minidom.Element) -> bool:
+    """Whether default classes of the element's file have attributes of actuators."""
+    tops = element.ownerDocument.getElementsByTagName("default") if element.ownerDocument else []
+    return any(top.getElementsByTagName(tag) for top in tops for tag in ACTUATORS)
+
+
+def timestep(root: minidom.Element) -> float:
+    """Of the file [s]; MuJoCo's own is 2 ms.
+
+    Args:
+        root: `<mujoco>`.
+    """
+    for option in root.getElementsByTagName("option"):
+        if option.hasAttribute("timestep"):
+            return float(option.getAttribute("timestep"))
+    return 2e-3
+
 
 BENCH = """<mujoco model="drake_tc_bench">
   <compiler angle="radian"/>

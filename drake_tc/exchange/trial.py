@@ -1,30 +1,308 @@
-"""The export of a model, tried on recorded runs without writing a file.
+"""Free runs of held-out logs: the identified model in Drake, its export in the target, and what the user's file had.
+
+The export of a model, tried on recorded runs without writing a file.
 
 What an export loses, in sentences, and as a page beside the errors of free runs.
 """
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.config.joint_units import EFFORT_UNIT, JointUnits, in_units_of
-from drake_tc.diagnosis.result.applications import ExportTrial
-from drake_tc.exchange.comparison import RUNS, run_errors, run_notes
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mujoco_run import file_notes
-from drake_tc.exchange.projection import Projection, Vocabulary, project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.diagnosis.result.applications import ExportErrors, ExportTrial
+from drake_tc.errors import ParamsError
+from drake_tc.exchange.bam import simulate_as_bam
+from drake_tc.exchange.drake_run import (
+    simulate_file_in_drake,
+    simulate_in_drake,
+    simulate_sdf_in_drake,
+    simulate_urdf_in_drake,
+)
+from drake_tc.exchange.mjcf import put_includes, to_mjcf
+from drake_tc.exchange.mujoco_run import file_notes, require_mujoco, simulate_in_mujoco, simulate_mjcf, too_old_for
+from drake_tc.exchange.projection import TARGETS, Projection, Vocabulary, project
+from drake_tc.exchange.target_run import Runner, WrittenFile, target_free_run
+from drake_tc.exchange.xml_text import read_xml, to_text, top
 from drake_tc.logs.checks.plausible import derivative
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
+from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.report.numbers import significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 from drake_tc.report.sections import HOW, cells, headings
-from drake_tc.report.sentences.words import title_of
+from drake_tc.report.words import title_of
+from drake_tc.simulator_files.read import ANY_JOINT, joints_of_text, read_joints
+from drake_tc.simulator_files.terms import ReadJoint, Terms
 from drake_tc.types import FloatArray
+
+NO_FRICTION = MappingProxyType({"frictionloss": "Drake's parser does not use the friction of a joint"})
+RUNS: Mapping[str, Runner] = MappingProxyType(
+    {
+        "mjcf": Runner("MuJoCo", simulate_in_mujoco, 1e-3, simulate_mjcf, 5e-4, require_mujoco, too_old_for),
+        "urdf": Runner("Drake's plant", simulate_urdf_in_drake, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
+        "drake-urdf": Runner("Drake's plant", simulate_in_drake, 2e-4, simulate_file_in_drake),
+        "sdf": Runner("Drake's plant", simulate_sdf_in_drake, 2e-4, simulate_file_in_drake, ignores=NO_FRICTION),
+        "bam": Runner("BAM's equations", simulate_as_bam, 2e-4),
+    }
+)
+"""Target, as on the command line, to what runs it. With 1 ms, the implicit servo of Drake's plant and BAM's integration
+would err by some 0.2 % of the motion themselves."""
+
+
+def run_errors(
+    models: Mapping[str, ActuatorModel],
+    projections: Sequence[Projection],
+    target: str,
+    rig: Rig,
+    runs: Sequence[Run],
+    original: Path | None,
+    text: str | None = None,
+    problems: list[str] | None = None,
+) -> list[ExportErrors]:
+    """One row a joint and run.
+
+    Args:
+        models: By joint.
+        projections: Of these models.
+        target: A key of `RUNS`.
+        rig: Of the runs.
+        runs: Held-out ones.
+        original: The user's file; None: there is none.
+        text: Of the file that the terms were merged into; the run is that of this file. None: of a bench of the terms.
+        problems: Takes sentences on files that their simulator does not load, whose errors are None; None: they raise.
+
+    Raises:
+        ParamsError: the target is not installed, or refuses the model; an unreadable file; a rig whose loads come from
+            a robot's model.
+    """
+    runner = require_runner(target, rig)
+    both = _to_run(projections, target, original, rig, text)
+
+    def error(what: Terms | WrittenFile | None, terms: Terms | None, joint: str, run: Run) -> float | None:
+        if what is None or terms is None or runner.too_old(terms):
+            return None
+        try:
+            return _rms(target_free_run(runner, models[joint], what, rig, run))
+        except ParamsError as problem:
+            if problems is None or not isinstance(what, WrittenFile):
+                raise
+            told = f"{joint}: {'the export' if what.text == text else 'your file'} was not run: {problem}."
+            if told not in problems:
+                problems.append(told)
+            return None
+
+    rows = []
+    for run in runs:
+        for joint, (exported, was) in both.items():
+            ours = rig_free_run(models[joint], rig, joint, run)
+            model = None if ours is None else _rms(ours[1:])
+            rows.append(ExportErrors(joint, run.name, model, error(*exported, joint, run), error(*was, joint, run)))
+    return rows
+
+
+def run_notes(projections: Sequence[Projection], target: str, rig: Rig, into: Path | None) -> list[str]:
+    """Sentences on what a run of the export does not have although the file has it, or on why it is not run.
+
+    Args:
+        projections: One a joint.
+        target: A key of `RUNS`.
+        rig: Of the runs.
+        into: The user's file; None: there is none.
+    """
+    runner, lines = RUNS[target], list[str]()
+    inertias = (
+        {} if into is None else {name: each.terms.armature for name, each in read_joints(into, ParamsError).items()}
+    )
+    for joint, (exported, original) in _terms_to_run(projections, target, into).items():
+        for what, terms in (("the export", exported), ("your file", original)):
+            if terms is not None and (old := runner.too_old(terms)):
+                lines.append(f"{joint}: {what} was not run: {old}.")
+        lines += [
+            f"{joint}: {why}: the runs are without it."
+            for term, why in runner.ignores.items()
+            if any(getattr(terms, term) for terms in (exported, original) if terms is not None)
+        ]
+        has_inertia = TARGETS[target].has("armature") or exported.armature or inertias.get(joint)
+        if not has_inertia and rig.load[joint] == "torque":
+            lines.append(
+                f"{joint}: the load is a recorded torque, so the run of the export has no inertia:"
+                f" {TARGETS[target].name} has no rotor inertia."
+            )
+    return lines
+
+
+def require_runner(target: str, rig: Rig) -> Runner:
+    """What runs an export of the models of a rig.
+
+    Args:
+        target: A key of `RUNS`.
+        rig: Of the runs.
+
+    Raises:
+        ParamsError: the target is not installed, or the rig's loads come from a robot's model: the load on the joint
+            is then no column of the runs.
+    """
+    if rig.robot is not None:
+        raise ParamsError(
+            "the export runs each joint by itself: expected a rig with a torque column or a load of its own, got loads"
+            " that the model of a robot computes; run the exported robot in its simulator instead"
+        )
+    RUNS[target].require()
+    return RUNS[target]
+
+
+def _terms_to_run(
+    projections: Sequence[Projection], target: str, into: Path | None
+) -> dict[str, tuple[Terms, Terms | None]]:
+    """By joint the terms of the export and those of the user's file; None where the file's cannot be run."""
+    before = {} if into is None else read_joints(into, ParamsError)
+    found = {}
+    for projection in projections:
+        was = before.get(projection.joint, before.get(ANY_JOINT))
+        original = None if was is None else _original(was, projection.terms, TARGETS[target])
+        found[projection.joint] = projection.terms, original
+    return found
+
+
+_What = tuple[Terms | WrittenFile | None, Terms | None]
+
+
+def _to_run(
+    projections: Sequence[Projection], target: str, original: Path | None, rig: Rig, text: str | None
+) -> dict[str, tuple[_What, _What]]:
+    """By joint what runs of the export and of the user's file: a file where its own links are the load, with terms."""
+    found: dict[str, tuple[_What, _What]] = {}
+    files = RUNS[target].simulate_file is not None
+    for joint, (exported, was) in _terms_to_run(projections, target, original).items():
+        whole = files and (isinstance(rig.load[joint], Pendulum) or rig.load[joint] == "torque")
+        new: Terms | WrittenFile = exported
+        old: Terms | WrittenFile | None = was
+        if whole and text is not None and original is not None:
+            new = _file(text, joint, exported, original)
+            old = None if was is None else _file(_flat(original, target), joint, was, original)
+        found[joint] = (new, exported), (old, was)
+    return found
+
+
+def _flat(path: Path, target: str) -> str:
+    """The text of the user's file, with what it includes."""
+    if target != "mjcf":
+        return path.read_text(encoding="utf-8")
+    document = read_xml(path, "mujoco")
+    put_includes(top(document), path)
+    return to_text(document)
+
+
+def _file(text: str, joint: str, terms: Terms, path: Path) -> WrittenFile:
+    servo = (terms.kp, 0.0) if terms.drive == "position_servo" else None
+    return WrittenFile(text, joint, path.parent, servo, terms.kp)
+
+
+def changes(text: str, projections: Sequence[Projection], into: Path) -> list[str]:
+    """Sentences on what the file had beside the model: what went, and what stays in the file that was written.
+
+    Args:
+        text: Of the written file.
+        projections: That were merged into it.
+        into: The user's file.
+
+    Raises:
+        ParamsError: the file cannot be read.
+    """
+    before, after = read_joints(into, ParamsError), joints_of_text(text, into, ParamsError)
+    files = ", ".join(_INCLUDE.findall(into.read_text(encoding="utf-8")))
+    lines = [f"The files that your file includes were merged into the written file: {files}."] if files else []
+    for each in projections:
+        was, now = (found.get(each.joint, found.get(ANY_JOINT)) for found in (before, after))
+        if was is None or now is None:
+            continue
+        left = [_term(name, now.terms) for name in LEFTOVERS if _differs(name, now.terms, each.terms)]
+        if now.driven and now.terms.drive == each.terms.drive:
+            more = now.derivative_gain - each.terms.derivative_gain
+            left += [f"a servo gain of {now.terms.kp:.4g} N m/rad"] if _other(now.terms.kp, each.terms.kp) else []
+            left += [f"a servo damping of {more:.4g} N m s/rad"] if _other(more, 0.0) else []
+        gone = [
+            _term(name, was.terms)
+            for name in LEFTOVERS
+            if getattr(was.terms, name) and not getattr(now.terms, name) and not getattr(each.terms, name)
+        ]
+        words, still = ([_LINE.sub("", told) for told in found.unused] for found in (was, now))
+        gone += [told for told in words if told not in still and told.startswith(("its actuator", "the command of"))]
+        more = now.with_servo_damping().damping - each.terms.damping
+        left += [f"a damping of {more:.4g} N m s/rad beside the model's"] if more > SAME * each.terms.damping else []
+        more = now.terms.frictionloss - each.terms.frictionloss
+        left += (
+            [f"a dry friction of {more:.4g} N m beside the model's"] if more > SAME * each.terms.frictionloss else []
+        )
+        left += [told for told in dict.fromkeys(still) if told in words or told.endswith(DISABLED)]
+        if gone:
+            told = f"{each.joint}: removed from your file, because the model does not have it: {', '.join(gone)}."
+            lines.append(in_units_of(each.joint_type, told))
+        if left:
+            told = f"{each.joint}: kept from your file, although the model does not have it: {', '.join(left)}."
+            lines.append(in_units_of(each.joint_type, told))
+    return lines
+
+
+LEFTOVERS: Mapping[str, str] = MappingProxyType(
+    {
+        "stiffness": "a spring of {:.4g} N m/rad",
+        "lag": "a filter of the command of {:.4g} s",
+        "delay": "a delay of {:.4g} s",
+        "integral_rate": "integral action of {:.4g} 1/s",
+        "backlash": "a play of {:.4g} rad",
+        "compliance": "an elasticity of {:.4g} rad/(N m)",
+        "quadratic": "quadratic friction of {:.4g} N m s^2/rad^2",
+        "ripple": "a torque ripple",
+        "stribeck": "a Stribeck peak",
+        "armature": "a rotor inertia of {:.4g} kg m^2",
+        "torque_limit": "a limit of the torque of {:.4g} N m",
+    }
+)
+"""Terms that a file may have and a model lack, in words."""
+_INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
+DISABLED = "which <flag> disables"
+_LINE = re.compile(r" in line \d+")
+
+
+SAME = 1e-6
+"""Relative difference of two numbers that are the same but for their digits in a file."""
+
+
+def _other(value: float, wanted: float) -> bool:
+    return abs(value - wanted) > SAME * max(abs(wanted), SAME)
+
+
+def _differs(name: str, now: Terms, wanted: Terms) -> bool:
+    return bool(getattr(now, name)) and not getattr(wanted, name)
+
+
+def _term(name: str, terms: Terms) -> str:
+    value = getattr(terms, name)
+    return LEFTOVERS[name].format(value) if isinstance(value, float | int) else LEFTOVERS[name]
+
+
+def _original(was: ReadJoint, exported: Terms, target: Vocabulary) -> Terms | None:
+    """The file's terms, where they are all of its model and its drive takes the recorded command.
+
+    Where the target has no gain for such a drive, the user's controller has it: it is the same in both runs.
+    """
+    if "load_dependent_friction" in was.effects:
+        return None
+    if was.driven:
+        return was.with_servo_damping() if was.terms.drive == exported.drive else None
+    return None if exported.drive in target.drives else replace(was.terms, drive=exported.drive, kp=exported.kp)
+
+
+def _rms(run: tuple[FloatArray, FloatArray] | None) -> float | None:
+    return None if run is None else float(np.sqrt(np.mean((run[0] - run[1]) ** 2)))
 
 
 def sentences(projections: Sequence[Projection], target: Vocabulary) -> list[str]:

@@ -29,20 +29,32 @@ from drake_tc.config.files import utf8_text, write_whole
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 from drake_tc.errors import DrakeTcError
-from drake_tc.report.closed_loop_section import closed_loop_section
 from drake_tc.report.equation import model_equations
+from drake_tc.report.notes import next_experiment, note_sentences, set_up_sentences, warnings
 from drake_tc.report.numbers import fold, percent, scale_for, significant
-from drake_tc.report.plots.correlation import correlation_plots
 from drake_tc.report.plots.residual_plots import LEGEND, CloudLook, leftover_plots, residual_cards, signature_plots
 from drake_tc.report.plots.rows import MOST_POINTS
-from drake_tc.report.plots.spectrum import spectrum_plot
+from drake_tc.report.plots.spectrum import correlation_plots, spectrum_plot
 from drake_tc.report.plots.svg import PIXELS_PER_INCH
 from drake_tc.report.plots.time_plots import TimePlot, effort_plot, position_plot
-from drake_tc.report.sections import export_section, links_section, refinement_section, shared_section
-from drake_tc.report.sentences.experiments import next_experiment
-from drake_tc.report.sentences.notes import note_sentences, warnings
-from drake_tc.report.sentences.set_up import set_up_sentences
-from drake_tc.report.sentences.words import (
+from drake_tc.report.sections import (
+    closed_loop_section,
+    export_section,
+    links_section,
+    refinement_section,
+    shared_section,
+)
+from drake_tc.report.tables import (
+    data_facts,
+    data_rows,
+    did_not_hold_rows,
+    error_table,
+    free_run_table,
+    parameter_rows,
+    rejected_rows,
+    run_error_rows,
+)
+from drake_tc.report.words import (
     VERDICTS,
     WRONG_SET_UP,
     band_sentence,
@@ -57,16 +69,6 @@ from drake_tc.report.sentences.words import (
     title_of,
     unexplained,
     verdict_words,
-)
-from drake_tc.report.tables import (
-    data_facts,
-    data_rows,
-    did_not_hold_rows,
-    error_table,
-    free_run_table,
-    parameter_rows,
-    rejected_rows,
-    run_error_rows,
 )
 
 SAMPLE_BYTES = 16

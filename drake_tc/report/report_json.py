@@ -21,10 +21,8 @@ from drake_tc.diagnosis.result.joint_result import Errors, JointResult, Refineme
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.report.sentences.experiments import next_experiment
-from drake_tc.report.sentences.notes import note_sentences
-from drake_tc.report.sentences.set_up import set_up_json
-from drake_tc.report.sentences.words import REASONS, why_rejected
+from drake_tc.report.notes import next_experiment, note_sentences, set_up_json
+from drake_tc.report.words import REASONS, why_rejected
 
 
 def loop_entry(closed: ClosedLoop | None, joint: str) -> dict[str, Any] | None:

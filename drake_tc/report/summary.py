@@ -19,13 +19,11 @@ from drake_tc.diagnosis.result.applications import JointClosedLoop
 from drake_tc.diagnosis.result.errors import mean_absolute_errors
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
+from drake_tc.report.notes import experiment_sentence, note_sentences, set_up_sentences, warnings
 from drake_tc.report.numbers import NOT_IDENTIFIED, pretty_unit
 from drake_tc.report.plots.time_plots import residual_figure
 from drake_tc.report.sections import links_sentence, payload_sentences, refinement_sentence
-from drake_tc.report.sentences.experiments import experiment_sentence
-from drake_tc.report.sentences.notes import note_sentences, warnings
-from drake_tc.report.sentences.set_up import set_up_sentences
-from drake_tc.report.sentences.words import (
+from drake_tc.report.words import (
     REASONS,
     VERDICTS,
     WRONG_SET_UP,

@@ -32,7 +32,7 @@ from drake_tc.report.numbers import (
     scale_for,
     significant,
 )
-from drake_tc.report.sentences.words import REASONS, natural, title_of, why_rejected
+from drake_tc.report.words import REASONS, natural, title_of, why_rejected
 
 
 @dataclass(frozen=True)

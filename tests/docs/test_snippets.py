@@ -14,8 +14,7 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.cli.main import run
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.rig import load_rig, parse_rig
 from drake_tc.registry import diagram_entry

@@ -27,8 +27,7 @@ from drake_tc.effects.library import LIBRARY, UNCOMMON
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import MomentumResidual
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.exchange.c_code.expressions import c_function, number
-from drake_tc.exchange.c_code.writer import CSpec, to_c
+from drake_tc.exchange.c_code import CSpec, c_function, number, to_c
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant

@@ -12,15 +12,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
+from drake_tc.exchange.actuator_configs import to_isaaclab
 from drake_tc.exchange.bam import to_bam
-from drake_tc.exchange.isaaclab import to_isaaclab
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.projection import Loss, project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
+from drake_tc.exchange.projection import TARGETS, Loss, project
 from drake_tc.exchange.urdf import to_sdf, to_urdf
-from drake_tc.simulator_files.bam import bam_servo
-from drake_tc.simulator_files.read import read_joints
+from drake_tc.simulator_files.read import bam_servo, read_joints
 
 from . import isaaclab_stand_in
 from .isaaclab_stand_in import actuators

@@ -10,10 +10,9 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.isaaclab import ServoSettings, limited_by_supply, to_isaaclab_bam
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.projection import Loss, project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.actuator_configs import ServoSettings, limited_by_supply, to_isaaclab_bam
+from drake_tc.exchange.mjcf import with_torque_constant
+from drake_tc.exchange.projection import TARGETS, Loss, project
 
 from .isaaclab_stand_in import actuators
 

@@ -5,11 +5,9 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.comparison import changes
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
+from drake_tc.exchange.projection import TARGETS, project
+from drake_tc.exchange.trial import changes
 from drake_tc.simulator_files.read import read_joints
 
 mujoco = pytest.importorskip("mujoco")

@@ -7,11 +7,10 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.exchange.comparison import RUNS, run_errors
 from drake_tc.exchange.mujoco_run import simulate_in_mujoco
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput, target_free_run
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.trial import RUNS, run_errors
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.simulator_files.terms import Ripple, StribeckPeak, Terms

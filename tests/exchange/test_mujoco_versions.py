@@ -12,9 +12,7 @@ from drake_tc.cli.main import run as drake_tc
 from drake_tc.errors import ParamsError
 from drake_tc.exchange import mujoco_run
 from drake_tc.exchange import mujoco_run as mujoco_versions
-from drake_tc.exchange.comparison import run_errors, run_notes
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
+from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
 from drake_tc.exchange.mujoco_run import (
     SINCE,
     file_notes,
@@ -23,9 +21,9 @@ from drake_tc.exchange.mujoco_run import (
     too_old,
     version_sentence,
 )
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.trial import run_errors, run_notes
 from drake_tc.simulator_files.terms import Terms
 
 from .test_target_runs import SERVO, recorded

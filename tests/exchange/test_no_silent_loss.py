@@ -13,13 +13,10 @@ import pytest
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.effects.base import DriveKind
 from drake_tc.effects.library import BUILT_IN, effect
+from drake_tc.exchange.actuator_configs import ServoSettings, to_isaaclab, to_isaaclab_bam, to_mjlab_actuators
 from drake_tc.exchange.bam import to_bam
-from drake_tc.exchange.isaaclab import ServoSettings, to_isaaclab, to_isaaclab_bam
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.mjlab import to_mjlab_actuators
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import TARGETS, vocabulary
+from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
+from drake_tc.exchange.projection import TARGETS, project, vocabulary
 from drake_tc.exchange.urdf import to_sdf, to_urdf
 
 SETTINGS = ServoSettings(supply_voltage=12.0, position_gain=40.0)

@@ -16,9 +16,8 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.cli.main import run as drake_tc
 from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
-from drake_tc.exchange.targets import TARGETS
 from drake_tc.exchange.trial import try_export
 from drake_tc.exchange.urdf import to_urdf
 from drake_tc.simulator_files.terms import Terms

@@ -14,13 +14,10 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.ranges.distribution import Distribution, deviation_of, distribution, of_units, spread_between
-from drake_tc.exchange.ranges.isaaclab import to_isaaclab_events
-from drake_tc.exchange.ranges.mjlab import to_mjlab
-from drake_tc.exchange.ranges.playground import to_playground
 from drake_tc.exchange.ranges.posterior import draws, posterior_of
 from drake_tc.exchange.ranges.program import term_ranges
-from drake_tc.exchange.ranges.unit import read_unit
+from drake_tc.exchange.ranges.simulators import to_isaaclab_events, to_mjlab, to_playground
+from drake_tc.exchange.ranges.unit import Distribution, deviation_of, distribution, of_units, read_unit, spread_between
 
 from .released_names import installed, is_installed, released, wrong_names
 

@@ -10,12 +10,9 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.effects.library import BUILT_IN
-from drake_tc.exchange.isaaclab import to_isaaclab
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.mjlab import to_mjlab_actuators
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import vocabulary
+from drake_tc.exchange.actuator_configs import to_isaaclab, to_mjlab_actuators
+from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
+from drake_tc.exchange.projection import project, vocabulary
 
 from .released_names import is_installed, wrong_names
 from .test_no_silent_loss import EXPRESSIBLE, GAIN, USUAL, parameters

@@ -7,10 +7,9 @@ from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.cli.export_command import Target, _document
 from drake_tc.diagnosis.result.applications import ExportErrors
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.isaaclab import to_isaaclab
+from drake_tc.exchange.actuator_configs import to_isaaclab
 from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.trial import sentences
 from drake_tc.exchange.urdf import to_sdf, to_urdf
 

@@ -13,11 +13,10 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import simulate_as_bam
-from drake_tc.exchange.comparison import run_errors
 from drake_tc.exchange.drake_run import simulate_in_drake
-from drake_tc.exchange.projection import project
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.trial import run_errors
 from drake_tc.logs.rig import parse_rig
 from drake_tc.simulator_files.read import read_joints
 from drake_tc.simulator_files.terms import StribeckPeak, Terms

@@ -8,8 +8,7 @@ import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.comparison import require_runner
-from drake_tc.exchange.trial import recorded_speeds, try_export
+from drake_tc.exchange.trial import recorded_speeds, require_runner, try_export
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 

@@ -7,10 +7,8 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.effects.library import effect
 from drake_tc.errors import RigError
 from drake_tc.exchange.bam import to_bam
-from drake_tc.exchange.mjcf import to_mjcf
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.projection import project
-from drake_tc.exchange.targets import TARGETS
+from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
+from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.urdf import to_urdf
 from drake_tc.logs.rig import load_rig, parse_rig, save_rig
 from drake_tc.logs.rig_document.declared import LEAST_CYCLES, declared_terms, with_declared_file

@@ -14,8 +14,8 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Gain
 from drake_tc.errors import ParamsError
 from drake_tc.report.block_graph.graph import block_graph
 from drake_tc.report.block_graph.layout import layout
+from drake_tc.report.block_graph.pictures import label_box, texts
 from drake_tc.report.block_graph.place import shortened, text_width
-from drake_tc.report.block_graph.svg import label_box, texts
 from drake_tc.report.block_graph.view import view
 
 from .block_graph_diagrams import DIAGRAMS, ODD, N, Stage, chain, nested, odd, staged, torque_loop

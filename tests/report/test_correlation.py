@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.result.joint_result import JointResult
-from drake_tc.report.plots.correlation import (
+from drake_tc.report.plots.spectrum import (
     Correlation,
     Gridded,
     autocorrelation,
@@ -14,7 +14,7 @@ from drake_tc.report.plots.correlation import (
     on_grid,
     outside,
 )
-from drake_tc.report.sentences.words import correlation_words
+from drake_tc.report.words import correlation_words
 
 
 def ar1(rng: np.random.Generator, size: int, memory: float) -> np.ndarray:

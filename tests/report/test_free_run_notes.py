@@ -8,7 +8,7 @@ from drake_tc.cli.close_loop_summary import print_summary
 from drake_tc.diagnosis.notes import FreeRunDiverges, NoFreeRun
 from drake_tc.diagnosis.result.errors import with_free_runs
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
-from drake_tc.report.sentences.notes import note_sentence
+from drake_tc.report.notes import note_sentence
 
 HELD = [SimpleNamespace(name="fast"), SimpleNamespace(name="slow")]
 TIME = np.arange(3.0)

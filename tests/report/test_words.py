@@ -12,8 +12,8 @@ from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.residual.unexplained import SEVERITY, BeyondTraining, SharedBand, TimeStretch, Unexplained
 from drake_tc.diagnosis.result.joint_result import Errors, JointResult, RejectedEffect, Withdrawal
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
-from drake_tc.report.sentences.notes import warnings
-from drake_tc.report.sentences.words import (
+from drake_tc.report.notes import warnings
+from drake_tc.report.words import (
     REASONS,
     VERDICTS,
     band_sentence,

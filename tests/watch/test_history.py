@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
-from drake_tc.report.history import history_page, history_sentences
+from drake_tc.report.comparison import history_page, history_sentences
 from drake_tc.watch.changes import Known
 from drake_tc.watch.history import Session, further_unit, read_history, trend_of, trends
 

@@ -19,7 +19,7 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.report.report_json import joint_json
-from drake_tc.report.sentences.words import remainder_sentence
+from drake_tc.report.words import remainder_sentence
 from tests.watch.conftest import LENGTH
 
 GAIN = 2e-4

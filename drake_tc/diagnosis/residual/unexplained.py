@@ -1,6 +1,6 @@
 """What is left of a residual, as data, and the next experiment: what to record to tell its causes apart.
 
-`drake_tc.report.sentences.experiments` makes the sentences.
+`drake_tc.report.notes` makes the sentences.
 """
 
 from collections.abc import Sequence

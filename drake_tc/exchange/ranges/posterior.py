@@ -12,8 +12,17 @@ from scipy.special import ndtr
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.errors import ParamsError
-from drake_tc.exchange.ranges.distribution import CRITICAL, Distribution, distribution, of_units, spread_between
-from drake_tc.exchange.ranges.unit import GAIN, Estimated, NotShown, Unit
+from drake_tc.exchange.ranges.unit import (
+    CRITICAL,
+    GAIN,
+    Distribution,
+    Estimated,
+    NotShown,
+    Unit,
+    distribution,
+    of_units,
+    spread_between,
+)
 from drake_tc.types import FloatArray
 
 

@@ -18,12 +18,10 @@ from scipy.stats import rankdata
 
 from drake_tc.config.joint_units import JointType, in_units_of
 from drake_tc.config.quoted import json_value
-from drake_tc.exchange.mjcf_actuator import with_torque_constant
-from drake_tc.exchange.projection import Projection, project
-from drake_tc.exchange.ranges.distribution import Distribution
+from drake_tc.exchange.mjcf import with_torque_constant
+from drake_tc.exchange.projection import Projection, project, vocabulary
 from drake_tc.exchange.ranges.posterior import Posterior, central_model, drawn_models, draws, fitted
-from drake_tc.exchange.ranges.unit import NotShown
-from drake_tc.exchange.targets import vocabulary
+from drake_tc.exchange.ranges.unit import Distribution, NotShown
 from drake_tc.simulator_files.terms import Terms
 from drake_tc.types import FloatArray
 

@@ -19,7 +19,7 @@ from drake_tc.effects.base import JointNumbers
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.identification.autocorrelation import correlation_time
 from drake_tc.logs.record import Run
-from drake_tc.report.sentences.words import joined
+from drake_tc.report.words import joined
 from drake_tc.types import FloatArray
 
 Level = Literal["good", "note", "warning"]

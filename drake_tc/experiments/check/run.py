@@ -26,7 +26,7 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
-from drake_tc.report.sentences.words import capital
+from drake_tc.report.words import capital
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]

@@ -135,7 +135,7 @@ def _alike_late(forms: list[EffectForm], goal: Goal) -> list[EffectForm]:
 
 
 def _isolated(effect_id: str) -> str:
-    from drake_tc.report.sentences.experiments import ISOLATES
+    from drake_tc.report.notes import ISOLATES
 
     how = ISOLATES.get(effect_id, "design an experiment by hand")
     return f"to show {effect_id} alone, {how}"

@@ -1,12 +1,327 @@
-"""The whole layout: blocks in rows and columns, signals in channels and corridors, and where every text stands."""
+"""Ways of the signals: along channels beside the columns and corridors between the rows, where no block stands.
 
-from collections.abc import Mapping, Sequence
+Row r has the channels (r, 0) … (r, columns); corridor k runs above row k, the last one below the last row. A way is a
+list of nodes: a pin, or the crossing of a channel with a corridor. All ways of one signal make a tree. Parallel lines
+lie side by side on tracks of a channel, in an order with few crossings and no two lines on each other.
+
+The whole layout: blocks in rows and columns, signals in channels and corridors, and where every text stands.
+"""
+
+import heapq
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeAlias
 
-from drake_tc.report.block_graph.columns import Row, arrange
-from drake_tc.report.block_graph.place import GAP, Box, Frame, frame_of, heights_in_row, measure
-from drake_tc.report.block_graph.route import Ground, PinNode, Ways, corridor_tracks, level_of, polyline, ways_of
+from drake_tc.report.block_graph.place import GAP, Box, Frame, Row, arrange, frame_of, heights_in_row, measure
 from drake_tc.report.block_graph.view import Net, Pin, View
+
+TURN = 24.0
+"""A turn costs as much as this way [px]."""
+PASS_A_ROW = 40.0
+OVER_THE_TOP = 160.0
+"""Feedback returns below where it can."""
+NEAR = 4.0
+"""Two branches closer than this would be read as one line [px]."""
+CONFLICT = 30
+SIFTING_PASSES = 6
+FAR = 1e6
+"""Level of a corridor seen from a row."""
+Point: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True, order=True)
+class PinNode:
+    """A pin at a channel: its height in the row [px], and on which side of the channel its block is (-1: left)."""
+
+    row: int
+    channel: int
+    block: int
+    side: str
+    index: int
+    height: float
+    hand: int
+
+
+@dataclass(frozen=True, order=True)
+class Crossing:
+    """Where channel (row, channel) meets a corridor."""
+
+    corridor: int
+    row: int
+    channel: int
+
+
+Node: TypeAlias = PinNode | Crossing
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Where ways may run: rows, heights and channels' middles by (row, channel) [px], pins by (block, side, index)."""
+
+    rows: Sequence[Row]
+    heights: Sequence[float]
+    middles: Mapping[tuple[int, int], float]
+    pins: Mapping[tuple[int, str, int], PinNode]
+
+
+def route(net: Net, ground: Ground) -> list[list[Node]]:
+    """The way from the net's source pin to each of its targets, in their order."""
+    source = ground.pins[(net.source[0], "o", net.source[1])]
+    targets = [ground.pins[(key, "i", index)] for key, index in net.targets]
+    near = sorted(targets, key=lambda t: (_distance(source, t, ground), t))
+    parent: dict[Node, Node | None] = {source: None}
+    for target in near:
+        found = _shortest(parent, target, ground, [source, *targets])
+        for node, before in found:
+            parent.setdefault(node, before)
+    ways = []
+    for target in targets:
+        way: list[Node] = [target]
+        while (before := parent[way[-1]]) is not None:
+            way.append(before)
+        ways.append(way[::-1])
+    return ways
+
+
+def _distance(a: PinNode, b: PinNode, ground: Ground) -> float:
+    across = abs(ground.middles[a.row, a.channel] - ground.middles[b.row, b.channel])
+    return across + 300.0 * abs(a.row - b.row) + abs(a.height - b.height)
+
+
+def _shortest(
+    tree: Mapping[Node, Node | None], target: PinNode, ground: Ground, pins: Sequence[PinNode]
+) -> list[tuple[Node, Node | None]]:
+    """(node, its predecessor) on the shortest way from the tree to the target (Dijkstra)."""
+    best: dict[Node, float] = dict.fromkeys(tree, 0.0)
+    before: dict[Node, Node | None] = {}
+    count = 0
+    queue: list[tuple[float, int, Node]] = []
+    for node in tree:
+        queue.append((0.0, count, node))
+        count += 1
+    heapq.heapify(queue)
+    while queue:
+        length, _, node = heapq.heappop(queue)
+        if node == target:
+            break
+        if length > best[node]:
+            continue
+        for other, step in _steps(node, ground, pins, target):
+            if length + step < best.get(other, float("inf")) - 1e-9:
+                best[other] = length + step
+                before[other] = node
+                heapq.heappush(queue, (length + step, count, other))
+                count += 1
+    way: list[tuple[Node, Node | None]] = []
+    at: Node = target
+    while at not in tree:
+        previous = before[at]
+        way.append((at, previous))
+        if previous is None:
+            break
+        at = previous
+    return way[::-1]
+
+
+def _steps(node: Node, ground: Ground, pins: Sequence[PinNode], target: PinNode) -> Iterator[tuple[Node, float]]:
+    if isinstance(node, PinNode):
+        height = ground.heights[node.row]
+        top = TURN + (OVER_THE_TOP if node.row == 0 else 0.0)
+        yield Crossing(node.row, node.row, node.channel), node.height + top
+        yield Crossing(node.row + 1, node.row, node.channel), height - node.height + TURN
+        if (target.row, target.channel) == (node.row, node.channel):
+            yield target, abs(node.height - target.height)
+        return
+    yield from _along(node, ground)
+    height = ground.heights[node.row]
+    other = 2 * node.row + 1 - node.corridor
+    yield Crossing(other, node.row, node.channel), height + PASS_A_ROW
+    if (target.row, target.channel) == (node.row, node.channel):
+        yield target, TURN + (target.height if node.corridor == node.row else height - target.height)
+
+
+def _along(node: Crossing, ground: Ground) -> Iterator[tuple[Node, float]]:
+    """The next crossings on both sides in the same corridor."""
+    rows = [row for row in (node.corridor - 1, node.corridor) if 0 <= row < len(ground.rows)]
+    here = sorted(
+        (ground.middles[row, channel], row, channel)
+        for row in rows
+        for channel in range(len(ground.rows[row].columns) + 1)
+    )
+    place = next(i for i, (_, row, channel) in enumerate(here) if (row, channel) == (node.row, node.channel))
+    for i in (place - 1, place + 1):
+        if 0 <= i < len(here):
+            x, row, channel = here[i]
+            yield Crossing(node.corridor, row, channel), abs(x - here[place][0]) + 0.01
+
+
+def runs(way: Sequence[Node]) -> list[tuple[str, int, int]]:
+    """A way as alternating runs: ("v", row, channel) along a channel and ("h", corridor, 0) along a corridor."""
+    found: list[tuple[str, int, int]] = []
+    for a, b in pairwise(way):
+        if isinstance(a, Crossing) and isinstance(b, Crossing) and a.corridor == b.corridor:
+            run = ("h", a.corridor, 0)
+        else:
+            run = ("v", a.row, a.channel)
+        if not found or found[-1] != run:
+            found.append(run)
+    return found
+
+
+@dataclass(frozen=True)
+class Line:
+    """What runs along a channel: an extent and its branches (where, and to which side: -1 lower tracks, 1 higher)."""
+
+    key: int
+    low: float
+    high: float
+    branches: tuple[tuple[float, int], ...]
+
+
+def tracks(lines: Sequence[Line]) -> tuple[dict[int, int], int]:
+    """A track from 0 for every line, by its key, and how many tracks there are.
+
+    Branches run straight to their side of the channel, so a line that stands between is crossed. Lines are ordered by
+    sifting each to its best place; those that do not meet share tracks where the order of the others allows.
+    """
+    count = len(lines)
+    cost = [[_cost(lines[i], lines[j]) if i != j else 0 for j in range(count)] for i in range(count)]
+    order = sorted(range(count), key=lambda i: (_lean(lines[i]), lines[i].low, lines[i].key))
+    for _ in range(SIFTING_PASSES):
+        before = list(order)
+        for i in before:
+            order.remove(i)
+            order.insert(_best_place(i, order, cost), i)
+        if order == before:
+            break
+    found: dict[int, int] = {}
+    for place, i in enumerate(order):
+        apart = [found[lines[j].key] + 1 for j in order[:place] if _meet(lines[i], lines[j])]
+        found[lines[i].key] = max(apart, default=0)
+    return found, max(found.values(), default=-1) + 1
+
+
+def _lean(line: Line) -> float:
+    return sum(side for _, side in line.branches) / max(len(line.branches), 1)
+
+
+def _best_place(i: int, order: Sequence[int], cost: Sequence[Sequence[int]]) -> int:
+    total = sum(cost[i][j] for j in order)
+    best, where = total, 0
+    for place, j in enumerate(order, start=1):
+        total += cost[j][i] - cost[i][j]
+        if total < best:
+            best, where = total, place
+    return where
+
+
+def _meet(a: Line, b: Line) -> bool:
+    return a.low - NEAR <= b.high and b.low - NEAR <= a.high
+
+
+def _cost(first: Line, second: Line) -> int:
+    """Crossings, and conflicts, if `first` has the lower track."""
+    crossings = sum(side > 0 and second.low <= at <= second.high for at, side in first.branches)
+    crossings += sum(side < 0 and first.low <= at <= first.high for at, side in second.branches)
+    up = [at for at, side in first.branches if side > 0]
+    down = [at for at, side in second.branches if side < 0]
+    return crossings + CONFLICT * sum(abs(a - b) < NEAR for a in up for b in down)
+
+
+@dataclass(frozen=True)
+class Ways:
+    """The ways of every net, its track in each channel by (row, channel), and how many tracks each has."""
+
+    ways: Sequence[Sequence[Sequence[Node]]]
+    tracks: Mapping[tuple[int, int], Mapping[int, int]]
+    counts: Mapping[tuple[int, int], int]
+
+
+def ways_of(picture: View, ground: Ground) -> Ways:
+    """Route every net and give it a track in each channel that it runs along."""
+    ways = [route(net, ground) for net in picture.nets]
+    lines: dict[tuple[int, int], list[Line]] = {}
+    for n, net_ways in enumerate(ways):
+        visits: dict[tuple[int, int], set[Node]] = {}
+        for way in net_ways:
+            for a, b in pairwise(way):
+                if not (isinstance(a, Crossing) and isinstance(b, Crossing) and a.corridor == b.corridor):
+                    visits.setdefault((a.row, a.channel), set()).update((a, b))
+        for channel, nodes in visits.items():
+            at = sorted(level_of(node) for node in nodes)
+            if at[-1] - at[0] > 0.5:
+                branches = sorted((node.height, node.hand) for node in nodes if isinstance(node, PinNode))
+                lines.setdefault(channel, []).append(Line(n, at[0], at[-1], tuple(branches)))
+    solved = {channel: tracks(found) for channel, found in sorted(lines.items())}
+    return Ways(ways, {c: t for c, (t, _) in solved.items()}, {c: n for c, (_, n) in solved.items()})
+
+
+def level_of(node: Node) -> float:
+    """Height of a node in its row [px]; far above or below for a corridor."""
+    if isinstance(node, PinNode):
+        return node.height
+    return -FAR if node.corridor == node.row else FAR
+
+
+def corridor_tracks(
+    found: Ways, track_x: Mapping[tuple[tuple[int, int], int], float], rows: int
+) -> dict[int, tuple[dict[int, int], int]]:
+    """Track of every net in each corridor, and how many tracks each corridor has."""
+    branches: dict[int, dict[int, set[tuple[float, int]]]] = {k: {} for k in range(rows + 1)}
+    for n, net_ways in enumerate(found.ways):
+        for way in net_ways:
+            parts = runs(way)
+            for a, b in pairwise(parts):
+                (_, row, channel), (_, k, _) = (a, b) if a[0] == "v" else (b, a)
+                side = -1 if row < k else 1
+                branches[k].setdefault(n, set()).add((track_x[(row, channel), n], side))
+    solved = {}
+    for k, nets in branches.items():
+        lines = [Line(n, min(b)[0], max(b)[0], tuple(sorted(b))) for n, b in sorted(nets.items())]
+        solved[k] = tracks(lines)
+    return solved
+
+
+def polyline(
+    way: Sequence[Node],
+    ends: tuple[Point, Point],
+    track_x: Mapping[tuple[int, int], float],
+    track_y: Mapping[int, float],
+) -> tuple[Point, ...]:
+    """A way as drawn.
+
+    Args:
+        way: From pin to pin.
+        ends: Where the two pins stand [px].
+        track_x: Of the net's track in each channel (row, channel) [px]; none where it runs straight through.
+        track_y: Of the net's track in each corridor [px].
+    """
+    first, last = ends
+    points = [first]
+    parts = runs(way)
+    for i, (kind, row, channel) in enumerate(parts):
+        if kind == "h" or (row, channel) not in track_x:
+            continue
+        x = track_x[row, channel]
+        before = track_y[parts[i - 1][1]] if i > 0 else first[1]
+        after = track_y[parts[i + 1][1]] if i + 1 < len(parts) else last[1]
+        points += [(x, before), (x, after)]
+    return _simple([*points, last])
+
+
+def _simple(points: Sequence[Point]) -> tuple[Point, ...]:
+    """Without repeated points and without points in the middle of a straight line."""
+    kept: list[Point] = []
+    for x, y in points:
+        point = (round(x, 2), round(y, 2))
+        if kept and point == kept[-1]:
+            continue
+        if len(kept) > 1 and (kept[-2][0] == kept[-1][0] == point[0] or kept[-2][1] == kept[-1][1] == point[1]):
+            kept.pop()
+        kept.append(point)
+    return tuple(kept)
+
 
 HEAD, FOOT = 30.0, 14.0
 """Of a row above and below its blocks [px]."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from drake_tc.errors import ParamsError
-from drake_tc.report.block_graph.data import STAGES
+from drake_tc.report.block_graph.view import STAGES
 
 TAG = "graph_stage"
 """Attribute by which a system names its stage: `graph_stage = "control"` in the class."""

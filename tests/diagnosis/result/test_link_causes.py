@@ -12,7 +12,7 @@ from drake_tc.diagnosis.result.rig_result import SharedEffect
 from drake_tc.diagnosis.run import link_notes
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.rig import load_rig
-from drake_tc.report.sentences.notes import note_sentence
+from drake_tc.report.notes import note_sentence
 
 FINGER = link_tag("finger", (0, 0, 0), 0.015, (1e-6, 1e-6, 1e-6)) + joint_tag(
     "grip", "fore", "finger", xyz=(0.3, 0, 0), axis=(0, 0, 1), kind="fixed"

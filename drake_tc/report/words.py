@@ -15,8 +15,8 @@ from drake_tc.diagnosis.thresholds import LEAST_FRACTION, MOST_GROWTH
 from drake_tc.effects.library import all_effects
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from drake_tc.report.numbers import percent, scale_for, significant, times
-from drake_tc.report.plots.correlation import Outside
 from drake_tc.report.plots.rows import LABELS
+from drake_tc.report.plots.spectrum import Outside
 
 VERDICTS: dict[Verdict, str] = {
     "effects_found": "Missing effect found",
