@@ -252,7 +252,7 @@ def mermaid(picture: View) -> str:
         shapes = [s for s in picture.shapes if s.stage == stage]
         if shapes:
             lines.append(f'  subgraph stage_{stage}["{stage}"]')
-            lines += [f'    b{s.key}["{"<br/>".join(_text(t) for t in (s.title, *s.notes))}"]' for s in shapes]
+            lines += [f'    b{s.key}["{"<br/>".join(_coded(t) for t in (s.title, *s.notes))}"]' for s in shapes]
             lines.append("  end")
     for net in picture.nets:
         source, output = net.source
