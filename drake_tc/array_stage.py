@@ -2,7 +2,8 @@
 
 A stage with a method `on_arrays() -> ArrayStage` can run together with other stages in a single Drake system
 (`drake_tc.loops.fused`). The stage's own Drake callbacks call the same functions, so that both forms compute the same
-numbers. A subclass that changes or adds methods needs an `on_arrays` of its own (`offered_stage`).
+numbers; those of a `StageSystem` are made from its `on_arrays`. A subclass that changes or adds methods needs an
+`on_arrays` of its own (`offered_stage`).
 
 `PortMethods`: `get_command_output_port()` and the like, for every port of a system by its name.
 """
@@ -12,6 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from drake_tc.types import Call, FloatArray, IntArray
 
@@ -175,3 +178,131 @@ class PortMethods:
 def _port_names(system: Any, kind: str) -> list[str]:
     count, find = getattr(system, f"num_{kind}_ports"), getattr(system, f"get_{kind}_port")
     return [find(index).get_name() for index in range(count())]
+
+
+class StageSystem(PortMethods, LeafSystem):
+    """A Drake system whose ports, state and updates are those of its `on_arrays`.
+
+    Each output depends on the inputs in `ArrayStage.reads` of the part that has it, and on the state. The discrete
+    state is one group, `ArrayStage.start`; `self._memory` is its index.
+    """
+
+    def _declare(self, sizes: Mapping[str, int], *, timed: bool = False) -> None:
+        """Declare all of it; once, at the end of the subclass's constructor.
+
+        Args:
+            sizes: Name of each input port to its size.
+            timed: Whether outputs depend on the time too.
+        """
+        own: Any = self
+        stage: ArrayStage = own.on_arrays()
+        ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, size) for name, size in sizes.items()}
+        always = {self.time_ticket()} if timed else set()
+        if stage.start.size:
+            start: Any = stage.start
+            state = self.DeclareDiscreteState(start)
+            self._memory = int(state)
+            always.add(self.discrete_state_ticket(state))
+        memory = self._memory if stage.start.size else None
+        self._stage_arrays: Any = self.DeclareCacheEntry(
+            "arrays",
+            ValueProducer(allocate=lambda: Value(_BoundStage(stage, ports, memory)), calc=lambda context, value: None),
+            {self.nothing_ticket()},
+        )
+        self._stage_outputs: list[Any] = []
+        for number, part in enumerate((stage,) if stage.early is None else (stage, stage.early)):
+            tickets = {*always, *(ports[name].ticket() for name in part.reads)} or {self.nothing_ticket()}
+            allocate = Value(np.zeros(part.width)).Clone
+            solved = self.DeclareCacheEntry(
+                f"solved_{number}", ValueProducer(allocate=allocate, calc=self._solver(number)), tickets
+            )
+            self._stage_outputs.append(solved)
+            for name, where in part.ports.items():
+                self.DeclareVectorOutputPort(name, where.size, _writer(solved, where), {solved.ticket()})
+        if stage.period is not None:
+            self.DeclarePeriodicDiscreteUpdateEvent(stage.period, 0.0, self._update)
+
+    def _solver(self, number: int) -> Callable[[Any, Any], None]:
+        """The calc function of the outputs of a part."""
+
+        def solve(context: Any, value: Any) -> None:
+            value.get_mutable_value()[:] = self._stage_arrays.Eval(context).outputs(context, number)
+
+        return solve
+
+    def _update(self, context: Any, values: Any) -> None:
+        """x[n+1]."""
+        self._stage_outputs[0].Eval(context)
+        values.set_value(self._memory, self._stage_arrays.Eval(context).update(context))
+
+
+class _BoundStage:
+    """The arrays of a stage in one Context, and its functions on them; a copy is empty, for another Context."""
+
+    def __init__(self, stage: ArrayStage, ports: Mapping[str, Any], memory: int | None) -> None:
+        self._stage, self._ports, self._memory = stage, ports, memory
+        self._parts = (stage,) if stage.early is None else (stage, stage.early)
+        self._absent: frozenset[str] = frozenset()
+        self._solved = False
+        self._bind()
+
+    def __deepcopy__(self, memo: object) -> "_BoundStage":
+        return _BoundStage(self._stage, self._ports, self._memory)
+
+    def outputs(self, context: Any, number: int) -> FloatArray:
+        """(width,) outputs of a part."""
+        self._read(context, self._parts[number].reads)
+        _run(self._calls[number], context)
+        self._solved |= not number
+        return self._out[number]
+
+    def update(self, context: Any) -> FloatArray:
+        """(S,) the next state; what the outputs have computed in these arrays is used."""
+        self._read(context, self._stage.reads | self._stage.updates)
+        if not self._solved:  # the outputs are up to date, but were computed in the Context that was cloned
+            self.outputs(context, 0)
+        self._after[:] = self._before
+        _run(self._calls[-1], context)
+        return self._after
+
+    def _read(self, context: Any, names: frozenset[str]) -> None:
+        """Read the state and inputs; an input that the outputs do not depend on counts as connected until an update."""
+        absent = frozenset(name for name in names if not self._ports[name].HasValue(context))
+        if absent != self._absent & names:
+            self._absent = self._absent - names | absent
+            try:
+                self._bind()
+            except KeyError as required:
+                self._ports[required.args[0]].Eval(context)  # which raises Drake's own error
+                raise
+        if self._memory is not None:
+            self._before[:] = context.get_discrete_state(self._memory).value()
+        for name in names - absent:
+            self._inputs[name][:] = self._ports[name].Eval(context)
+
+    def _bind(self) -> None:
+        size, self._solved = self._stage.start.size, False
+        self._inputs = {name: np.zeros(port.size()) for name, port in self._ports.items() if name not in self._absent}
+        self._before, self._after = np.zeros(size), np.zeros(size)
+        self._out = [np.zeros(part.width) for part in self._parts]
+        bound = [
+            part.bind(Arrays(self._inputs, out, self._before, self._after))
+            for part, out in zip(self._parts, self._out, strict=True)
+        ]
+        self._calls = [*(outputs for outputs, _ in bound), bound[0][1]]
+
+
+def _run(calls: Call | Sequence[Call] | None, context: Any) -> None:
+    time = context.get_time()
+    for call in () if calls is None else (calls,) if callable(calls) else calls:
+        call(time)
+
+
+def _writer(solved: Any, where: IntArray) -> Callable[[Any, Any], None]:
+    """The calc function of an output port."""
+    part = slice(int(where[0]), int(where[-1]) + 1) if where.size else slice(0)
+
+    def write(context: Any, vector: Any) -> None:
+        vector.set_value(solved.Eval(context)[part])
+
+    return write

@@ -27,9 +27,9 @@ from drake_tc.effects.base import DriveEffect, Signals, plain_signals
 from drake_tc.effects.kernel import EquationKernel
 from drake_tc.errors import ParamsError
 from drake_tc.kernels import compensation_layout as at
+from drake_tc.kernels.calls import Kernel
 from drake_tc.kernels.equations import needed_torque, soft_sign
 from drake_tc.kernels.joint_layout import INTERPRETED
-from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray, IntArray
 

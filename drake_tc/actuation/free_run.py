@@ -30,8 +30,8 @@ from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
 from drake_tc.actuation.model import ActuatorModel, EffectValue, split_parts
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side
 from drake_tc.effects.base import TorqueEffect
+from drake_tc.kernels.calls import Kernel
 from drake_tc.kernels.joint_layout import OUTPUTS
-from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 
@@ -88,7 +88,7 @@ def _with_inertia(value: EffectValue, factor: float) -> EffectValue:
     return replace(value, parameters={**value.parameters, name: factor * value.parameters[name]})
 
 
-_POSITIONS = Kernel("free_run", "positions")
+_POSITIONS = Kernel("actuator", "positions")
 
 RESOLUTION = 0.3
 """Largest product of the step and a servo's angular frequency."""

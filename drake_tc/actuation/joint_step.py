@@ -12,8 +12,7 @@ import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects, tables
 from drake_tc.kernels import joint_layout as at
-from drake_tc.kernels.calls import ADVANCE, MOTORS, SKIPPED, TIME, KernelCall
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import ADVANCE, MOTORS, SKIPPED, TIME, Kernel, KernelCall
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 

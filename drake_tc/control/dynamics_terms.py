@@ -19,13 +19,13 @@ from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
 from drake_tc.types import FloatArray
 
-_JOINT_FORCES = Kernel("joint_forces", "joint_forces")
+_JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
 
 
 class DynamicsTerms:
@@ -97,7 +97,7 @@ class DynamicsTerms:
         return out
 
     def base(self, scratch: "Scratch") -> FloatArray:
-        """(19,) how the base moves, see `drake_tc.kernels.joint_forces.joint_forces`: not at all."""
+        """(19,) how the base moves, see `drake_tc.kernels.inverse_dynamics.joint_forces`: not at all."""
         return self._still
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:
@@ -197,7 +197,7 @@ class FloatingTerms:
         return out
 
     def base(self, scratch: "FloatingScratch") -> FloatArray:
-        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.joint_forces.joint_forces`."""
+        """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.inverse_dynamics.joint_forces`."""
         base = np.zeros(19)
         base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
         return base

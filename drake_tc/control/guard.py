@@ -11,14 +11,13 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context
 
 from drake_tc.actuation.compensator import rated_effort
 from drake_tc.actuation.model import ActuatorModel
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import COPY_BELOW, GUARD, KernelCall, copying
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import COPY_BELOW, GUARD, Kernel, KernelCall, copying
 from drake_tc.types import BoolArray, Call, FloatArray
 
 _STEP = Kernel("guard", "step")
@@ -161,7 +160,7 @@ class GuardLaw:
         return KernelCall(GUARD, outputs, state, command, position, fault, self.limits, self._options, after)
 
 
-class CommandGuard(PortMethods, LeafSystem):
+class CommandGuard(StageSystem):
     """Bumpless start, limits, and a safe reaction to lost signals: hold, then damp.
 
     r is where a drive is at rest: the position for a position servo, 0 for others. Every tick, with D the offset limit
@@ -222,18 +221,7 @@ class CommandGuard(PortMethods, LeafSystem):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         self._law = GuardLaw(size, float(dt), spec, servo)
         self._size, self._dt = size, float(dt)
-        self._command: Any = self.DeclareVectorInputPort("command", size)
-        self._position: Any = self.DeclareVectorInputPort("position", size)
-        self._fault: Any = self.DeclareVectorInputPort("fault", 1)
-        start: Any = self._law.initial()
-        memory = self.DeclareDiscreteState(start)
-        self._memory = int(memory)
-        tickets = {port.ticket() for port in (self._command, self._position, self._fault)}
-        tickets.add(self.discrete_state_ticket(memory))
-        self.DeclareVectorOutputPort("command", size, self._write_command, tickets)
-        self.DeclareVectorOutputPort("mode", 1, self._write_mode, tickets)
-        self._next: Any = self.DeclareVectorOutputPort("next", start.size, self._solve, tickets)
-        self.DeclarePeriodicDiscreteUpdateEvent(float(dt), 0.0, self._update)
+        self._declare({"command": size, "position": size, "fault": 1})
 
     def coordinates(self, context: Context) -> FloatArray:
         """(n,) y[n-1], all that is state in the normal mode (`drake_tc.analysis`).
@@ -276,24 +264,6 @@ class CommandGuard(PortMethods, LeafSystem):
         reads = frozenset({"command", "position", "fault"})
         return ArrayStage(start.size, places(parts), bind, reads, start=start, period=self._dt)
 
-    def _solve(self, context: Any, vector: Any) -> None:
-        self._law.step(
-            context.get_discrete_state(self._memory).value(),
-            self._command.Eval(context),
-            self._position.Eval(context),
-            self._fault.Eval(context)[0],
-            vector.get_mutable_value(),
-        )
-
-    def _write_command(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._next.Eval(context)[: self._size])
-
-    def _write_mode(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._next.Eval(context)[3 * self._size : 3 * self._size + 1])
-
-    def _update(self, context: Context, values: Any) -> None:
-        values.set_value(self._memory, self._next.Eval(context))
-
 
 LOSS_TIME = 0.15
 """Time for which a flag is up before the joint counts as lost [s]; the flag itself takes 0.1 s of it."""
@@ -301,11 +271,11 @@ _ANY = float(np.nextafter(0.0, 1.0))
 """The least number above 0."""
 
 
-class SensorLossStop(PortMethods, LeafSystem):
+class SensorLossStop(StageSystem):
     """What the controllers get once a joint's `lost` has been up for `LOSS_TIME`, for good.
 
     Inputs: state (m) of the robot; torque (n) of the gauges; desired (n) torques of the controller; lost (n), by joint.
-    Outputs, with feedthrough of the input of that name:
+    Outputs, `state` and `torque` with feedthrough of the inputs of these names, `desired` with that of its own:
         state (m): NaN once a joint is lost that the robot stands on, with which `RobustTsid` fades all torques by
             exp(-t/fade).
         torque (n): faded likewise for all joints then, and for a lost joint that nothing stands on for that one, so
@@ -329,17 +299,7 @@ class SensorLossStop(PortMethods, LeafSystem):
         self._limit, self._nothing, self._dt = float(np.ceil(LOSS_TIME / dt)), np.full(size, np.nan), dt
         self._rate, self._carrying = dt / fade, np.array(carrying, dtype=bool)
         joints = self._carrying.size
-        self._known: Any = self.DeclareVectorInputPort("state", size)
-        self._torque: Any = self.DeclareVectorInputPort("torque", joints)
-        self._desired: Any = self.DeclareVectorInputPort("desired", joints)
-        self._lost: Any = self.DeclareVectorInputPort("lost", joints)
-        state = self.DeclareDiscreteState(joints)
-        self._ticks = int(state)
-        own = {self.discrete_state_ticket(state)}
-        self.DeclareVectorOutputPort("state", size, self._write, own | {self._known.ticket()})
-        self.DeclareVectorOutputPort("torque", joints, self._write_torque, own | {self._torque.ticket()})
-        self.DeclareVectorOutputPort("desired", joints, self._write_desired, own | {self._desired.ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        self._declare({"state": size, "torque": joints, "desired": joints, "lost": joints})
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
@@ -406,19 +366,3 @@ class SensorLossStop(PortMethods, LeafSystem):
         if not (np.count_nonzero(ticks) or np.count_nonzero(lost)):
             return ticks
         return np.where((ticks >= self._limit) | (lost > 0.0), ticks + 1.0, 0.0)
-
-    def _ticks_of(self, context: Context) -> Any:
-        return context.get_discrete_state(self._ticks).value()
-
-    def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._nothing if self._is_lost(self._ticks_of(context)) else self._known.Eval(context))
-
-    def _write_torque(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._faded_torque(self._ticks_of(context), self._torque.Eval(context)))
-
-    def _write_desired(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._faded_desired(self._ticks_of(context), self._desired.Eval(context)))
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        after: Any = self._next(self._ticks_of(context), self._lost.Eval(context))
-        values.set_value(self._ticks, after)

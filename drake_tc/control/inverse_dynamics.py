@@ -13,8 +13,7 @@ from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.control.dynamics_terms import BaseRotation, DynamicsTerms, FloatingTerms
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import MOTION, KernelCall
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import MOTION, Kernel, KernelCall
 from drake_tc.robot.robot import Robot
 from drake_tc.types import Call, FloatArray
 

@@ -8,17 +8,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, offered_stage, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, offered_stage, places
 from drake_tc.control.references import Path, Swing
 from drake_tc.types import Call, FloatArray
 
 _ALWAYS = np.array([np.inf])
 
 
-class ReferenceSource(PortMethods, LeafSystem):
+class ReferenceSource(StageSystem):
     """What a task follows, as a function of time alone.
 
     Output:
@@ -38,7 +37,7 @@ class ReferenceSource(PortMethods, LeafSystem):
         """
         super().__init__()
         self._path = path
-        self.DeclareVectorOutputPort("reference", path.size, self._write, {self.time_ticket()})
+        self._declare({}, timed=True)
 
     @property
     def path(self) -> Path:
@@ -58,9 +57,6 @@ class ReferenceSource(PortMethods, LeafSystem):
 
         return ArrayStage(self._path.size, places({"reference": slice(self._path.size)}), bind)
 
-    def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._path.row(context.get_time()))
-
 
 STOP_TIME = 0.3
 """From full speed to rest [s]."""
@@ -68,7 +64,7 @@ LAYOUTS = {9: (3, 6), 10: (4, 7), 19: (7, 13)}
 """Size of a reference to where its velocity and its acceleration begin: of a point, an orientation, a frame."""
 
 
-class StoppingReference(PortMethods, LeafSystem):
+class StoppingReference(StageSystem):
     """A reference [place; velocity; acceleration] along its own path, at a pace p(t) that a stop takes from 1 to 0.
 
     Input: stop (1), read at the ticks; above 0.5 once, it is told to stop for good.
@@ -93,19 +89,7 @@ class StoppingReference(PortMethods, LeafSystem):
         self._source, self._output, self._dt = source, output, dt
         self._path = source.path if type(source) is ReferenceSource else None
         self._layout = LAYOUTS[size]
-        self._stop: Any = self.DeclareVectorInputPort("stop", 1)
-        never: Any = np.array([math.inf])
-        state = self.DeclareDiscreteState(never)
-        self._state = int(state)
-        self._scratch: Any = self.DeclareCacheEntry(
-            "scratch",
-            ValueProducer(allocate=lambda: Value(source.CreateDefaultContext()), calc=lambda context, value: None),
-            {self.nothing_ticket()},
-        )
-        self.DeclareVectorOutputPort(
-            "reference", size, self._write, {self.time_ticket(), self.discrete_state_ticket(state)}
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        self._declare({"stop": 1}, timed=True)
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
@@ -154,15 +138,6 @@ class StoppingReference(PortMethods, LeafSystem):
             return found
 
         return at
-
-    def _write(self, context: Any, vector: Any) -> None:
-        now, begin = context.get_time(), context.get_discrete_state(self._state).GetAtIndex(0)
-        vector.set_value(_slowed(self._source_in(self._scratch.Eval(context)), self._layout, now, begin))
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        begin = context.get_discrete_state(self._state).GetAtIndex(0)
-        if begin == math.inf and self._stop.HasValue(context) and self._stop.Eval(context)[0] > 0.5:
-            values.get_mutable_vector(self._state).SetAtIndex(0, context.get_time())
 
 
 def _slowed(source: Callable[[float], FloatArray], layout: tuple[int, int], now: float, begin: float) -> FloatArray:

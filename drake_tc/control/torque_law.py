@@ -12,9 +12,8 @@ import numpy as np
 
 from drake_tc.actuation.compensator import Compensator
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import SOLVE, KernelCall
+from drake_tc.kernels.calls import SOLVE, Kernel, KernelCall
 from drake_tc.kernels.compensation_layout import LIMIT, SERVO
-from drake_tc.kernels.lazy import Kernel
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.priors import MEMORIES_S, NEAR_REST, RATIOS, RESTS
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.types import FloatArray, IntArray
 
-_whiten = Kernel("whitening", "whiten")
+_whiten = Kernel("filters", "whiten")
 
 SEED = 0
 """Of the noise that is drawn again."""

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, StageSystem, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.kernels.calls import ESTIMATE, KernelCall
@@ -21,7 +21,7 @@ LARGEST = 1e9
 """No reading in SI units is as large; one that is counts as not finite."""
 
 
-class JointTorqueEstimator(PortMethods, LeafSystem):
+class JointTorqueEstimator(StageSystem):
     """Joint torques and external wrenches from filtered sensors.
 
     Inputs:
@@ -52,18 +52,8 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
         super().__init__()
         self._model = model
         n, k = model.size, model.num_sensors
-        self._joint: Any = self.DeclareVectorInputPort("joint_estimate", 3 * n)
-        self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
-        inputs = {self._joint.ticket(), self._imu.ticket()}
-        self._wrench: Any = None
-        if k:
-            self._wrench = self.DeclareVectorInputPort("wrench_estimate", 6 * k)
-            inputs.add(self._wrench.ticket())
-        self._no_imu, self._no_wrench = np.zeros(12), np.zeros(0)
         self._parts = _parts(n, k)
-        self._estimate: Any = self.DeclareVectorOutputPort("estimate", model.width, self._solve, inputs)
-        for name, part in self._parts.items():
-            self.DeclareVectorOutputPort(name, part.stop - part.start, self._writer(part), inputs)
+        self._declare({"joint_estimate": 3 * n, "imu_estimate": 12} | ({"wrench_estimate": 6 * k} if k else {}))
 
     @property
     def model(self) -> TorqueModel:
@@ -82,8 +72,8 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
         def bind(arrays: Arrays) -> tuple[Call, None]:
             given, out = arrays.inputs, arrays.out
             joint = given["joint_estimate"]
-            imu = given["imu_estimate"] if model.uses_imu else self._no_imu
-            wrench = given["wrench_estimate"] if model.num_sensors else self._no_wrench
+            imu = given["imu_estimate"] if model.uses_imu else np.zeros(12)
+            wrench = given["wrench_estimate"] if model.num_sensors else np.zeros(0)
 
             def outputs(time: float) -> None:
                 model.estimate_into(out, joint, imu, wrench, LARGEST)
@@ -91,21 +81,8 @@ class JointTorqueEstimator(PortMethods, LeafSystem):
             return KernelCall(ESTIMATE, outputs, joint, imu, wrench, *model.tables, LARGEST, out), None
 
         used = {"joint_estimate": True, "imu_estimate": model.uses_imu, "wrench_estimate": bool(model.num_sensors)}
-        parts = {**self._parts, "estimate": slice(model.width)}
+        parts = {"estimate": slice(model.width), **self._parts}
         return ArrayStage(model.width, places(parts), bind, frozenset(name for name, needed in used.items() if needed))
-
-    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
-        def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._estimate.Eval(context)[part])
-
-        return write
-
-    def _solve(self, context: Any, vector: Any) -> None:
-        """All outputs, one behind the other."""
-        joint: FloatArray = self._joint.Eval(context)
-        imu: FloatArray = self._imu.Eval(context) if self._model.uses_imu else self._no_imu
-        wrench: FloatArray = self._no_wrench if self._wrench is None else self._wrench.Eval(context)
-        self._model.estimate_into(vector.get_mutable_value(), joint, imu, wrench, LARGEST)
 
 
 def _parts(n: int, k: int) -> dict[str, slice]:

@@ -1,12 +1,9 @@
 """`LinkPosition`: where links behind series springs are, by the encoders and gauges before them."""
 
-from typing import Any
-
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.actuation.joint_effects import CONTACT_DAMPING
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.types import BoolArray, Call, FloatArray
 
 LARGEST = 1e9
@@ -28,7 +25,7 @@ def spring_times(compliance: FloatArray, motor_inertia: FloatArray, link_inertia
     return times
 
 
-class LinkPosition(PortMethods, LeafSystem):
+class LinkPosition(StageSystem):
     """Positions of n links behind springs with damping, tau = (d + t_d d')/c of the deflection d = theta - q.
 
     Inputs (n each):
@@ -56,15 +53,8 @@ class LinkPosition(PortMethods, LeafSystem):
         n = len(compliance)
         self._compliance = np.array(compliance, dtype=float)
         self._share = dt / (dt + np.asarray(spring_time, dtype=float))
-        self._motor: Any = self.DeclareVectorInputPort("motor_angle", n)
-        self._torque: Any = self.DeclareVectorInputPort("torque", n)
         self._n, self._dt = n, dt
-        state = self.DeclareDiscreteState(2 * n + 1)
-        self._state = int(state)
-        tickets = {self.discrete_state_ticket(state), self._motor.ticket(), self._torque.ticket()}
-        self.DeclareVectorOutputPort("position", n, self._write, tickets)
-        self.DeclareVectorOutputPort("fault", n, self._write_fault, tickets)
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        self._declare({"motor_angle": n, "torque": n})
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
@@ -87,10 +77,6 @@ class LinkPosition(PortMethods, LeafSystem):
         ports, reads = places({"position": slice(n), "fault": slice(n, 2 * n)}), frozenset({"motor_angle", "torque"})
         return ArrayStage(2 * n, ports, bind, reads, start=np.zeros(2 * n + 1), period=self._dt)
 
-    def _inputs(self, context: Context) -> tuple[FloatArray, FloatArray]:
-        """Motor angles and torques."""
-        return self._motor.Eval(context), self._torque.Eval(context)
-
     def _solve(
         self, held: FloatArray, motor: FloatArray, torque: FloatArray, lost: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -100,21 +86,6 @@ class LinkPosition(PortMethods, LeafSystem):
         if held[-1]:
             deflection = np.where(told, held[:n] + self._share * (deflection - held[:n]), held[:n])
         return deflection, np.where(lost, held[n:-1], np.where(lost, 0.0, motor) - deflection)
-
-    def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._solved(context)[1])
-
-    def _solved(self, context: Context) -> tuple[FloatArray, FloatArray]:
-        now = self._inputs(context)
-        held: Any = context.get_discrete_state(self._state).value()
-        return self._solve(held, *now, _lost(*now))
-
-    def _write_fault(self, context: Context, vector: Any) -> None:
-        vector.set_value(_lost(*self._inputs(context)).astype(float))
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        after: Any = np.concatenate([*self._solved(context), [1.0]])
-        values.set_value(self._state, after)
 
 
 def _lost(motor: FloatArray, torque: FloatArray) -> BoolArray:

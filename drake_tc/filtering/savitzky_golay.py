@@ -19,8 +19,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import FILTER, KernelCall, copying
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import FILTER, Kernel, KernelCall, copying
 from drake_tc.types import Call, FloatArray
 
 
@@ -98,7 +97,7 @@ def check_window(window: int, order: int, at: float, dt: float) -> None:
         raise ParamsError(f"Savitzky–Golay period must be positive and finite [s], got {dt:g}")
 
 
-_ADVANCE, _FIT = Kernel("savitzky_golay", "advance"), Kernel("savitzky_golay", "fit")
+_ADVANCE, _FIT = Kernel("filters", "advance"), Kernel("filters", "fit")
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 
 def states(folder: Path) -> dict[Path, tuple[int, int]]:
-    """Time of the last change [ns] and size [bytes] of each module in a folder."""
-    return {path: (path.stat().st_mtime_ns, path.stat().st_size) for path in folder.glob("*.py")}
+    """Time of the last change [ns] and size [bytes] of each module below a folder."""
+    return {path: (path.stat().st_mtime_ns, path.stat().st_size) for path in folder.rglob("*.py")}
 
 
 AT_IMPORT = states(Path(__file__).parent)

@@ -1,15 +1,16 @@
-"""The actuators of all joints over one step, see `drake_tc.actuation.joint_step`.
+"""The actuators of all joints over one step (`drake_tc.actuation.joint_step`), and one joint's over a run.
 
 A joint whose effects all have a compiled equation is computed from end to end. Drives and the other torque effects of
 another one are evaluated by the caller, between two calls: the first leaves in `work` what they need and what the
 compiled ones resist with, the second takes from there what they gave.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels import equations, friction
+from drake_tc.kernels import equations
 from drake_tc.kernels import joint_layout as at
 from drake_tc.kernels.compiling import (
     FLAG,
@@ -29,8 +30,8 @@ from drake_tc.types import FloatArray, IntArray
 
 _dead_zone, _switched, _saturated = helper(equations.dead_zone), helper(equations.switched), helper(equations.saturated)
 _delayed, _lagged, _integrated = helper(equations.delayed), helper(equations.lagged), helper(equations.integrated)
-_wound_up, _turned_over = helper(friction.wound_up), helper(friction.turned_over)
-_friction_step, _gear_torque = helper(friction.friction_step), helper(equations.gear_torque)
+_wound_up, _turned_over = helper(equations.wound_up), helper(equations.turned_over)
+_friction_step, _gear_torque = helper(equations.friction_step), helper(equations.gear_torque)
 
 
 class Tables(NamedTuple):
@@ -303,3 +304,40 @@ def motors(kept: FloatArray, state: FloatArray, layout: IntArray, numbers: Float
             )
             out[j], out[n + j] = theta, omega
             out[2 * n + j] = _gear_torque(theta - q, omega - v, gap, compliance, contact_time)
+
+
+STEP, SUBSTEPS, MOVED, MOMENT, ZERO, KNOWN, START, VELOCITY, CENTRE, LIMIT = range(10)
+
+
+@kernel(MATRIX, TABLES, VECTOR, OUT_VECTOR, OUT_VECTOR)
+def positions(
+    samples: FloatArray, constants: tuple[Any, ...], plant: FloatArray, memory: FloatArray, out: FloatArray
+) -> None:
+    """Position (T,) [rad] into out, which stays as it is from where the joint has left its range.
+
+    Args:
+        samples: (T, 4) command, load [N m], its change in a step, and temperature [deg C].
+        constants: `actuator.Tables` of the joint, whose effects all have a compiled equation.
+        plant: h, steps in a sample, inertia that is moved, moment of the pendulum's weight and where it hangs, 1 where
+            the load is all that the gear transmits, position and velocity at the start, middle and half of the range.
+        memory: (m,) of the joint, which has started; updated.
+        out: Written.
+    """
+    tables = Tables(*constants)
+    q, v, work = plant[START], plant[VELOCITY], np.zeros(at.WORK)
+    for k in range(samples.shape[0]):
+        out[k] = q
+        for n in range(int(plant[SUBSTEPS])):
+            outside = samples[k, 1] + n * samples[k, 2]
+            load = outside if plant[KNOWN] else np.nan
+            now = Inputs(samples[k, 0], q, v, load, samples[k, 3], True)
+            begin(memory, tables, 0, now, work)
+            if work[at.STATUS] == 0.0:
+                return
+            resist(memory, tables, 0, samples[k, 3], work)
+            drive(memory, tables, 0, work)
+            torque = finish(memory, tables, 0, now, work)[0]
+            v += plant[STEP] * (torque - plant[MOMENT] * math.sin(q - plant[ZERO]) - outside) / plant[MOVED]
+            q += plant[STEP] * v
+        if not abs(q - plant[CENTRE]) <= plant[LIMIT]:
+            return

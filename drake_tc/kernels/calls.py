@@ -1,13 +1,45 @@
-"""`KernelCall`: a kernel with its arguments; and `sequences`, which runs several of them in one call."""
+"""Compiled functions from Python.
 
-from collections.abc import Sequence
+`Kernel`: one by its name, so that Numba is imported where it is called and not before. `KernelCall`: a kernel with its
+arguments; and `sequences`, which runs several of them in one call.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels.lazy import Kernel
 from drake_tc.types import Call, FloatArray, IntArray
+
+
+class Kernel:
+    """A compiled function by name; its module is imported, and with it Numba, at the first call."""
+
+    def __init__(self, module: str, name: str) -> None:
+        """Keep the names.
+
+        Args:
+            module: Below `drake_tc.kernels`.
+            name: Of the entry.
+        """
+        self._module, self._name = module, name
+        self._entry: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the entry."""
+        entry = self._entry
+        if entry is None:
+            entry = self.entry()
+        return entry(*arguments)
+
+    def entry(self) -> Callable[..., Any]:
+        """The compiled function itself."""
+        if self._entry is None:
+            self._entry = getattr(import_module(f"drake_tc.kernels.{self._module}"), self._name)
+        return self._entry
+
 
 COPY, GATHER, ADD, MULTIPLY, READING, ESTIMATE, MOTION, SOLVE, GUARD, ADVANCE, FILTER, RAISE_FLAGS = range(12)
 ABOVE, COPY_BELOW, COPY_AFTER, MOTORS, BASE_OUTPUTS, VOTE, REMEMBER, SPRING_LAW, IMU, WRENCHES, SWING = range(12, 23)

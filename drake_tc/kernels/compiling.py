@@ -7,6 +7,7 @@ command that needs none of them does not pay for Numba's import. Rules for a com
   Entries are compiled where their module is imported, so helpers stand above the entries that call them.
 - What entries share are plain functions on arrays and scalars (`helper`), compiled into each entry. Arrays that differ
   in layout or in being read-only compile a helper once more, which costs seconds.
+- Functions that call entries of other stages, and one-line equations, are put into their caller (`inlined`).
 - The cache's folder has in its name the hash of all sources that an entry is made of: Numba itself does not notice
   that a helper in another file has changed. Where no cache can be written, every process compiles for itself; so does
   one whose sources are edited while it runs, as it may have loaded them before.
@@ -106,15 +107,14 @@ def sources_of(module: str, folder: Path = _SOURCES) -> tuple[Path, ...]:
     left = [module]
     while left:
         name = left.pop()
-        path = folder / f"{name}.py"
+        path = folder / f"{name.replace('.', '/')}.py"
         if name in found or not path.is_file():
             continue
         found[name] = path
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and f"{node.module}." == _PACKAGE:
-                left += [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_PACKAGE):
-                left.append(str(node.module).removeprefix(_PACKAGE))
+            if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith(_PACKAGE):
+                names = [str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)]
+                left += [each.removeprefix(_PACKAGE) for each in names]
     return tuple(found[name] for name in sorted(found))
 
 
@@ -174,3 +174,13 @@ def _is_cached(function: Callable[..., Any], folder: Path) -> bool:
 def _tell_once() -> None:
     sys.stderr.write("Compiling kernels (once) ...\n")
     sys.stderr.flush()
+
+
+def inlined(function: F) -> F:
+    """A part of an entry or of a helper, put into it before it is compiled.
+
+    As a `compiling.helper` it would be a library of its own with a copy of each entry that it calls, and these copies
+    would all be optimised anew: a dozen of them around Newton's method take minutes.
+    """
+    part: F = numba.njit(inline="always", error_model="numpy")(function)
+    return part

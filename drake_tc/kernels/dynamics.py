@@ -17,6 +17,9 @@ A tree is two tables, one row a joint, parents first:
         and inertia about it (xx yy zz xy xz yz) of the body, whose frame is the joint's moved one; rotor inertia
 The base's body is (10,) mass, centre of mass, inertia. A frame is (12,) R and p in its body.
 `bodies` has a row a body: R (9), p from Bo (3), screw (6), V (6), A (6).
+
+Recursive Newton-Euler takes accelerations of joints and base; with the base's proper acceleration (a - g) in place of
+its acceleration, the forces hold gravity.
 """
 
 import math
@@ -273,3 +276,47 @@ def frame_jacobian(
         out[4, column] += screw[_SCREW + 4] + wz * x - wx * z
         out[5, column] += screw[_SCREW + 5] + wx * y - wy * x
         row = places[row - 1, 0]
+
+
+@helper
+def add_joint_accelerations(bodies: FloatArray, places: IntArray, vdot: FloatArray) -> None:
+    """A_i of bodies that were moved with vdot = 0 becomes that with vdot (n,)."""
+    added = np.zeros((bodies.shape[0], 6))
+    for j in range(places.shape[0]):
+        parent, rate = places[j, 0], vdot[places[j, 3]]
+        for k in range(6):
+            added[j + 1, k] = added[parent, k] + bodies[j + 1, _SCREW + k] * rate
+            bodies[j + 1, _ACCELERATION + k] += added[j + 1, k]
+
+
+@helper
+def carry_along(bodies: FloatArray, acceleration: FloatArray) -> None:
+    """A_i + [alpha; a] (6,) of the base, whose bodies were moved without."""
+    for i in range(bodies.shape[0]):
+        for k in range(6):
+            bodies[i, _ACCELERATION + k] += acceleration[k]
+
+
+@helper
+def wrenches_needed(bodies: FloatArray, places: IntArray, constants: FloatArray, trunk: FloatArray) -> FloatArray:
+    """F (rows + 1, 6), the base's first."""
+    n = places.shape[0]
+    loads, inertia, momentum, scratch = np.empty((n + 1, 6)), np.empty(10), np.empty(6), np.empty(12)
+    inertia_into(inertia, bodies[0], trunk, 0, scratch)
+    load_into(loads[0], inertia, bodies[0], momentum)
+    for j in range(n):
+        inertia_into(inertia, bodies[j + 1], constants[j], 15, scratch)
+        load_into(loads[j + 1], inertia, bodies[j + 1], momentum)
+    for j in range(n - 1, -1, -1):
+        parent = places[j, 0]
+        for k in range(6):
+            loads[parent, k] += loads[j + 1, k]
+    return loads
+
+
+@helper
+def add_joint_forces(bodies: FloatArray, loads: FloatArray, places: IntArray, out: FloatArray) -> None:
+    """s_j . F_j added to the place of each joint's velocity in out."""
+    for j in range(places.shape[0]):
+        for k in range(6):
+            out[places[j, 3]] += bodies[j + 1, _SCREW + k] * loads[j + 1, k]

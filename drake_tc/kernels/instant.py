@@ -1,6 +1,6 @@
 """References at one instant on plain floats, for loops in which an array of one sample costs more than its numbers.
 
-The numbers are those of `drake_tc.control.references` for many samples, to rounding. `drake_tc.kernels.reference`
+The numbers are those of `drake_tc.control.references` for many samples, to rounding. `drake_tc.kernels.sequence`
 compiles the same functions; they take powers by `math.pow`, as a compiled `**` multiplies.
 """
 

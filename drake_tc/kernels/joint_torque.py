@@ -18,13 +18,16 @@ import numpy as np
 from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel, together
 from drake_tc.kernels.dynamics import (
     BODY_WIDTH,
+    add_joint_accelerations,
+    add_joint_forces,
+    carry_along,
     cross_into,
     frame_motion,
     frame_pose,
     move,
     rotate_into,
+    wrenches_needed,
 )
-from drake_tc.kernels.newton_euler import add_joint_accelerations, add_joint_forces, carry_along, wrenches_needed
 from drake_tc.types import FloatArray, IntArray
 
 _PLACE, _VELOCITY = 9, 18

@@ -13,9 +13,9 @@ import numpy as np
 from numba.core import types as numba_types
 from numba.extending import intrinsic
 
+from drake_tc.kernels import instant
 from drake_tc.kernels.actuator import advance, motors
-from drake_tc.kernels.base_outputs import outputs
-from drake_tc.kernels.body_sensors import imu, wrenches
+from drake_tc.kernels.base.outputs import outputs
 from drake_tc.kernels.calls import (
     ABOVE,
     ADD,
@@ -42,18 +42,38 @@ from drake_tc.kernels.calls import (
     VOTE,
     WRENCHES,
 )
-from drake_tc.kernels.compiling import REAL, TABLE, helper, kernel
+from drake_tc.kernels.compiling import OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel
 from drake_tc.kernels.fault_monitor import raise_flags
+from drake_tc.kernels.filters import advance as filtered
 from drake_tc.kernels.guard import step
 from drake_tc.kernels.inverse_dynamics import motion_torque
 from drake_tc.kernels.joint_torque import estimate
 from drake_tc.kernels.joint_voting import remember, vote
-from drake_tc.kernels.reference import swing
-from drake_tc.kernels.savitzky_golay import advance as filtered
-from drake_tc.kernels.sensor import reading
+from drake_tc.kernels.sensors import imu, reading, wrenches
 from drake_tc.kernels.series_elastic import law
 from drake_tc.kernels.torque_control import solve
-from drake_tc.types import IntArray
+from drake_tc.types import FloatArray, IntArray
+
+_step_at, _swinging, _turned = helper(instant.step_at), helper(instant.swinging), helper(instant.turned)
+
+
+@kernel(REAL, VECTOR, OUT_VECTOR)
+def swing(time: float, numbers: FloatArray, out: FloatArray) -> None:
+    """`Swing.row`.
+
+    Args:
+        time: [s].
+        numbers: (11,) axis (3), amplitude [rad], begin [s], rise [s], frequency [rad/s], first quaternion (4).
+        out: (10,) [quaternion w x y z; omega; alpha]; written.
+    """
+    axis, first = (numbers[0], numbers[1], numbers[2]), (numbers[7], numbers[8], numbers[9], numbers[10])
+    size, begin, w = numbers[3], numbers[4], numbers[6]
+    share, rate, growth = _step_at(time, begin, numbers[5])
+    angle = _swinging((size * share, size * rate, size * growth), w, w * (time - begin))
+    out[0], out[1], out[2], out[3] = _turned(axis, angle[0], first)
+    for k in range(3):
+        out[4 + k], out[7 + k] = angle[1] * axis[k], angle[2] * axis[k]
+
 
 types: Any = numba_types
 

@@ -4,8 +4,7 @@ The equations are put into the choice between them: each as a library of its own
 """
 
 from drake_tc.kernels import torque_equations as of
-from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.linking import inlined
+from drake_tc.kernels.compiling import helper, inlined
 from drake_tc.types import FloatArray
 
 _constant, _stribeck, _power, _quadratic = map(inlined, (of.constant, of.stribeck, of.power, of.quadratic))

@@ -16,8 +16,7 @@ import numpy as np
 
 from drake_tc.array_stage import Arrays, ArrayStage, Held, places
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import BETWEEN_TICKS, READING, KernelCall
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import BETWEEN_TICKS, READING, Kernel, KernelCall
 from drake_tc.sensing.spec import SensorFault, SensorSpec, whole_ticks
 from drake_tc.types import BoolArray, Call, FloatArray, IntArray
 
@@ -221,7 +220,7 @@ def _freeze(readings: FloatArray, frozen: BoolArray) -> None:
         readings[repeat, channel] = readings[last[repeat], channel]
 
 
-_READING = Kernel("sensor", "reading")
+_READING = Kernel("sensors", "reading")
 TICK = 0
 """Where the tick stands in a state row."""
 DRAW = "draw"

@@ -11,15 +11,14 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Inpu
 
 from drake_tc.array_stage import PortMethods
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import BETWEEN_TICKS
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import BETWEEN_TICKS, Kernel
 from drake_tc.sensing.corruption import BLOCK, DRAW, TICK, Corruption, SensorOnArrays, corrupt
 from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 
 __all__ = ["Sensor", "SensorBase", "SensorFault", "SensorSpec", "corrupt"]
 
-_READING = Kernel("sensor", "reading")
+_READING = Kernel("sensors", "reading")
 _OFFSET = 2
 
 

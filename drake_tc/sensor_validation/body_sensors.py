@@ -7,9 +7,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
-from drake_tc.kernels.calls import IMU, WRENCHES, KernelCall, above, copying
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, StageSystem, places
+from drake_tc.kernels.calls import IMU, WRENCHES, Kernel, KernelCall, above, copying
 from drake_tc.types import Call, FloatArray
 
 SETTLED = 0.1
@@ -21,27 +20,10 @@ _MEAN, _LEAST, _SOON = 0.05, 0.1, 0.02
 """Time over which an IMU is averaged, the least for which one that jumped and stayed is left out, and within which it
 has jumped back, or the jolt that made it jump is felt in the feet [s]."""
 
-_IMU, _WRENCHES = Kernel("body_sensors", "imu"), Kernel("body_sensors", "wrenches")
+_IMU, _WRENCHES = Kernel("sensors", "imu"), Kernel("sensors", "wrenches")
 
 
-class _Solved:
-    """This tick's reading and the state after it; a box for the cache.
-
-    Attributes:
-        reading: What can be believed.
-        good: (k,) 1 where a sensor can be.
-        after: The state.
-        well: Whether all can be believed.
-    """
-
-    def __init__(self, reading: int, sensors: int, state: int) -> None:
-        self.reading: FloatArray = np.zeros(reading)
-        self.good: FloatArray = np.zeros(sensors)
-        self.after: FloatArray = np.zeros(state)
-        self.well = True
-
-
-class ValidatedImu(PortMethods, LeafSystem):
+class ValidatedImu(StageSystem):
     """An IMU that may be left out: NaN then, on which the base estimator goes by the contacts alone.
 
     Inputs: imu (6) raw [gyro; accel]; flagged (m): any that is up leaves it out; jolt (j): any that is up says that the
@@ -71,62 +53,46 @@ class ValidatedImu(PortMethods, LeafSystem):
         super().__init__()
         self._limit, self._dt = np.array(limit, dtype=float), dt
         self._options = np.array([-np.expm1(-dt / _MEAN), round(_LEAST / dt), round(_SOON / dt)])
-        self._imu: Any = self.DeclareVectorInputPort("imu", 6)
-        self._flagged: Any = self.DeclareVectorInputPort("flagged", flags)
-        self._jolt: Any = self.DeclareVectorInputPort("jolt", jolts)
-        start: Any = np.append(np.full(24, np.nan), 0.0)
-        self._start: FloatArray = start
-        state = self.DeclareDiscreteState(start)
-        left_out = self.DeclareDiscreteState(1)
-        self._state, self._left_out = int(state), int(left_out)
-        inputs = {self._flagged.ticket(), self._imu.ticket(), self._jolt.ticket()}
-        tickets = {self.discrete_state_ticket(state), self.time_ticket(), *inputs}
-        self._solved: Any = self.DeclareCacheEntry(
-            "solved", ValueProducer(allocate=Value(_Solved(6, 1, 25)).Clone, calc=self._solve), tickets
-        )
-        self.DeclareVectorOutputPort("reading", 6, self._write, {self._solved.ticket()})
-        self.DeclareStateOutputPort("left_out", left_out)
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        self._declare({"imu": 6, "flagged": flags, "jolt": jolts}, timed=True)
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports; the state is [memory; left out]."""
-        names, size = ("imu", "flagged", "jolt"), self._start.size
+        names = ("imu", "flagged", "jolt")
+        start = np.concatenate((np.full(24, np.nan), np.zeros(2)))
 
-        def bind(arrays: Arrays) -> tuple[Sequence[Call], Sequence[Call]]:
-            now, reading, shown = [arrays.inputs[name] for name in names], arrays.out[:6], arrays.out[6:]
-            before, left_out, after, reached = arrays.before[:-1], arrays.before[-1:], arrays.after, np.zeros(size)
+        def bind_early(arrays: Arrays) -> tuple[Call, None]:
+            return copying(arrays.before[-1:], arrays.out), None
+
+        def bind(arrays: Arrays) -> tuple[Call, Sequence[Call]]:
+            now, reading, reached = [arrays.inputs[name] for name in names], arrays.out, np.zeros(start.size - 1)
+            before, after, options = arrays.before[:-1], arrays.after, (self._limit, self._options)
 
             def check(time: float) -> None:
-                self._check(now, time, before, reading, reached)
+                _IMU(tuple(now), float(time >= SETTLED), options, before, (reading, reached))
 
-            fixed = (SETTLED, self._limit, self._options, before, reading, reached)
-            outputs = [KernelCall(IMU, check, *now, *fixed), copying(left_out, shown)]
+            outputs = KernelCall(IMU, check, *now, SETTLED, *options, before, reading, reached)
             return outputs, [copying(reached, after[:-1]), above(reached[-1:], 0.0, after[-1:])]
 
-        parts, start = places({"reading": slice(6), "left_out": slice(6, 7)}), np.append(self._start, 0.0)
-        return ArrayStage(7, parts, bind, frozenset(names), start=start, period=self._dt)
+        early = ArrayStage(1, places({"left_out": slice(1)}), bind_early)
+        ports = places({"reading": slice(6)})
+        return ArrayStage(6, ports, bind, frozenset(names), start=start, period=self._dt, early=early)
 
-    def _check(
-        self, now: Sequence[FloatArray], time: float, before: FloatArray, reading: FloatArray, after: FloatArray
-    ) -> None:
-        """The recursion: the reading and the state after it, which are written."""
-        _IMU(tuple(now), float(time >= SETTLED), (self._limit, self._options), before, (reading, after))
 
-    def _solve(self, context: Any, box: Any) -> None:
-        """This tick's reading."""
-        solved: _Solved = box.get_mutable_value()
-        now = [port.Eval(context) for port in (self._imu, self._flagged, self._jolt)]
-        before = context.get_discrete_state(self._state).value()
-        self._check(now, context.get_time(), before, solved.reading, solved.after)
+class _Solved:
+    """This tick's reading and the state after it; a box for the cache.
 
-    def _write(self, context: Context, vector: Any) -> None:
-        solved: Any = self._solved.Eval(context)
-        vector.set_value(solved.reading)
+    Attributes:
+        reading: What can be believed.
+        good: (k,) 1 where a sensor can be.
+        after: The state.
+        well: Whether all can be believed.
+    """
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        solved: Any = self._solved.Eval(context)
-        values.set_value(self._state, solved.after)
-        values.get_mutable_value(self._left_out)[0] = solved.after[-1] > 0.0
+    def __init__(self, reading: int, sensors: int, state: int) -> None:
+        self.reading: FloatArray = np.zeros(reading)
+        self.good: FloatArray = np.zeros(sensors)
+        self.after: FloatArray = np.zeros(state)
+        self.well = True
 
 
 class ValidatedWrench(PortMethods, LeafSystem):

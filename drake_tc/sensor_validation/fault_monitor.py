@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.joint_torque import LARGEST
 from drake_tc.estimation.plant import IMU_SUFFIX, BaseMotion, build_plant
-from drake_tc.kernels.calls import RAISE_FLAGS, KernelCall, copying
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import RAISE_FLAGS, Kernel, KernelCall, copying
 from drake_tc.robot.plant import Limits, joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.sensor_validation.monitor_spec import MonitorSpec
@@ -31,7 +30,7 @@ _NEVER = 1e12
 _RAISE_FLAGS = Kernel("fault_monitor", "raise_flags")
 
 
-class FaultMonitor(PortMethods, LeafSystem):
+class FaultMonitor(StageSystem):
     """Flags of sensor faults; n joints, k F/T sensors, N = n + 6 + 6k raw channels u.
 
     Inputs:
@@ -142,26 +141,22 @@ class FaultMonitor(PortMethods, LeafSystem):
                 [spec.moving, stuck, largest_change, spec.encoder_jump, blend, hold, LARGEST, spec.encoder_timing / dt]
             ),
         )
-        self._declare(n, k)
+        self._declare_ports(n, k)
 
     def _flag(self, kind: str, name: str) -> int:
         """Its place among the flags."""
         return self._flag_names.index(f"{name}/{kind}")
 
-    def _declare(self, n: int, k: int) -> None:
+    def _declare_ports(self, n: int, k: int) -> None:
         """Ports, state and event."""
         raw = [("position", n), *([("wrench", 6 * k)] if k else []), ("command", n)]
         raw += [("imu", 6)] if self._has_imu else []
         derived = [("unknown_wrench", 6), *([("contact_wrench", 6 * k)] if k else []), ("torque_residual", n)]
         derived += [("reference", n)]
-        ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, size) for name, size in raw}
-        self._reference: Any = self.DeclareVectorInputPort("reference_velocity", n)
-        ports |= {name: self.DeclareVectorInputPort(name, size) for name, size in derived}
-        self._raw_ports = tuple((ports[name], np.zeros(size) if name == "command" else None) for name, size in raw)
         # absent optional inputs read as what is expected of them
-        absent = {"reference": self._middle}
-        self._derived = tuple((ports[name], absent.get(name, np.zeros(size))) for name, size in derived)
-        self._still = np.zeros(n)
+        optional = dict([("command", n), *derived])
+        self._absent = {name: np.zeros(size) for name, size in optional.items()} | {"reference": self._middle}
+        self._still, self._seen = np.zeros(n), tuple(name for name, _ in (*raw, *derived))
 
         count = len(self._flag_names)
         size = sum(size for _, size in raw)
@@ -169,12 +164,7 @@ class FaultMonitor(PortMethods, LeafSystem):
         rest = np.zeros(size + sum(size for _, size in derived) + 6 * self._has_imu + count)
         start: Any = np.concatenate([never, np.zeros(2 * size), encoders, rest])
         self._start: FloatArray = start
-        self._memory = int(self.DeclareDiscreteState(start))
-        flags, largest = self.DeclareDiscreteState(count), self.DeclareDiscreteState(1)
-        self._flags, self._largest = int(flags), int(largest)
-        self.DeclareStateOutputPort("flags", flags)
-        self.DeclareStateOutputPort("any_fault", largest)
-        self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
+        self._declare({**dict(raw), "reference_velocity": n, **dict(derived)})
 
     @property
     def flag_names(self) -> tuple[str, ...]:
@@ -191,13 +181,12 @@ class FaultMonitor(PortMethods, LeafSystem):
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports; the state is [memory; flags; level]."""
         start, count = self._start, len(self._flag_names)
-        raw = tuple((port.get_name(), zeros) for port, zeros in self._raw_ports)
-        derived = tuple((port.get_name(), zeros) for port, zeros in self._derived)
 
         def bind(arrays: Arrays) -> tuple[Call, Sequence[Call]]:
             given = arrays.inputs
             memory, flags, level = np.split(arrays.after, [start.size, start.size + count])
-            seen = [given.get(name, zeros) for name, zeros in (*raw, *derived)]
+            absent = self._absent.keys() - given.keys()
+            seen = [self._absent[name] if name in absent else given[name] for name in self._seen]
             rate = given.get("reference_velocity", self._still)
             ends = np.cumsum([0, *(part.size for part in seen)]).tolist()
             now = np.empty(ends[-1])
@@ -210,19 +199,10 @@ class FaultMonitor(PortMethods, LeafSystem):
             shown = copying(arrays.before[start.size :], arrays.out)
             return shown, (*joined, KernelCall(RAISE_FLAGS, update, *arguments, level))
 
-        names = {*dict(raw), "reference_velocity", *dict(derived)}
+        names = {*self._seen, "reference_velocity"}
         parts = places({"flags": slice(count), "any_fault": slice(count, count + 1)})
         state = np.append(start, np.zeros(count + 1))
         return ArrayStage(count + 1, parts, bind, updates=frozenset(names), start=state, period=self._dt)
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        """The recursion."""
-        ports = (*self._raw_ports, *self._derived)
-        seen = [port.Eval(context) if zeros is None or port.HasValue(context) else zeros for port, zeros in ports]
-        rate = self._reference.Eval(context) if self._reference.HasValue(context) else self._still
-        memory, flags = values.get_mutable_value(self._memory), values.get_mutable_value(self._flags)
-        level = _RAISE_FLAGS((np.concatenate(seen), rate), self._settings, memory, flags)
-        values.get_mutable_value(self._largest)[0] = level
 
 
 def _flag_names(sensors: tuple[str, ...], *, has_imu: bool) -> tuple[str, ...]:

@@ -1,14 +1,12 @@
 """`StandingFeet`: what feet that stand say of the base, to check a gyro by and to go on without an IMU."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import Contact
@@ -31,11 +29,10 @@ _FLAG, _SPEED, _TILTS = 0, 2, 3
 """As `drake_tc.kernels.standing_feet` has them."""
 _SHOWN, _SUNK, _ADVANCE = (Kernel("standing_feet", name) for name in ("shown", "sunk", "advance"))
 
-Inputs = Callable[[str], Any]
+Inputs = dict[str, Any]
 """Value of an input port by its name; None where it is not connected."""
 _NO_TILT: FloatArray = np.full(2, np.nan)
-_OUTPUTS = {"reading": 6, "imu_tilt": 2, "flag": 1, "lost": 1}
-_READ = ("estimated_state", "imu", "cop", "wrench", "contacts")
+_READ = ("estimated_state", "imu", "cop", "wrench")
 
 
 def _finite(reading: FloatArray) -> bool:
@@ -43,7 +40,7 @@ def _finite(reading: FloatArray) -> bool:
     return bool(np.count_nonzero(np.isfinite(reading)) == reading.size)
 
 
-class StandingFeet(PortMethods, LeafSystem):
+class StandingFeet(StageSystem):
     """Soles on a level floor against the base estimate: as their springs let them tilt, and not turning.
 
     Inputs:
@@ -107,39 +104,34 @@ class StandingFeet(PortMethods, LeafSystem):
             "contacts": len(contacts),
             "link_angle": self._n,
         }
-        self._ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, n) for name, n in sizes.items()}
-        self._scratch: Any = self.DeclareCacheEntry(
-            "scratch",
-            ValueProducer(allocate=lambda: Value(plant.CreateDefaultContext()), calc=lambda context, value: None),
-            {self.nothing_ticket()},
-        )
         self._turns = slice(_TILTS + 2 * len(soles), _TILTS + 2 * len(soles) + 3)
         self._size = self._turns.stop + self._n + 1
-        held = self.DeclareDiscreteState(self._size)
-        self._held = int(held)
-        of_state = {self.discrete_state_ticket(held)}
-        tickets = of_state | {self._ports[name].ticket() for name in _READ}
-        for name, width in _OUTPUTS.items():
-            own = of_state if name in ("flag", "lost") else tickets
-            self.DeclareVectorOutputPort(name, width, self._writer(name), own)
-        self.DeclarePeriodicDiscreteUpdateEvent(_EVERY * dt, 0.0, self._update)
+        self._declare(sizes)
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
-        ends = np.cumsum([0, *_OUTPUTS.values()]).tolist()
-        parts = {name: slice(a, b) for name, a, b in zip(_OUTPUTS, ends, ends[1:], strict=False)}
+        ports = places({"reading": slice(6), "imu_tilt": slice(6, 8)})
+
+        def bind_early(arrays: Arrays) -> tuple[Call, None]:
+            before, out, shown = arrays.before, arrays.out, np.empty(10)
+
+            def outputs(time: float) -> None:
+                _SHOWN(self._no_imu, before, self._lost_after, shown)
+                out[:] = shown[8:]
+
+            return outputs, None
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            names = [name for name in self._ports if name != "contacts" or name in arrays.inputs]
-            given: Inputs = {name: arrays.inputs[name] for name in names}.get
+            given: Inputs = {name: arrays.inputs[name] for name in (*_READ, "link_angle")}
+            given["contacts"] = arrays.inputs.get("contacts")
             before, after, scratch = arrays.before, arrays.after, self._plant.CreateDefaultContext()
-            imu, shown = given("imu"), arrays.out
-            of_imu = [(self._value(name), shown[parts[name]]) for name in ("reading", "imu_tilt")]
+            imu, out, shown = given["imu"], arrays.out, np.empty(10)
 
             def outputs(time: float) -> None:
                 if not _SHOWN(imu, before, self._lost_after, shown):
-                    for value, out in of_imu:
-                        out[:] = value(given, before, scratch)
+                    shown[:6] = self._reading(given, before, scratch)
+                    shown[6:8] = self._imu_tilt(given, before, scratch)
+                out[:] = shown[:8]
 
             def update(time: float) -> None:
                 after[:] = self._next(given, before, scratch)
@@ -147,16 +139,12 @@ class StandingFeet(PortMethods, LeafSystem):
             return outputs, update
 
         updates, start, period = frozenset({"link_angle"}), np.zeros(self._size), _EVERY * self._dt
-        return ArrayStage(ends[-1], places(parts), bind, frozenset(_READ), updates, start, period)
-
-    def _value(self, output: str) -> Callable[[Inputs, FloatArray, Any], FloatArray]:
-        """The function of an output port, of the inputs, the state and a context of the plant."""
-        found: Callable[[Inputs, FloatArray, Any], FloatArray] = getattr(self, f"_{output}")
-        return found
+        early = ArrayStage(2, places({"flag": slice(1), "lost": slice(1, 2)}), bind_early)
+        return ArrayStage(8, ports, bind, frozenset({*_READ, "contacts"}), updates, start, period, early)
 
     def _standing(self, given: Inputs) -> list[int]:
         """Soles that carry."""
-        contacts = given("contacts")
+        contacts = given["contacts"]
         if contacts is None:
             return list(range(len(self._links)))
         return np.flatnonzero(contacts[self._which] > 0.5).tolist()
@@ -169,12 +157,12 @@ class StandingFeet(PortMethods, LeafSystem):
     def _sunk(self, given: Inputs) -> FloatArray:
         """(soles, 2) tilts of the soles towards their centres of pressure [rad]."""
         tilts: FloatArray = np.empty((len(self._links), 2))
-        _SUNK(given("wrench"), given("cop"), self._soles, tilts.ravel())
+        _SUNK(given["wrench"], given["cop"], self._soles, tilts.ravel())
         return tilts
 
     def _moved(self, given: Inputs, scratch: Any) -> None:
         """Put a context of the plant at the estimate."""
-        self._plant.SetPositionsAndVelocities(scratch, given("estimated_state"))
+        self._plant.SetPositionsAndVelocities(scratch, given["estimated_state"])
 
     def _seen(self, given: Inputs, held: FloatArray, scratch: Any) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """(3,) normal of the floor and (3,) rate of the IMU's link in the estimate's world, (3, 3) R_WI; or no sole."""
@@ -194,12 +182,12 @@ class StandingFeet(PortMethods, LeafSystem):
         return np.mean(ups, axis=0), rate + np.mean(turns, axis=0), R_WI
 
     def _reading(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
-        reading: FloatArray = np.asarray(given("imu"))
+        reading: FloatArray = np.asarray(given["imu"])
         seen = None if _finite(reading) else self._seen(given, held, scratch)
         return reading if seen is None else np.concatenate([seen[1] @ seen[2], np.full(3, np.nan)])
 
     def _imu_tilt(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
-        seen = None if _finite(np.asarray(given("imu"))) else self._seen(given, held, scratch)
+        seen = None if _finite(np.asarray(given["imu"])) else self._seen(given, held, scratch)
         if seen is None:
             return _NO_TILT
         normal, rate, R_WI = seen
@@ -208,24 +196,12 @@ class StandingFeet(PortMethods, LeafSystem):
         x, y, z = (up / np.linalg.norm(up)).tolist()
         return np.array([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
 
-    def _flag(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
-        return self._of_state(held)[:1]
-
-    def _lost(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
-        return self._of_state(held)[1:]
-
-    def _of_state(self, held: FloatArray) -> FloatArray:
-        """(2,) flag and lost."""
-        out: FloatArray = np.empty(sum(_OUTPUTS.values()))
-        _SHOWN(self._no_imu, held, self._lost_after, out)
-        return out[-2:]
-
     def _next(self, given: Inputs, held: FloatArray, scratch: Any) -> FloatArray:
         """x[n+1]."""
         after: FloatArray = np.empty(held.size)
-        rates, readings = np.empty(self._n), (given("imu"), given("wrench"), given("cop"))
-        state = given("estimated_state")
-        now = *readings, state, given("link_angle")
+        rates, readings = np.empty(self._n), (given["imu"], given["wrench"], given["cop"])
+        state = given["estimated_state"]
+        now = *readings, state, given["link_angle"]
         there = _ADVANCE(now, held, self._soles, self._options, (after, rates))
         if there and after[_SPEED] < RESTS and (soles := self._standing(given)):
             self._plant.SetPositions(scratch, state[: self._plant.num_positions()])
@@ -234,27 +210,3 @@ class StandingFeet(PortMethods, LeafSystem):
             self._plant.SetVelocities(scratch, moving)
             after[_FLAG] = float(abs(self._rates(scratch, soles)[2]) > TURNING)
         return after
-
-    def _inputs(self, context: Context) -> Inputs:
-        """The inputs of a Context, each evaluated where it is needed."""
-
-        def given(name: str) -> Any:
-            port = self._ports[name]
-            return None if name == "contacts" and not port.HasValue(context) else port.Eval(context)
-
-        return given
-
-    def _writer(self, output: str) -> Callable[[Context, Any], None]:
-        """The calc function of an output port."""
-        value = self._value(output)
-
-        def write(context: Context, vector: Any) -> None:
-            held: Any = context.get_discrete_state(self._held).value()
-            vector.set_value(value(self._inputs(context), held, self._scratch.Eval(context)))
-
-        return write
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        held: Any = context.get_discrete_state(self._held).value()
-        after: Any = self._next(self._inputs(context), held, self._scratch.Eval(context))
-        values.set_value(self._held, after)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, Polytope, TaskRows, Terms, identity
 from drake_tc.types import FloatArray
 
@@ -151,7 +151,7 @@ def polytope_of(limits: Sequence[LimitRows], causes: AffineMap) -> Polytope:
     return Polytope(over[:, :-1].copy(), lower, upper, groups, labels, bounds)
 
 
-_CAUSES = Kernel("reduction", "causes")
+_CAUSES = Kernel("tsid.reduction", "causes")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""The problem of a tick by one compiled call (`drake_tc.kernels.problem`), and what it is called with.
+"""The problem of a tick by one compiled call (`drake_tc.kernels.tsid.problem`), and what it is called with.
 
-A whole tick by one compiled call (`drake_tc.kernels.warm_tick`), from where the last tick ended.
+A whole tick by one compiled call (`drake_tc.kernels.tsid.warm_tick`), from where the last tick ended.
 """
 
 import math
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.assembly import AffineMap
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.limits.base import Limit
@@ -26,9 +26,9 @@ from drake_tc.tsid.tables import KIND, LIMIT_KINDS, ROWS, Tables, tables_of
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.types import FloatArray, IntArray
 
-_PROBLEM = Kernel("problem", "problem")
+_PROBLEM = Kernel("tsid.problem", "problem")
 NO_POSE, LOST = 1, 2
-"""As `drake_tc.kernels.problem` has them."""
+"""As `drake_tc.kernels.tsid.problem` has them."""
 
 
 class ProgramResult(NamedTuple):
@@ -131,7 +131,7 @@ class FusedProblem:
         return sizes
 
     def arguments(self, contacts: ActiveContacts, written: WrittenRows) -> tuple[Any, ...]:
-        """The law as the compiled call takes it (`drake_tc.kernels.problem.LAW`); each set of contacts' is made once.
+        """The law as the compiled call takes it (`kernels.tsid.problem.LAW`); each set of contacts' is made once.
 
         Args:
             contacts: That carry.
@@ -182,9 +182,9 @@ def _sized(tables: Tables, written: WrittenRows) -> tuple[IntArray, IntArray]:
     return tasks, limits
 
 
-_WARM_TICK = Kernel("warm_tick", "warm_tick")
+_WARM_TICK = Kernel("tsid.warm_tick", "warm_tick")
 _FOUND = 0
-"""As `drake_tc.kernels.problem` has it."""
+"""As `drake_tc.kernels.tsid.problem` has it."""
 _RELAXED = 7
 """`drake_tc.tsid.law.Status.RELAXED`."""
 

@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.assembly import check_names, names_of, order_of
 from drake_tc.tsid.fused import FusedProblem, WarmTick
 from drake_tc.tsid.limits.base import Limit
@@ -31,11 +31,11 @@ from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, Terms
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.types import FloatArray
 
-_SIZE, _PACK, _UNPACK = (Kernel("warm_start", name) for name in ("size", "pack", "unpack"))
+_SIZE, _PACK, _UNPACK = (Kernel("tsid.warm_start", name) for name in ("size", "pack", "unpack"))
 
 
 class WarmStart:
-    """A `Start` as the numbers that `drake_tc.kernels.warm_start` lays out, and back."""
+    """A `Start` as the numbers that `drake_tc.kernels.tsid.warm_start` lays out, and back."""
 
     def __init__(self, joints: int) -> None:
         """Lay it out for n joints."""

@@ -21,7 +21,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.fields import Mount
 from drake_tc.robot.plant import file_rotors, make_plant
 from drake_tc.robot.robot import Robot
@@ -73,7 +73,7 @@ def add_frames(plant: Any, model: Any, contacts: Sequence[Contact], more: Sequen
     return frames
 
 
-_TERMS, _FRAME = Kernel("terms", "terms"), Kernel("terms", "frame_terms")
+_TERMS, _FRAME = Kernel("tsid.terms", "terms"), Kernel("tsid.terms", "frame_terms")
 _LEAST_MASS = 1e-12
 """Smallest eigenvalue of M, its diagonal scaled to ones."""
 SHORTEST = 1e-12
@@ -96,7 +96,7 @@ class TsidModel:
         rotors: (n,) reflected rotor inertias that the mass matrix has [kg m^2].
         mass: [kg].
         start: (nq,) q in the robot's posture, its base where the robot file says.
-        tree_arguments: The robot as compiled functions take it (`drake_tc.kernels.terms.Robot`).
+        tree_arguments: The robot as compiled functions take it (`drake_tc.kernels.tsid.terms.Robot`).
     """
 
     def __init__(
@@ -250,7 +250,7 @@ class TsidModel:
 
         Args:
             q: (nq,).
-            bodies: Of `drake_tc.kernels.terms.terms` at this state.
+            bodies: Of `drake_tc.kernels.tsid.terms.terms` at this state.
             name: One of `frame_names`.
         """
         return FrameTerms(*_FRAME(q, self.tree_arguments, bodies, self._frames[name], self.nv))

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot import fields
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
@@ -33,8 +33,8 @@ from drake_tc.types import FloatArray, IntArray
 BENT = 1e-9
 """Curvature of -log Phi below which a side counts as out of sight: levels below robustness may move along it."""
 
-_SOLVE_LEVELS = Kernel("levels", "solve_levels")
-_EVALUATED = Kernel("scaling", "evaluated")
+_SOLVE_LEVELS = Kernel("tsid.levels", "solve_levels")
+_EVALUATED = Kernel("tsid.scaling", "evaluated")
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.law import LARGEST
@@ -45,7 +43,7 @@ def turned(vector: FloatArray) -> FloatArray:
     return rotation_matrix(np.concatenate(([np.cos(half)], 0.5 * np.sinc(half / np.pi) * vector)))
 
 
-class StandingState(PortMethods, LeafSystem):
+class StandingState(StageSystem):
     """The state of a robot with a floating base from its joints, its first IMU and the contacts that carry it.
 
     Inputs:
@@ -89,29 +87,11 @@ class StandingState(PortMethods, LeafSystem):
         self._base_q = np.setdiff1d(np.arange(model.nq), model.positions)
         self._base_v = np.setdiff1d(np.arange(model.nv), model.actuated)
         self._owner = np.concatenate([np.full(len(c.corners), i) for i, c in enumerate(model.contacts)])
-        self._position: Any = self.DeclareVectorInputPort("position", model.n)
-        self._velocity: Any = self.DeclareVectorInputPort("velocity", model.n)
-        self._imu: Any = self.DeclareVectorInputPort("imu", 6)
-        self._active: Any = self.DeclareVectorInputPort("active_contacts", len(model.contacts))
         start = model.start[self._base_q]
         body = _Body(self, model.create_scratch(), model.start[model.positions], np.zeros(model.n))
         first: Any = np.concatenate([(body.corners @ rotation_matrix(start[:4]).T + start[4:]).ravel(), start[:4]])
         self._first: FloatArray = first
-        memory = self.DeclareDiscreteState(first)
-        self._memory = int(memory)
-        ports = (self._position, self._velocity, self._imu, self._active)
-        self._solution: Any = self.DeclareCacheEntry(
-            "solution",
-            ValueProducer(allocate=lambda: Value(_Known(model.create_scratch())), calc=self._solve),
-            {*(port.ticket() for port in ports), self.discrete_state_ticket(memory)},
-        )
-        self.DeclareVectorOutputPort("estimated_state", model.nq + model.nv, self._write, {self._solution.ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-
-    def _solve(self, context: Any, value: Any) -> None:
-        switch = self._active.Eval(context) if self._active.HasValue(context) else None
-        now = [port.Eval(context) for port in (self._position, self._velocity, self._imu)]
-        self._know(value.get_mutable_value(), context.get_discrete_state(self._memory).value(), now, switch)
+        self._declare({"position": model.n, "velocity": model.n, "imu": 6, "active_contacts": len(model.contacts)})
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
@@ -163,14 +143,6 @@ class StandingState(PortMethods, LeafSystem):
         memory = np.concatenate((moved.ravel(), quaternion))
         if np.isfinite(np.concatenate((state, memory))).all():
             known.state, known.memory = state, memory
-
-    def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._solution.Eval(context).state)
-
-    def _update(self, context: Any, values: Any) -> None:
-        memory = self._solution.Eval(context).memory
-        if memory is not None:
-            values.set_value(self._memory, memory)
 
     @property
     def parts(self) -> tuple[TsidModel, Any, str]:

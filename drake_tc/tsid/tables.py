@@ -1,4 +1,4 @@
-"""Tasks and limits of a law as tables for `drake_tc.kernels.problem`, one set for each set of active contacts."""
+"""Tasks and limits of a law as tables for `drake_tc.kernels.tsid.problem`, one set for each set of active contacts."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from drake_tc.types import FloatArray, IntArray
 WRITTEN_OUT = 0
 TASK_KINDS = ("", "com", "posture", "frame", "orientation", "force", "torque", "momentum", "pressure")
 LIMIT_KINDS = ("", "bounds", "forces", "viable")
-"""In the order of the constants of `drake_tc.kernels.task_rows`."""
+"""In the order of the constants of `drake_tc.kernels.tsid.rows`."""
 _COLUMNS, KIND, ROWS = 5, 0, 1
 
 
@@ -21,7 +21,7 @@ class Entry(NamedTuple):
     Attributes:
         kind: One of the kinds.
         rows: How many.
-        integers: As `drake_tc.kernels.task_rows` reads them.
+        integers: As `drake_tc.kernels.tsid.rows` reads them.
         numbers: The same.
     """
 

@@ -2,9 +2,9 @@
 
     terms -> rows of tasks and limits -> problem over the torques -> formulation -> tau -> vdot, f
 
-`drake_tc.kernels.warm_tick` does all of it in one call that goes on from the last tick, `drake_tc.kernels.problem` all
-up to the scaled problem. Where a law or a fallback needs what is between, the same stages follow one another here. A
-tick always has an answer, and `Tick.status` says which it is:
+`drake_tc.kernels.tsid.warm_tick` does all of it in one call that goes on from the last tick, and `problem` beside it
+all up to the scaled problem. Where a law or a fallback needs what is between, the same stages follow one another here.
+A tick always has an answer, and `Tick.status` says which it is:
 
     solved        the formulation's torque
     risky         every limit can be kept but not R <= R_min: the formulation's safest torque
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.errors import SimulationError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.assembly import AffineMap, Reduced, names_of, reduce
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.fallbacks import (
@@ -44,7 +44,7 @@ from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
 
-_RESPONSE = Kernel("reduction", "response")
+_RESPONSE = Kernel("tsid.reduction", "response")
 
 
 class Tick(NamedTuple):

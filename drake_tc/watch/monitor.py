@@ -11,7 +11,7 @@ from drake_tc.actuation.compensator import Compensator
 from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, model_list
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.kernels.model_monitor import BEFORE, PAST
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import Call, FloatArray, IntArray

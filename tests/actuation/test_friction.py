@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from drake_tc.kernels.friction import PRESLIDING_DISPLACEMENT, friction_step
+from drake_tc.kernels.equations import PRESLIDING_DISPLACEMENT, friction_step
 
 positive = st.floats(1e-3, 40.0)
 

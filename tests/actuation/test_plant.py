@@ -22,7 +22,7 @@ from drake_tc.actuation.wiring import (
     joint_inertias,
 )
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.friction import PRESLIDING_DISPLACEMENT
+from drake_tc.kernels.equations import PRESLIDING_DISPLACEMENT
 from drake_tc.loops.joint_bench import make_plant
 
 RICH = (

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.types import FloatArray, IntArray
 
-whiten = Kernel("whitening", "whiten")
+whiten = Kernel("filters", "whiten")
 
 
 @dataclass

@@ -9,7 +9,7 @@ import numba
 import pytest
 
 from drake_tc.kernels import compiling
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 
 NEEDS_COMPILER = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 ENTRY = """
@@ -63,19 +63,19 @@ from drake_tc.kernels import compiling
 compiling._SOURCES = __import__("pathlib").Path(sys.argv[1])
 original = compiling.sources_hash
 compiling.sources_hash = lambda module: original(module, compiling._SOURCES)
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 print(Kernel("one", "entry")(1.5))
 """
 
 
 EDIT = RUN.replace(
-    "from drake_tc.kernels.lazy",
+    "from drake_tc.kernels.calls",
     """folder = compiling._SOURCES
 drake_tc.kernels.AT_IMPORT |= drake_tc.kernels.states(folder)
 import drake_tc.kernels.other
 text = (folder / "other.py").read_text(encoding="utf-8")
 (folder / "other.py").write_text(text.replace("2.0", "40.0"), encoding="utf-8")
-from drake_tc.kernels.lazy""",
+from drake_tc.kernels.calls""",
 )
 
 
@@ -132,10 +132,10 @@ def test_numba_is_imported_where_a_kernel_is_called_and_not_before():
 @pytest.mark.parametrize(
     "name",
     [
-        ("sensor", "reading"),
-        ("savitzky_golay", "advance"),
+        ("sensors", "reading"),
+        ("filters", "advance"),
         ("joint_torque", "estimate"),
-        ("joint_forces", "joint_forces"),
+        ("inverse_dynamics", "joint_forces"),
         ("inverse_dynamics", "motion_torque"),
         ("torque_control", "solve"),
         ("fault_monitor", "raise_flags"),
@@ -153,14 +153,14 @@ def test_the_loop_of_the_leg_compiles_nothing_again(name, leg_ticks):
 @pytest.mark.parametrize(
     "name",
     [
-        ("terms", "terms"),
-        ("rows", "com"),
-        ("rows", "posture"),
-        ("rows", "viable"),
-        ("reduction", "causes"),
-        ("scaling", "scaled"),
-        ("searches", "minimum"),
-        ("problem", "problem"),
+        ("tsid.terms", "terms"),
+        ("tsid.rows", "com"),
+        ("tsid.rows", "posture"),
+        ("tsid.rows", "viable"),
+        ("tsid.reduction", "causes"),
+        ("tsid.scaling", "scaled"),
+        ("tsid.newton", "minimum"),
+        ("tsid.problem", "problem"),
     ],
     ids=".".join,
 )
@@ -173,7 +173,7 @@ def test_a_loop_compiles_nothing_again(name, humanoid_ticks):
 
 @NEEDS_COMPILER
 def test_the_series_elastic_loop_compiles_nothing_again(series_elastic_ticks):
-    names = [("base_tick", "tick"), ("base_chain", "tick"), ("base_outputs", "outputs"), ("joint_voting", "vote")]
-    names += [("series_elastic", "law"), ("body_sensors", "imu"), ("body_sensors", "wrenches")]
+    names = [("base.tick", "tick"), ("base.chain", "tick"), ("base.outputs", "outputs"), ("joint_voting", "vote")]
+    names += [("series_elastic", "law"), ("sensors", "imu"), ("sensors", "wrenches")]
     assert series_elastic_ticks.solved
     assert {name: len(Kernel(*name).entry().signatures) for name in names} == dict.fromkeys(names, 1)

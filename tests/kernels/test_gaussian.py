@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.special import log_ndtr, ndtr
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 
-TAILS, INTERVALS = Kernel("gaussian", "tails"), Kernel("gaussian", "intervals")
+TAILS, INTERVALS = Kernel("tsid.gaussian", "tails"), Kernel("tsid.gaussian", "intervals")
 
 getcontext().prec = 150
 PI = Decimal(

@@ -9,7 +9,7 @@ from drake_tc.control.rotation import cross, quaternion_of, rotation_matrix
 from drake_tc.kernels.calls import sequences
 from drake_tc.kernels.compiling import interpreted
 from drake_tc.kernels.instant import step_at, turned, unit
-from drake_tc.kernels.reference import swing
+from drake_tc.kernels.sequence import swing
 
 MOVE = PointToPoint((0.1, -0.2, 0.9), (0.3, 0.1, 0.7), 0.4, 0.9)
 TURN = Slerp((0.9, 0.1, -0.3, 0.2), (-0.2, 0.7, 0.1, 0.5), 0.4, 0.9)

@@ -9,11 +9,11 @@ from pydrake.multibody.tree import MultibodyForces
 
 import drake_tc.models
 from drake_tc.estimation.plant import build_plant
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.robot import load_robot
 from drake_tc.robot.tree import tree_of
 
-JOINT_FORCES = Kernel("joint_forces", "joint_forces")
+JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
 MODELS = Path(drake_tc.models.__file__).parent / "hrp2_like"
 
 

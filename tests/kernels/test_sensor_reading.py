@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 
-READING = Kernel("sensor", "reading")
+READING = Kernel("sensors", "reading")
 PLAIN, NOTHING = np.array([[1.0, 1.0], [0.0, 0.0]]), np.zeros(0)
 
 

@@ -8,28 +8,20 @@ Source: Faraji et al., 2015, section II.B.
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from drake_tc.actuation.joint_effects import Models
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, StageSystem, places
 from drake_tc.control.series_elastic.law import Readings, SeriesElasticLaw, SeriesElasticSpec, motor_arrays
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import copying
 from drake_tc.types import Call, FloatArray
 
+_INPUTS = ("motor_angle", "torque", "reference_torque", "reference_acceleration")
 _ROWS = ("voltage", "friction", "shaped_reference", "fault")
 
 
-class _Solved:
-    """Answer of a tick and the state after it; a box for the cache."""
-
-    def __init__(self, law: SeriesElasticLaw) -> None:
-        self.rows: FloatArray = np.zeros((len(_ROWS), law.size))
-        self.state: FloatArray = np.zeros(law.state_size)
-
-
-class SeriesElasticControl(PortMethods, LeafSystem):
+class SeriesElasticControl(StageSystem):
     """Torque control of n series-elastic joints, sampled every dt. See `law` for the equations.
 
     Inputs (n each):
@@ -62,20 +54,7 @@ class SeriesElasticControl(PortMethods, LeafSystem):
         super().__init__()
         self._law = law = SeriesElasticLaw(spec, motors, dt)
         self._dt = dt
-        n = law.size
-        names = ("motor_angle", "torque", "reference_torque", "reference_acceleration")
-        self._inputs: list[Any] = [self.DeclareVectorInputPort(name, n) for name in names]
-        self._zeros = np.zeros(n)
-        state = self.DeclareDiscreteState(law.state_size)
-        self._state = int(state)
-        tickets = {self.discrete_state_ticket(state), *(port.ticket() for port in self._inputs)}
-        solved: Any = self.DeclareCacheEntry(
-            "solved", ValueProducer(allocate=Value(_Solved(law)).Clone, calc=self._solve), tickets
-        )
-        self._solved = solved
-        for row, name in enumerate(_ROWS):
-            self.DeclareVectorOutputPort(name, n, self._writer(row), {solved.ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        self._declare(dict.fromkeys(_INPUTS, law.size))
 
     @property
     def law(self) -> SeriesElasticLaw:
@@ -84,37 +63,17 @@ class SeriesElasticControl(PortMethods, LeafSystem):
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
-        n, names = self._law.size, tuple(port.get_name() for port in self._inputs)
+        n = self._law.size
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            now = Readings(*(arrays.inputs.get(name, self._zeros) for name in names))
+            now = Readings(*(arrays.inputs.get(name, np.zeros(n)) for name in _INPUTS))
             before, rows, reached = arrays.before, arrays.out.reshape(len(_ROWS), n), np.zeros(self._law.state_size)
 
             return self._law.bind(before, now, reached, rows), copying(reached, arrays.after)
 
         parts = {name: slice(row * n, (row + 1) * n) for row, name in enumerate(_ROWS)}
         start = np.zeros(self._law.state_size)
-        return ArrayStage(len(_ROWS) * n, places(parts), bind, frozenset(names), start=start, period=self._dt)
-
-    def _solve(self, context: Any, box: Any) -> None:
-        """y[n] and x[n+1]."""
-        solved: _Solved = box.get_mutable_value()
-        now = Readings(*[p.Eval(context) if p.HasValue(context) else self._zeros for p in self._inputs])
-        self._law.step(context.get_discrete_state(self._state).value(), now, solved.state, solved.rows)
-
-    def _writer(self, row: int) -> Any:
-        """The calc function of one output."""
-
-        def write(context: Context, vector: BasicVector) -> None:
-            solved: Any = self._solved.Eval(context)
-            vector.SetFromVector(solved.rows[row])
-
-        return write
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        """x[n+1]."""
-        solved: Any = self._solved.Eval(context)
-        values.set_value(self._state, solved.state)
+        return ArrayStage(len(_ROWS) * n, places(parts), bind, frozenset(_INPUTS), start=start, period=self._dt)
 
 
 class MotorPositionControl(PortMethods, LeafSystem):

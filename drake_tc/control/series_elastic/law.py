@@ -40,8 +40,7 @@ import numpy as np
 
 from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.calls import SPRING_LAW, KernelCall
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import SPRING_LAW, Kernel, KernelCall
 from drake_tc.types import FloatArray
 
 Mode = Literal["observer", "last_step_friction", "feedforward", "feedforward_p", "pi", "momentum_observer"]

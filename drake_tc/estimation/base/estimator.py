@@ -21,7 +21,7 @@ from drake_tc.estimation.base.kinematics import (
 )
 from drake_tc.estimation.base.rig import BaseEstimatorSpec
 from drake_tc.estimation.base.velocity import rows_of, soft_sole, soles_of, solve_program
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.robot import Robot
 from drake_tc.types import FloatArray
 
@@ -33,9 +33,9 @@ class OnKinematics(ABC):
         spec: Contacts and tuning.
         kinematics: Of the robot.
         num_joints, num_contacts: n, k.
-        options: (27,) in the order of `drake_tc.kernels.base_sample.Options`.
-        soles: (k, w) rows of the contacts, see `drake_tc.kernels.base_sample`.
-        tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base_contacts.shape_of`; zero of rigid ones.
+        options: (27,) in the order of `drake_tc.kernels.base.sample.Options`.
+        soles: (k, w) rows of the contacts, see `drake_tc.kernels.base.sample`.
+        tables: (k, m m) shapes of soft soles, see `drake_tc.kernels.base.contacts.shape_of`; zero of rigid ones.
     """
 
     def __init__(self, robot: Robot, spec: BaseEstimatorSpec) -> None:
@@ -90,7 +90,7 @@ class OnKinematics(ABC):
 
 
 def _options(spec: BaseEstimatorSpec, weight: float, *, any_soft: bool) -> FloatArray:
-    """(27,) in the order of `drake_tc.kernels.base_sample.Options`."""
+    """(27,) in the order of `drake_tc.kernels.base.sample.Options`."""
     level, touchdown = spec.ground == "level", spec.reference == "touchdown"
     row = (
         spec.period, spec.imu_age, level, touchdown, spec.velocity_time, spec.contact_velocity, spec.cop_moment,
@@ -102,13 +102,13 @@ def _options(spec: BaseEstimatorSpec, weight: float, *, any_soft: bool) -> Float
     return np.array(row, dtype=float)
 
 
-_TICK = Kernel("base_tick", "tick")
+_TICK = Kernel("base.tick", "tick")
 
 
 class CopEstimator(OnKinematics):
     """Base position, velocity and yaw from the point of each contact that stands still, the centre of pressure.
 
-    Stage 1 (`drake_tc.kernels.base_velocity`), then stage 2 (`base_pose`), every tick; roll and pitch from the IMU, or
+    Stage 1 (`drake_tc.kernels.base.velocity`), then stage 2 (`base_pose`), every tick; roll and pitch from the IMU, or
     from gyro and accelerometer (`base_imu`). A contact that carries load holds its centre of pressure where it was: a
     reference that follows the centre of pressure as it moves over the sole, and slowly adapts where contacts disagree.
     What cannot be believed, or gives no numbers, gives way to what the last tick knew, and raises a flag
@@ -128,7 +128,7 @@ class CopEstimator(OnKinematics):
             _TICK(*given, (solve_program(program, self._limits), program), after)
 
 
-_CHAIN_TICK = Kernel("base_chain", "tick")
+_CHAIN_TICK = Kernel("base.chain", "tick")
 
 
 class FootCentreEstimator(OnKinematics):

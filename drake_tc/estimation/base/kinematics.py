@@ -1,6 +1,6 @@
 """Where contacts and IMU are and how they move, in the axes of the base; and what an F/T reading says at a contact.
 
-The tables of it; what computes with them is `drake_tc.kernels.base_kinematics`.
+The tables of it; what computes with them is `drake_tc.kernels.base.sample`.
 
 With B the base, C a contact and I the IMU, from encoders alone:
 
@@ -28,7 +28,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, QuaternionFloatingJoint
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.rig import ContactSpec
-from drake_tc.kernels.base_state import (
+from drake_tc.kernels.base.state import (
     CONTACT_FLAGS,
     CONTACT_MEMORY,
     FLAGS,

@@ -1,19 +1,15 @@
 """`BaseEstimator`: the base estimator as a Drake system."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.estimator import CopEstimator, FootCentreEstimator, FootCentreImuEstimator
 from drake_tc.estimation.base.kinematics import CONTACT_FLAGS, FLAGS, BaseState, Sample, packed, place_of, unpacked
 from drake_tc.estimation.base.rig import BaseEstimatorSpec
-from drake_tc.kernels.calls import BASE_OUTPUTS, KernelCall, copying
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import BASE_OUTPUTS, Kernel, KernelCall, copying
 from drake_tc.robot.robot import Robot
 from drake_tc.types import Call, FloatArray
 
@@ -24,10 +20,10 @@ METHODS: dict[str, type[CopEstimator] | type[FootCentreEstimator]] = {
 }
 
 
-_OUTPUTS = Kernel("base_outputs", "outputs")
+_OUTPUTS = Kernel("base.outputs", "outputs")
 
 
-class BaseEstimator(PortMethods, LeafSystem):
+class BaseEstimator(StageSystem):
     """Pose and velocity of a floating base from encoders, IMU and loads; n joints, k contacts.
 
     Inputs, read at the ticks alone:
@@ -77,36 +73,10 @@ class BaseEstimator(PortMethods, LeafSystem):
         heading = start.rpy[2] if yaw is None else float(yaw)
         if place.shape != (3,) or not (np.isfinite(place).all() and np.isfinite(heading)):
             raise ParamsError(f"BaseEstimator: expected a finite start, got position {place.tolist()}, yaw {heading}")
-        self._position: Any = self.DeclareVectorInputPort("position", n)
-        self._velocity: Any = self.DeclareVectorInputPort("velocity", n)
-        self._imu: Any = self.DeclareVectorInputPort("imu", 6)
-        self._tilt: Any = self.DeclareVectorInputPort("imu_tilt", 2)
-        self._wrench: Any = self.DeclareVectorInputPort("wrench", 6 * k)
-        self._switch: Any = self.DeclareVectorInputPort("contact_switch", k)
-        self._no_tilt, self._no_switch = np.full(2, np.nan), np.zeros(k)
-        initial: Any = packed(self._estimator.initial_state(place, heading))
-        state = self.DeclareDiscreteState(initial)
-        self._state, self._start, self._dt = int(state), np.asarray(initial), spec.period
-        cop, flags = place_of("pressure", n, k), slice(place_of("flags", n, k).start, None)
-        kinematics, of_state = self._estimator.kinematics, {self.discrete_state_ticket(state)}
-        size = kinematics.state_size
-        self._order = np.array(kinematics.order, dtype=np.int64)
-        whole = np.zeros(14 + 2 * n + size)
-        self._shown: Any = self.DeclareCacheEntry(
-            "shown", ValueProducer(allocate=Value(whole).Clone, calc=self._show), of_state
-        )
-        self._shown_parts = {
-            "base_pose": slice(0, 7),
-            "base_velocity": slice(7 + n, 13 + n),
-            "estimated_state": slice(14 + 2 * n, whole.size),
-        }
-        self._state_parts = {"cop": cop, "status": flags}
-        for name, part in self._shown_parts.items():
-            width = len(whole[part])
-            self.DeclareVectorOutputPort(name, width, self._shower(part), {self._shown.ticket()})
-        self.DeclareVectorOutputPort("cop", 2 * k, self._writer(cop), of_state)
-        self.DeclareVectorOutputPort("status", len(self.flag_names), self._writer(flags), of_state)
-        self.DeclarePeriodicDiscreteUpdateEvent(spec.period, 0.0, self._update)
+        self._start, self._dt = packed(self._estimator.initial_state(place, heading)), spec.period
+        self._order = np.array(self._estimator.kinematics.order, dtype=np.int64)
+        joints = {"position": n, "velocity": n}
+        self._declare({**joints, "imu": 6, "imu_tilt": 2, "wrench": 6 * k, "contact_switch": k})
 
     @property
     def flag_names(self) -> tuple[str, ...]:
@@ -117,13 +87,14 @@ class BaseEstimator(PortMethods, LeafSystem):
     def base_state(self, context: Any) -> BaseState:
         """All that is remembered."""
         self.ValidateContext(context)
-        return unpacked(np.array(context.get_discrete_state(self._state).value()), self._n, self._k)
+        return unpacked(np.array(context.get_discrete_state(self._memory).value()), self._n, self._k)
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
-        cop, flags = self._state_parts.values()
-        shown = self._shown_parts["estimated_state"].stop
-        absent = {"imu_tilt": self._no_tilt, "contact_switch": self._no_switch}
+        n, k = self._n, self._k
+        cop, flags = place_of("pressure", n, k), slice(place_of("flags", n, k).start, None)
+        shown = 14 + 2 * n + self._estimator.kinematics.state_size
+        absent = {"imu_tilt": np.full(2, np.nan), "contact_switch": np.zeros(k)}
         names = ("position", "velocity", "imu", "imu_tilt", "wrench", "contact_switch")
         ends = np.cumsum([shown, *(self._start[part].size for part in (cop, flags))]).tolist()
 
@@ -135,50 +106,15 @@ class BaseEstimator(PortMethods, LeafSystem):
             whole, pressure, status = np.split(arrays.out, ends[:2])
 
             def show(time: float) -> None:
-                _OUTPUTS(before, self._n, self._k, self._order, whole)
+                _OUTPUTS(before, n, k, self._order, whole)
 
             def update(time: float) -> None:
                 self._estimator.advance(before, sample, after)
 
-            showing = KernelCall(BASE_OUTPUTS, show, before, self._n, self._k, self._order, whole)
+            showing = KernelCall(BASE_OUTPUTS, show, before, n, k, self._order, whole)
             return [showing, copying(before[cop], pressure), copying(before[flags], status)], update
 
-        parts = {**self._shown_parts, "cop": slice(ends[0], ends[1]), "status": slice(ends[1], ends[2])}
+        parts = {"base_pose": slice(7), "base_velocity": slice(7 + n, 13 + n)}
+        parts |= {"estimated_state": slice(14 + 2 * n, shown), "cop": slice(*ends[:2]), "status": slice(*ends[1:])}
         updates = frozenset(names)
         return ArrayStage(ends[2], places(parts), bind, updates=updates, start=self._start, period=self._dt)
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        """x[n+1]."""
-        now: Any = context.get_discrete_state(self._state)
-        after: Any = values.get_mutable_value(self._state)
-        sample = Sample(
-            self._position.Eval(context),
-            self._velocity.Eval(context),
-            self._imu.Eval(context),
-            self._tilt.Eval(context) if self._tilt.HasValue(context) else self._no_tilt,
-            self._wrench.Eval(context),
-            self._switch.Eval(context) if self._switch.HasValue(context) else self._no_switch,
-        )
-        self._estimator.advance(now.value(), sample, after)
-
-    def _show(self, context: Any, value: Any) -> None:
-        """Pose, velocity and the plant's state, see `drake_tc.kernels.base_outputs`."""
-        state = context.get_discrete_state(self._state).value()
-        _OUTPUTS(state, self._n, self._k, self._order, value.get_mutable_value())
-
-    def _shower(self, part: slice) -> Callable[[Context, Any], None]:
-        """The calc function of an output that `_show` writes."""
-
-        def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._shown.Eval(context)[part])
-
-        return write
-
-    def _writer(self, part: slice) -> Callable[[Context, Any], None]:
-        """The calc function of an output that is part of the state."""
-
-        def write(context: Context, vector: Any) -> None:
-            state: Any = context.get_discrete_state(self._state)
-            vector.set_value(state.value()[part])
-
-        return write

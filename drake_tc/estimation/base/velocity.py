@@ -1,6 +1,6 @@
 """The program of the velocity update where a centre of pressure ends at its sole's edge.
 
-The equations are those of `drake_tc.kernels.base_velocity`, whose closed form serves everywhere else.
+The equations are those of `drake_tc.kernels.base.velocity`, whose closed form serves everywhere else.
 
 How far a soft sole gives way under its centre of pressure (CoP).
 
@@ -37,7 +37,7 @@ _INSIDE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SoftSole:
-    """g over a sole, between the nodes of a table linearly (`drake_tc.kernels.base_contacts.shape_of`).
+    """g over a sole, between the nodes of a table linearly (`drake_tc.kernels.base.contacts.shape_of`).
 
     Attributes:
         stiffness: K [N/m].
@@ -147,7 +147,7 @@ def soles_of(contacts: tuple[ContactSpec, ...]) -> Soles:
 
 
 def rows_of(contacts: tuple[ContactSpec, ...]) -> FloatArray:
-    """(k, w) a row a contact, as `drake_tc.kernels.base_sample` has it.
+    """(k, w) a row a contact, as `drake_tc.kernels.base.sample` has it.
 
     Raises:
         ParamsError: a polygon that is not convex.
@@ -167,7 +167,7 @@ def solve_program(program: FloatArray, soles: Soles) -> FloatArray:
     Points keep x_cop.
 
     Args:
-        program: (5 + 13k,) as `drake_tc.kernels.base_velocity.write_program` has it.
+        program: (5 + 13k,) as `drake_tc.kernels.base.velocity.write_program` has it.
         soles: Limits of the centres of pressure.
     """
     k = len(soles.flat)

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, OutputPort
+from pydrake.systems.framework import DiscreteValues, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
-from drake_tc.array_stage import Arrays, ArrayStage, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.guard import CommandGuard, GuardSpec
 from drake_tc.control.torque_control import TorqueControl
@@ -34,7 +34,7 @@ from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.types import Call, FloatArray
 
 
-class DesiredMotion(LeafSystem):
+class DesiredMotion(StageSystem):
     """The motion of the joints that the controller's accelerations lead to, half a period ahead.
 
     Inputs:
@@ -53,35 +53,24 @@ class DesiredMotion(LeafSystem):
         """
         super().__init__()
         self._model, self._ahead = model, 0.5 * period
-        self._state: Any = self.DeclareVectorInputPort("estimated_state", model.nq + model.nv)
-        self._acceleration: Any = self.DeclareVectorInputPort("acceleration", model.nv)
-        tickets = {self._state.ticket(), self._acceleration.ticket()}
-        self.DeclareVectorOutputPort("reference", 3 * model.n, self._write, tickets)
+        self._declare({"estimated_state": model.nq + model.nv, "acceleration": model.nv})
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
         names = ("estimated_state", "acceleration")
 
         def bind(arrays: Arrays) -> tuple[Call, None]:
-            (state, acceleration), out = (arrays.inputs[name] for name in names), arrays.out
+            (state, acceleration), out, model = (arrays.inputs[name] for name in names), arrays.out, self._model
 
             def outputs(time: float) -> None:
-                out[:] = self._reference(state, acceleration)
+                own = acceleration[model.actuated]
+                velocity = state[model.nq + model.actuated] + self._ahead * own
+                np.concatenate((state[model.positions], velocity, own), out=out)
 
             return outputs, None
 
         ports = places({"reference": slice(3 * self._model.n)})
         return ArrayStage(3 * self._model.n, ports, bind, frozenset(names))
-
-    def _reference(self, state: FloatArray, acceleration: FloatArray) -> FloatArray:
-        """(3n,) the output."""
-        model = self._model
-        own = acceleration[model.actuated]
-        velocity = state[model.nq + model.actuated] + self._ahead * own
-        return np.concatenate((state[model.positions], velocity, own))
-
-    def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._reference(self._state.Eval(context), self._acceleration.Eval(context)))
 
 
 def known_drives(scenario: TsidScenario) -> Path | None:

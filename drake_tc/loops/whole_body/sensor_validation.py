@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem, OutputPort
+from pydrake.systems.framework import OutputPort
 
-from drake_tc.array_stage import Arrays, ArrayStage
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem
 from drake_tc.control.guard import SensorLossStop
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import COPY_AFTER, KernelCall
@@ -234,7 +234,7 @@ def add_flags(wiring: WholeBodyBuilder, validated: ValidatedSensors) -> tuple[st
     return tuple(name for names, _ in groups for name in names)
 
 
-class Settled(LeafSystem):
+class Settled(StageSystem):
     """Zeros at first, then the input `signal` (n): soles that take their load look like faults. No state.
 
     At first: before `SETTLED` and the time for which the monitor's flags stay up.
@@ -247,13 +247,11 @@ class Settled(LeafSystem):
             size: n.
         """
         super().__init__()
-        self._signal: Any = self.DeclareVectorInputPort("signal", size)
-        self._none: FloatArray = np.zeros(size)
-        self.DeclareVectorOutputPort("settled", size, self._write, {self._signal.ticket(), self.time_ticket()})
+        self._size = size
+        self._declare({"signal": size}, timed=True)
 
     def on_arrays(self) -> ArrayStage:
         """This stage without its ports."""
-        size = self._none.size
 
         def bind(arrays: Arrays) -> tuple[Call, None]:
             signal, out = arrays.inputs["signal"], arrays.out
@@ -263,7 +261,4 @@ class Settled(LeafSystem):
 
             return KernelCall(COPY_AFTER, outputs, signal, out, _SETTLED), None
 
-        return ArrayStage(size, {"settled": np.arange(size)}, bind, frozenset({"signal"}))
-
-    def _write(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._signal.Eval(context) if context.get_time() >= _SETTLED else self._none)
+        return ArrayStage(self._size, {"settled": np.arange(self._size)}, bind, frozenset({"signal"}))

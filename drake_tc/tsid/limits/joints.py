@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import ActiveContacts
@@ -93,7 +93,7 @@ class TorqueLimit:
         return self._rows
 
 
-_BOUNDS = Kernel("rows", "viable")
+_BOUNDS = Kernel("tsid.rows", "viable")
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,7 @@ class Viability:
 
     @property
     def numbers(self) -> tuple[FloatArray | float, ...]:
-        """As `drake_tc.kernels.rows.viable` takes them, as its limits."""
+        """As `drake_tc.kernels.tsid.rows.viable` takes them, as its limits."""
         return self._limits
 
     def bounds(

@@ -1,13 +1,13 @@
-"""Convex programs inside linear limits as data: what `newton.minimise` solves (`drake_tc.kernels.programs`).
+"""Convex programs inside linear limits as data: what `newton.minimise` solves (`drake_tc.kernels.tsid.programs`).
 
-Newton's method (SQP) for a convex program inside linear limits (`drake_tc.kernels.newton`), within a budget.
+Newton's method (SQP) for a convex program inside linear limits (`drake_tc.kernels.tsid.newton`), within a budget.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver, QuadraticProgram
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet, step_by_program
 from drake_tc.tsid.robust.options import Budget, Spending
@@ -16,7 +16,7 @@ from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray
 
 PLAIN, RECTANGLE = 0, 1
-_DESCRIBED, _WRITTEN_OUT = Kernel("searches", "described"), Kernel("searches", "written_out")
+_DESCRIBED, _WRITTEN_OUT = Kernel("tsid.newton", "described"), Kernel("tsid.newton", "written_out")
 _NONE: FloatArray = np.zeros((0, 0))
 _NOTHING: FloatArray = np.zeros(0)
 
@@ -79,7 +79,7 @@ class ConvexProgram(NamedTuple):
         return self.weight > 0.0
 
     def arguments(self, *search: float) -> tuple[object, ...]:
-        """`drake_tc.kernels.searches.Data`; search: accuracy, steps until it pauses, how it begins."""
+        """`drake_tc.kernels.tsid.newton.Data`; search: accuracy, steps until it pauses, how it begins."""
         numbers = np.array((self.weight, self.damping, self.width, *search))
         sides = self.risk_lower, self.risk_upper
         cost = self.cost
@@ -152,7 +152,7 @@ def rectangle(
     )
 
 
-_MINIMUM = Kernel("searches", "minimum")
+_MINIMUM = Kernel("tsid.newton", "minimum")
 _FAILED, _ASKS, _PAUSED = 2, 10, 11
 _FRESH, _ANSWERED, _RESUMED = 0, 1, 2
 _INSIDE, _STEPS, _DONE, _RISK, _VALUE = 2, 4, 5, 6, 7

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
@@ -18,7 +18,7 @@ from drake_tc.tsid.robust.rectangle import rectangle
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled, size_of_risk
 from drake_tc.tsid.rows import LeastSquares, Polytope
 
-_EVALUATED = Kernel("scaling", "evaluated")
+_EVALUATED = Kernel("tsid.scaling", "evaluated")
 
 MeasureName = Literal["classic", "individual", "rectangle", "box"]
 Use = Literal["trade_off", "null_space", "constraint"]

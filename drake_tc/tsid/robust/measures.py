@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.active_set import FREE, ActiveSet
 from drake_tc.tsid.robust.convex import Minimum, minimise, plain
@@ -16,7 +16,7 @@ from drake_tc.tsid.robust.options import Spending
 from drake_tc.tsid.robust.scaled import ScaledProblem, box_risk, box_rows, box_size, nothing
 from drake_tc.types import FloatArray
 
-_SHRUNK = Kernel("scaling", "shrunk")
+_SHRUNK = Kernel("tsid.scaling", "shrunk")
 EXACT = 1e-14
 """Of ||d||^2: how exactly the cost alone is minimised."""
 

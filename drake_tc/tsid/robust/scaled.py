@@ -1,6 +1,6 @@
 """A reduced problem in units of its own uncertainty: torques over sigma, rows over sigma_G.
 
-R_ind = -log p_ind: every side of every row by itself; see `drake_tc.kernels.programs`.
+R_ind = -log p_ind: every side of every row by itself; see `drake_tc.kernels.tsid.programs`.
 
 Source: Del Prete and Mansard, 2015, eq. 7 and 13.
 
@@ -18,12 +18,12 @@ import numpy as np
 from scipy.linalg.lapack import dgeqp3, dorgqr
 from scipy.special import erfcinv
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.rows import LeastSquares, Polytope
 from drake_tc.types import FloatArray, IntArray
 
-_SCALED = Kernel("scaling", "scaled")
+_SCALED = Kernel("tsid.scaling", "scaled")
 
 FEASIBLE = 1e-6
 """In units of a row (one sigma): what a point may miss and still count as feasible."""
@@ -111,7 +111,7 @@ def nothing(n: int) -> LeastSquares:
     return LeastSquares(np.zeros((0, n)), np.zeros(0))
 
 
-_EVALUATED = Kernel("scaling", "evaluated")
+_EVALUATED = Kernel("tsid.scaling", "evaluated")
 
 
 def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
@@ -131,7 +131,7 @@ def certain_miss(rows: ScaledRows, certain: IntArray, x: FloatArray, tolerance: 
     return ScaledRows(rows.matrix[sure], rows.lower[sure], rows.upper[sure]).miss(x) > tolerance
 
 
-_HAS_ONE_MINIMISER = Kernel("problem", "has_one_minimiser")
+_HAS_ONE_MINIMISER = Kernel("tsid.problem", "has_one_minimiser")
 RANK = 1e-10
 """Relative to the longest: a row of D, less what the rows before it span, that is shorter adds no direction."""
 
@@ -152,14 +152,14 @@ def null_basis(matrix: FloatArray, tolerance: float = RANK) -> FloatArray:
     return basis
 
 
-_PROGRAM, _SIZE = Kernel("scaling", "box_program"), Kernel("scaling", "box_size")
-_RISK = Kernel("scaling", "box_risk")
+_PROGRAM, _SIZE = Kernel("tsid.scaling", "box_program"), Kernel("tsid.scaling", "box_size")
+_RISK = Kernel("tsid.scaling", "box_risk")
 
 
 def box_rows(problem: ScaledProblem) -> tuple[ScaledRows, LeastSquares]:
     """Rows over (x, s) of a box of half width s sigmas around x, and the cost, which s does not enter.
 
-    See `drake_tc.kernels.scaling.box_program`.
+    See `drake_tc.kernels.tsid.scaling.box_program`.
     """
     limits, cost = problem.limits, problem.cost
     rows, lower, upper, priced = _PROGRAM(limits.matrix, limits.lower, limits.upper, problem.noise, cost.matrix)

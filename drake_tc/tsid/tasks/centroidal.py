@@ -9,14 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.rows import Parts, TaskRows, Terms
 from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, axes, gains
 from drake_tc.types import FloatArray
 
-_ROWS = Kernel("rows", "com")
+_ROWS = Kernel("tsid.rows", "com")
 
 
 class ComTask:
@@ -63,7 +63,7 @@ class ComTask:
         return TaskRows(self.name, Parts(vdot=matrix), target, self.weight)
 
 
-_MOMENTUM_ROWS = Kernel("rows", "momentum")
+_MOMENTUM_ROWS = Kernel("tsid.rows", "momentum")
 
 
 class AngularMomentumTask:

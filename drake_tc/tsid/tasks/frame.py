@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_tc.control.rotation import quaternion_of
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows, Terms
@@ -19,7 +19,7 @@ from drake_tc.tsid.tasks.base import Gains, axes, check_frame, gains
 from drake_tc.types import FloatArray
 
 Axes = Literal["world", "frame", "reference"]
-_ROWS = Kernel("rows", "frame")
+_ROWS = Kernel("tsid.rows", "frame")
 
 
 class FrameTask:

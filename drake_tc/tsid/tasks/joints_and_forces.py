@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.lazy import Kernel
+from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows, Terms, identity, selection
@@ -24,7 +24,7 @@ from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.types import FloatArray
 
-_TARGET = Kernel("rows", "posture")
+_TARGET = Kernel("tsid.rows", "posture")
 
 
 class PostureTask:
@@ -174,7 +174,7 @@ class ForceTask:
         return TaskRows(self.name, Parts(force=identity(entries.size)), reference[entries], self.weight[entries])
 
 
-_ROWS = Kernel("rows", "pressure")
+_ROWS = Kernel("tsid.rows", "pressure")
 
 
 class CopTask:

@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.kinematics import CONTACT_MEMORY, initial_state, packed
 from drake_tc.estimation.base.read_log import run_log, track_error
-from drake_tc.kernels.base_attitude import corrected_up, filter_times, tilt_correction, turned_up
-from drake_tc.kernels.base_contacts import Slip, shown_vertical, slipping
-from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_sample import Given, options_of
-from drake_tc.kernels.base_state import memory_of
+from drake_tc.kernels.base.attitude import corrected_up, filter_times, tilt_correction, turned_up
+from drake_tc.kernels.base.contacts import Slip, shown_vertical, slipping
+from drake_tc.kernels.base.sample import Given, Posture, options_of
+from drake_tc.kernels.base.state import memory_of
 
 from .constructed import REAL, Motion, construct, spec, walker
 

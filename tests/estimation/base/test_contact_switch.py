@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.kernels.base_contacts import Slip, carries, slipping
-from drake_tc.kernels.base_sample import options_of
+from drake_tc.kernels.base.contacts import Slip, carries, slipping
+from drake_tc.kernels.base.sample import options_of
 
 from .constructed import spec, walker
 

@@ -7,9 +7,9 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RollPitchYaw, RotationMatrix
 from scipy.optimize import minimize_scalar
 
-from drake_tc.kernels.base_attitude import filtered_up, up_of
-from drake_tc.kernels.base_pose import solve_position, solve_yaw
-from drake_tc.kernels.vectors import levelled, turned, wxyz_into
+from drake_tc.kernels.base.attitude import filtered_up, up_of
+from drake_tc.kernels.base.pose import solve_position, solve_yaw
+from drake_tc.kernels.linear_algebra import levelled, turned, wxyz_into
 
 
 @pytest.mark.parametrize("k", [2, 3, 4])

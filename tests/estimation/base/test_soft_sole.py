@@ -12,8 +12,8 @@ from drake_tc.estimation.base.estimator import CopEstimator
 from drake_tc.estimation.base.read_log import run_log, track_error
 from drake_tc.estimation.base.rig import ContactSpec
 from drake_tc.estimation.base.velocity import soft_sole
-from drake_tc.kernels.base_contacts import shape_of
-from drake_tc.kernels.base_sample import HALF_PLANES
+from drake_tc.kernels.base.contacts import shape_of
+from drake_tc.kernels.base.sample import HALF_PLANES
 from drake_tc.robot.fields import Mount, Pose
 
 from .constructed import HALF, SOLE, Motion, construct, spec, walker

@@ -24,9 +24,9 @@ from drake_tc.estimation.base.kinematics import (
 from drake_tc.estimation.base.read_log import run_log
 from drake_tc.estimation.base.rig import BaseEstimatorSpec, ContactSpec
 from drake_tc.estimation.base.system import BaseEstimator
-from drake_tc.kernels import base_state
-from drake_tc.kernels.base_kinematics import posture_of, turning
-from drake_tc.kernels.base_state import size_of
+from drake_tc.kernels.base import state as base_state
+from drake_tc.kernels.base.sample import posture_of, turning
+from drake_tc.kernels.base.state import size_of
 from drake_tc.robot.fields import Mount
 from drake_tc.robot.plant import make_plant
 

@@ -5,23 +5,25 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels import base_state
-from drake_tc.kernels.base_attitude import LARGEST_BIAS, attitude
-from drake_tc.kernels.base_contacts import Stance, find_loads, shown_vertical, sinking
-from drake_tc.kernels.base_kinematics import Posture, posture_of, turning
-from drake_tc.kernels.base_pose import Place, find_place
-from drake_tc.kernels.base_sample import (
+from drake_tc.kernels.base import state as base_state
+from drake_tc.kernels.base.attitude import LARGEST_BIAS, attitude
+from drake_tc.kernels.base.contacts import Stance, find_loads, shown_vertical, sinking
+from drake_tc.kernels.base.pose import Place, find_place
+from drake_tc.kernels.base.sample import (
     BREAK,
     ESTIMATOR,
     FLAT,
     SAMPLE,
     Estimator,
     Given,
+    Posture,
     Sample,
     options_of,
+    posture_of,
+    turning,
     valid_sample,
 )
-from drake_tc.kernels.base_state import (
+from drake_tc.kernels.base.state import (
     AIR_LOAD,
     AIRBORNE,
     DROPPED,
@@ -54,9 +56,9 @@ from drake_tc.kernels.base_state import (
     YAW_DRIFT,
     Memory,
 )
-from drake_tc.kernels.base_velocity import UNSOLVED, Motion, find_motion, write_program
+from drake_tc.kernels.base.velocity import UNSOLVED, Motion, find_motion, write_program
 from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, helper, kernel, together
-from drake_tc.kernels.vectors import dot, product, times_transposed
+from drake_tc.kernels.linear_algebra import dot, product, times_transposed
 from drake_tc.types import FloatArray
 
 _memory_of = helper(base_state.memory_of)

@@ -11,16 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, kernel
+from drake_tc.kernels.compiling import OUT_VECTOR, VECTOR, inlined, kernel
 from drake_tc.kernels.linear_algebra import times_vector
-from drake_tc.kernels.linking import inlined
-from drake_tc.kernels.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS
-from drake_tc.kernels.problem import FOUND, LAW, VELOCITIES, Answer, Tables, problem
-from drake_tc.kernels.programs import RECTANGLE
-from drake_tc.kernels.reduction import response
-from drake_tc.kernels.scaling import box_program, box_risk, box_size, evaluated
-from drake_tc.kernels.searches import minimum
-from drake_tc.kernels.warm_start import KNOWN, ROWS, pack, unpack
+from drake_tc.kernels.tsid.newton import DONE, FEASIBLE, FRESH, RISK, SOLVED, STEPS, minimum
+from drake_tc.kernels.tsid.problem import FOUND, LAW, VELOCITIES, Answer, Tables, problem
+from drake_tc.kernels.tsid.programs import RECTANGLE
+from drake_tc.kernels.tsid.reduction import response
+from drake_tc.kernels.tsid.scaling import box_program, box_risk, box_size, evaluated
+from drake_tc.kernels.tsid.warm_start import KNOWN, ROWS, pack, unpack
 from drake_tc.types import FloatArray
 
 OPEN = 3

@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, kernel, together
+from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, inlined, kernel, together
 from drake_tc.kernels.linear_algebra import inverse_factor
-from drake_tc.kernels.linking import inlined
-from drake_tc.kernels.reduction import causes
-from drake_tc.kernels.scaling import scaled
-from drake_tc.kernels.task_rows import Body, Given, reduced_limits, reduced_tasks
-from drake_tc.kernels.terms import ROBOT, terms
+from drake_tc.kernels.tsid.reduction import causes
+from drake_tc.kernels.tsid.rows import Body, Given, reduced_limits, reduced_tasks
+from drake_tc.kernels.tsid.scaling import scaled
+from drake_tc.kernels.tsid.terms import ROBOT, terms
 from drake_tc.types import FloatArray, IntArray
 
 FOUND, NO_POSE, LOST = 0, 1, 2
@@ -32,7 +31,7 @@ class Tables(NamedTuple):
     Attributes:
         active: Contacts that carry.
         actuated, positions: (n,) index in v and in q of each joint.
-        tasks, limits: (., 5) see `task_rows`; of limits torque bounds first and group by group.
+        tasks, limits: (., 5) see `rows`; of limits torque bounds first and group by group.
         integers, numbers: What both point into.
         dense: (., nv + k + n + 2) rows that the library does not know.
         scale, root: (n,) and (n, r) of the torque error.

@@ -5,13 +5,22 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels import base_state
-from drake_tc.kernels.base_attitude import attitude, up_of
-from drake_tc.kernels.base_kinematics import Posture, external_wrench, posture_of
-from drake_tc.kernels.base_sample import ESTIMATOR, SAMPLE, Estimator, Sample, options_of, valid_sample
-from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, YAW, Memory
+from drake_tc.kernels.base import state as base_state
+from drake_tc.kernels.base.attitude import attitude, up_of
+from drake_tc.kernels.base.sample import (
+    ESTIMATOR,
+    SAMPLE,
+    Estimator,
+    Posture,
+    Sample,
+    external_wrench,
+    options_of,
+    posture_of,
+    valid_sample,
+)
+from drake_tc.kernels.base.state import ON, QUIET, RESTED, STARTED, YAW, Memory
 from drake_tc.kernels.compiling import FLAG, OUT_VECTOR, VECTOR, helper, kernel
-from drake_tc.kernels.vectors import cross, dot, levelled, product, times, times_transposed, turned
+from drake_tc.kernels.linear_algebra import cross, dot, levelled, product, times, times_transposed, turned
 from drake_tc.types import GRAVITY, FloatArray
 
 _memory_of = helper(base_state.memory_of)

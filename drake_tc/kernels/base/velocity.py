@@ -29,11 +29,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_contacts import LEAST_LOAD, Slip, Stance, slipping
-from drake_tc.kernels.base_sample import FLAT, HALF_PLANES, MIDDLE, Given, Sample
-from drake_tc.kernels.base_state import DROPPED, LIMITED, STARTED, Memory
+from drake_tc.kernels.base.contacts import LEAST_LOAD, Slip, Stance, slipping
+from drake_tc.kernels.base.sample import FLAT, HALF_PLANES, MIDDLE, Given, Sample
+from drake_tc.kernels.base.state import DROPPED, LIMITED, STARTED, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.vectors import cross, times, times_transposed
+from drake_tc.kernels.linear_algebra import cross, times, times_transposed
 from drake_tc.types import GRAVITY, BoolArray, FloatArray
 
 FREE, AT_EDGE, UNSOLVED = range(3)

@@ -1,8 +1,8 @@
 """What the base estimator shows of its state."""
 
-from drake_tc.kernels import base_state
+from drake_tc.kernels.base import state as base_state
 from drake_tc.kernels.compiling import INDEX, OUT_VECTOR, VECTOR, WHOLE, helper, kernel
-from drake_tc.kernels.vectors import times, wxyz_into
+from drake_tc.kernels.linear_algebra import times, wxyz_into
 from drake_tc.types import FloatArray, IntArray
 
 _memory_of = helper(base_state.memory_of)

@@ -23,13 +23,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_attitude import Attitude, filter_times
-from drake_tc.kernels.base_contacts import Stance
-from drake_tc.kernels.base_sample import FLAT, Given
-from drake_tc.kernels.base_state import GROUND, HELD_FOR, PAIRED, STARTED, YAW
-from drake_tc.kernels.base_velocity import Motion
+from drake_tc.kernels.base.attitude import Attitude, filter_times
+from drake_tc.kernels.base.contacts import Stance
+from drake_tc.kernels.base.sample import FLAT, Given
+from drake_tc.kernels.base.state import GROUND, HELD_FOR, PAIRED, STARTED, YAW
+from drake_tc.kernels.base.velocity import Motion
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.vectors import product, remainder, times, turned
+from drake_tc.kernels.linear_algebra import product, remainder, times, turned
 from drake_tc.types import FloatArray
 
 _LEAST_ARM = 0.05

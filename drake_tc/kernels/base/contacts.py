@@ -10,12 +10,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_attitude import Attitude
-from drake_tc.kernels.base_kinematics import Posture, external_wrench
-from drake_tc.kernels.base_sample import BREAK, FLAT, MAKE, MIDDLE, ORIGIN, STEP, STIFFNESS, Given, Options
-from drake_tc.kernels.base_state import DROPPED, LOAD, ON, SHAPE, SINK
+from drake_tc.kernels.base.attitude import Attitude
+from drake_tc.kernels.base.sample import (
+    BREAK,
+    FLAT,
+    MAKE,
+    MIDDLE,
+    ORIGIN,
+    STEP,
+    STIFFNESS,
+    Given,
+    Options,
+    Posture,
+    external_wrench,
+)
+from drake_tc.kernels.base.state import DROPPED, LOAD, ON, SHAPE, SINK
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.vectors import cross, dot, times, times_transposed
+from drake_tc.kernels.linear_algebra import cross, dot, times, times_transposed
 from drake_tc.types import GRAVITY, BoolArray, FloatArray
 
 LEAST_LOAD = 1.0

@@ -20,14 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.gaussian import (
+from drake_tc.kernels.linear_algebra import times_vector
+from drake_tc.kernels.tsid.gaussian import (
     curvature_of,
     hazard,
     interval_density,
     interval_risk,
     log_cdf,
 )
-from drake_tc.kernels.linear_algebra import times_vector
 from drake_tc.types import FloatArray, IntArray
 
 PLAIN, RECTANGLE = 0, 1

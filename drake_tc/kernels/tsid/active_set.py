@@ -15,7 +15,7 @@ from drake_tc.kernels.linear_algebra import (
     whiten_columns,
     whiten_vector,
 )
-from drake_tc.kernels.programs import RECTANGLE, Program, row_into, times_into
+from drake_tc.kernels.tsid.programs import RECTANGLE, Program, row_into, times_into
 from drake_tc.types import FloatArray, IntArray
 
 GUESSES = 6

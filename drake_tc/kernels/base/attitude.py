@@ -36,11 +36,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drake_tc.kernels.base_kinematics import Posture
-from drake_tc.kernels.base_sample import Options, Sample
-from drake_tc.kernels.base_state import ON, QUIET, RESTED, STARTED, STOOD, YAW, Memory
+from drake_tc.kernels.base.sample import Options, Posture, Sample
+from drake_tc.kernels.base.state import ON, QUIET, RESTED, STARTED, STOOD, YAW, Memory
 from drake_tc.kernels.compiling import helper
-from drake_tc.kernels.vectors import dot, levelled, product, times, times_transposed, turned
+from drake_tc.kernels.linear_algebra import dot, levelled, product, times, times_transposed, turned
 from drake_tc.types import GRAVITY, FloatArray
 
 _CALM_IMU = 0.5
