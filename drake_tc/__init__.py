@@ -161,7 +161,7 @@ _HOMES = {
     "LIBRARY": "effects.library",
     "ActuatorModel": "actuation.model",
     "ActuatorPlant": "actuation.plant",
-    "CSpec": "exchange.c_code.writer",
+    "CSpec": "exchange.c_code",
     "CallbackLink": "hardware.link",
     "CommandGuard": "control.guard",
     "CompensationSpec": "control.torque_law",
@@ -242,7 +242,7 @@ _HOMES = {
     "sinusoid_trajectory": "control.trajectories",
     "sliding": "actuation.wiring",
     "swept_sine": "analysis.frequency_response",
-    "to_c": "exchange.c_code.writer",
+    "to_c": "exchange.c_code",
     "torque_controller": "loops.torque.wiring",
     "whole_body_controller": "loops.whole_body.wiring",
 }

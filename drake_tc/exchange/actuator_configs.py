@@ -84,60 +84,52 @@ def to_isaaclab(projections: Sequence[Projection], into: Path | None = None) -> 
         ParamsError: `into` is given.
     """
     names = {_kind(projection.terms) for projection in projections}
-    return actuators_module(names, [_entry(each.joint, each.terms, each.joint_type) for each in projections], into)
+    entries = [_entry(each.joint, each.terms, each.joint_type) for each in projections]
+    return _module("isaaclab", names, entries, into)
 
 
-def actuators_module(names: Iterable[str], entries: Sequence[Sequence[str]], into: Path | None) -> str:
-    """The text of a Python module with a dictionary ACTUATORS.
+_MODULES = {
+    "isaaclab": ("an Isaac Lab", "isaaclab.actuators", "an ArticulationCfg", "{}"),
+    "mjlab": ("an mjlab", "mjlab.actuator", "an EntityArticulationInfoCfg", "()"),
+}
+"""Simulator with its article, module of its configurations, where ACTUATORS go, and the brackets around them."""
 
-    Args:
-        names: Of the configuration classes that it imports.
-        entries: Lines of each joint's entry.
-        into: Not possible: a configuration is a program.
+
+def _module(simulator: str, names: Iterable[str], entries: Sequence[Sequence[str]], into: Path | None) -> str:
+    """The text of a Python module with ACTUATORS, which imports these configurations and has each joint's lines.
 
     Raises:
         ParamsError: `into` is given.
     """
+    said, module, owner, brackets = _MODULES[simulator]
     if into is not None:
-        raise ParamsError("--into: an Isaac Lab configuration is a program; write a file and import ACTUATORS from it")
+        raise ParamsError(f"--into: {said} configuration is a program; write a file and import ACTUATORS from it")
     lines = [
-        '"""Actuators identified by drake-tc: actuators=ACTUATORS in an ArticulationCfg."""',
+        f'"""Actuators identified by drake-tc: actuators=ACTUATORS in {owner}."""',
         "",
-        f"from isaaclab.actuators import {', '.join(sorted(names))}",
+        f"from {module} import {', '.join(sorted(names))}",
         "",
         f"PHYSICS_STEP = {PHYSICS_STEP}  # [s], in which delays are counted",
         "",
-        "ACTUATORS = {",
+        f"ACTUATORS = {brackets[0]}",
         *(line for entry in entries for line in entry),
-        "}",
+        brackets[1],
     ]
     return "\n".join(lines) + "\n"
 
 
-def decimal(value: float) -> str:
-    """A number as text of a Python float that reads back within 1e-10.
-
-    Args:
-        value: Finite.
-    """
+def _decimal(value: float) -> str:
+    """A number as text of a Python float that reads back within 1e-10."""
     return repr(float(number(value)))
 
 
-def joint_pattern(joint: str) -> str:
-    """joint_names_expr as text: a list of one regular expression, which matches this joint alone.
-
-    Args:
-        joint: Its name.
-    """
+def _joint_pattern(joint: str) -> str:
+    """joint_names_expr as text: a list of one regular expression, which matches this joint alone."""
     return f"[{re.escape(joint)!r}]"
 
 
-def delay_fields(terms: Terms) -> dict[str, str]:
-    """min_delay and max_delay in physics steps; empty without a delay.
-
-    Args:
-        terms: Of the drive.
-    """
+def _delay_fields(terms: Terms) -> dict[str, str]:
+    """min_delay and max_delay in physics steps; empty without a delay."""
     steps = str(round(terms.delay / PHYSICS_STEP))
     return {"min_delay": steps, "max_delay": steps} if terms.delay else {}
 
@@ -153,24 +145,24 @@ def _kind(terms: Terms) -> str:
 def _entry(joint: str, terms: Terms, joint_type: JointType = "revolute") -> list[str]:
     servo, kind, motor = terms.drive == "position_servo", _kind(terms), dc_motor(terms)
     fields = {
-        "joint_names_expr": joint_pattern(joint),
-        "stiffness": decimal(terms.kp if servo else 0.0),
+        "joint_names_expr": _joint_pattern(joint),
+        "stiffness": _decimal(terms.kp if servo else 0.0),
         "damping": "0.0",
-        "armature": decimal(terms.armature),
-        "friction": decimal(terms.frictionloss),
-        "dynamic_friction": decimal(terms.frictionloss),
-        "viscous_friction": decimal(terms.damping),
+        "armature": _decimal(terms.armature),
+        "friction": _decimal(terms.frictionloss),
+        "dynamic_friction": _decimal(terms.frictionloss),
+        "viscous_friction": _decimal(terms.damping),
     }
     if terms.torque_limit is not None:
         explicit = kind != "ImplicitActuatorCfg"
-        fields["actuator_effort_limit" if explicit else "joint_effort_limit"] = decimal(terms.torque_limit)
+        fields["actuator_effort_limit" if explicit else "joint_effort_limit"] = _decimal(terms.torque_limit)
         if kind == "DCMotorCfg" and motor is not None:
             voltage = terms.torque_limit / terms.kp
-            fields["actuator_effort_limit"] = decimal(2.0 * terms.torque_limit)
-            fields["saturation_effort"] = decimal(terms.torque_limit)
-            fields["actuator_velocity_limit"] = decimal(voltage / motor.torque_constant)
-            fields["viscous_friction"] = decimal(motor.damping)
-    fields |= delay_fields(terms)
+            fields["actuator_effort_limit"] = _decimal(2.0 * terms.torque_limit)
+            fields["saturation_effort"] = _decimal(terms.torque_limit)
+            fields["actuator_velocity_limit"] = _decimal(voltage / motor.torque_constant)
+            fields["viscous_friction"] = _decimal(motor.damping)
+    fields |= _delay_fields(terms)
     efforts = f"{number(terms.kp)} N m for one unit of the drive's command"
     if kind == "DCMotorCfg" and motor is not None:
         efforts = f"{number(terms.kp)} (V - {number(motor.torque_constant)} v) N m at the voltage V and the velocity v"
@@ -229,7 +221,7 @@ def to_isaaclab_bam(projections: Sequence[Projection], into: Path | None, settin
         ParamsError: `into` is given, another drive than a voltage, or no torque constant.
     """
     entries = [_bam_entry(projection, settings) for projection in projections]
-    return actuators_module(("BamActuatorCfg", "BamMotorCfg"), entries, into)
+    return _module("isaaclab", ("BamActuatorCfg", "BamMotorCfg"), entries, into)
 
 
 def _bam_entry(projection: Projection, settings: ServoSettings) -> list[str]:
@@ -237,36 +229,32 @@ def _bam_entry(projection: Projection, settings: ServoSettings) -> list[str]:
     motor = voltage_motor(projection, "isaaclab-bam")
     model, friction = bam_friction(terms, motor)
     supply = settings.supply_voltage
+    duty = 1.0 if terms.torque_limit is None else min(1.0, terms.torque_limit / terms.kp / supply)
     fit = {
         "model": repr(model),
-        "kt": decimal(motor.torque_constant),
-        "resistance": decimal(motor.resistance),
-        "error_gain": decimal(settings.position_gain / supply),
-        "max_pwm": decimal(_largest_duty(terms, supply)),
+        "kt": _decimal(motor.torque_constant),
+        "resistance": _decimal(motor.resistance),
+        "error_gain": _decimal(settings.position_gain / supply),
+        "max_pwm": _decimal(duty),
         "max_current": "0.0",
-        **{name: decimal(value) for name, value in friction.items()},
+        **{name: _decimal(value) for name, value in friction.items()},
     }
     fields = {
-        "actuator_effort_limit": decimal(2.0 * motor.torque_constant * supply / motor.resistance),
+        "actuator_effort_limit": _decimal(2.0 * motor.torque_constant * supply / motor.resistance),
         "kp_fw": "1.0",
-        "vin": decimal(supply),
-        "armature": decimal(terms.armature),
-        **delay_fields(terms),
+        "vin": _decimal(supply),
+        "armature": _decimal(terms.armature),
+        **_delay_fields(terms),
     }
     return [
         f"    {joint!r}: BamActuatorCfg(",
-        f"        joint_names_expr={joint_pattern(joint)},",
+        f"        joint_names_expr={_joint_pattern(joint)},",
         "        motor=BamMotorCfg(",
         *(f"            {name}={value}," for name, value in fit.items()),
         "        ),",
         *(f"        {name}={value}," for name, value in fields.items()),
         "    ),",
     ]
-
-
-def _largest_duty(terms: Terms, supply: float) -> float:
-    """The identified limit of the voltage as a share of the supply; the supply itself where none is known."""
-    return 1.0 if terms.torque_limit is None else min(1.0, terms.torque_limit / terms.kp / supply)
 
 
 NO_LIMIT = 1e6
@@ -283,23 +271,8 @@ def to_mjlab_actuators(projections: Sequence[Projection], into: Path | None = No
     Raises:
         ParamsError: `into` is given.
     """
-    if into is not None:
-        raise ParamsError("--into: an mjlab configuration is a program; write a file and import ACTUATORS from it")
     names = {name for each in projections for name in _names(each.terms)}
-    return "\n".join(
-        [
-            '"""Actuators identified by drake-tc: actuators=ACTUATORS in an EntityArticulationInfoCfg."""',
-            "",
-            f"from mjlab.actuator import {', '.join(sorted(names))}",
-            "",
-            f"PHYSICS_STEP = {PHYSICS_STEP}  # [s], in which delays are counted",
-            "",
-            "ACTUATORS = (",
-            *(line for each in projections for line in _mjlab_entry(each)),
-            ")",
-            "",
-        ]
-    )
+    return _module("mjlab", names, [_mjlab_entry(each) for each in projections], into)
 
 
 def _names(terms: Terms) -> tuple[str, ...]:
@@ -314,21 +287,21 @@ def _mjlab_entry(projection: Projection) -> list[str]:
     terms, motor = projection.terms, dc_motor(projection.terms)
     fields = {
         "target_names_expr": f"({re.escape(projection.joint)!r},)",
-        "armature": decimal(terms.armature),
-        "frictionloss": decimal(terms.frictionloss),
-        "viscous_damping": decimal(terms.damping),
+        "armature": _decimal(terms.armature),
+        "frictionloss": _decimal(terms.frictionloss),
+        "viscous_damping": _decimal(terms.damping),
     }
     if terms.delay:
         steps = str(round(terms.delay / PHYSICS_STEP))
         fields |= {"delay_min_lag": steps, "delay_max_lag": steps}
     note = []
     if terms.drive == "position_servo":
-        limit = {} if terms.torque_limit is None else {"effort_limit": decimal(terms.torque_limit)}
-        fields["viscous_damping"] = decimal(terms.damping - terms.derivative_gain)
-        fields |= {"stiffness": decimal(terms.kp), "damping": decimal(terms.derivative_gain), **limit}
+        limit = {} if terms.torque_limit is None else {"effort_limit": _decimal(terms.torque_limit)}
+        fields["viscous_damping"] = _decimal(terms.damping - terms.derivative_gain)
+        fields |= {"stiffness": _decimal(terms.kp), "damping": _decimal(terms.derivative_gain), **limit}
     elif motor is None:
         bound = NO_LIMIT if terms.torque_limit is None else terms.torque_limit / terms.kp
-        fields |= {"gear": decimal(terms.kp), "effort_limit": decimal(bound)}
+        fields |= {"gear": _decimal(terms.kp), "effort_limit": _decimal(bound)}
         told = in_units_of(projection.joint_type, f"    # efforts are commands: {number(terms.kp)} N m for one unit")
         note = [told]
     else:
@@ -338,16 +311,16 @@ def _mjlab_entry(projection: Projection) -> list[str]:
 
 
 def _motor_fields(terms: Terms, motor: DcMotor) -> dict[str, str]:
-    kt, resistance = decimal(motor.torque_constant), decimal(motor.resistance)
+    kt, resistance = _decimal(motor.torque_constant), _decimal(motor.resistance)
     fields = {
         "motor_params": f"DcMotorPhysicalParams(kt={kt}, ke={kt}, resistance={resistance})",
         "mode": "DcMotorInputMode.VOLTAGE",
-        "viscous_damping": decimal(motor.damping),
+        "viscous_damping": _decimal(motor.damping),
     }
     if terms.torque_limit is not None:
-        fields["voltage_limit"] = decimal(terms.torque_limit / terms.kp)
+        fields["voltage_limit"] = _decimal(terms.torque_limit / terms.kp)
     if terms.lag:
-        fields["electrical_time_constant"] = decimal(terms.lag)
+        fields["electrical_time_constant"] = _decimal(terms.lag)
     if terms.stribeck is not None:
         fields |= {"lugre": _tuple(lugre_of(terms)), "frictionloss": "0.0"}
     if terms.ripple is not None:
@@ -356,4 +329,4 @@ def _motor_fields(terms: Terms, motor: DcMotor) -> dict[str, str]:
 
 
 def _tuple(numbers: Sequence[float]) -> str:
-    return f"({', '.join(map(decimal, numbers))})"
+    return f"({', '.join(map(_decimal, numbers))})"

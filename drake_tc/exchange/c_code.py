@@ -61,18 +61,7 @@ CALLS = {
 }
 """Function of NumPy, `math` or Python to its name in C."""
 KEYWORDS = (
-    "switch",
-    "double",
-    "int",
-    "float",
-    "default",
-    "case",
-    "register",
-    "short",
-    "long",
-    "static",
-    "auto",
-    "const",
+    *("switch", "double", "int", "float", "default", "case", "register", "short", "long", "static", "auto", "const"),
 )
 """Names in Python that C keeps for itself; they get an underscore."""
 OPERATORS: dict[type[ast.AST], str] = {
@@ -180,7 +169,7 @@ def _expression(node: ast.expr, where: str, known: dict[str, Any]) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class MovedLink:
+class _MovedLink:
     """The body that a joint moves, with all that is welded to it.
 
     Frames: F where the joint stands on the body before it, M on the moved body; they coincide at q = 0. P is the M of
@@ -207,7 +196,7 @@ class MovedLink:
     inertia: FloatArray
 
 
-def moved_links(robot: Robot) -> tuple[list[MovedLink], FloatArray, list[int]]:
+def _moved_links(robot: Robot) -> tuple[list[_MovedLink], FloatArray, list[int]]:
     """The links in an order in which each comes after that before it; gravity (3,) [m/s^2]; their joints' indices.
 
     The indices are those of `robot.joints`.
@@ -231,9 +220,10 @@ def moved_links(robot: Robot) -> tuple[list[MovedLink], FloatArray, list[int]]:
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, np.zeros(plant.num_positions()))
     carried = [{int(body.index()) for body in plant.GetBodiesWeldedTo(joint.child_body())} for joint in joints]
+    world = {int(body.index()) for body in plant.GetBodiesWeldedTo(plant.world_body())}
     order: list[int] = []
     while len(order) < len(joints):
-        before = set().union(*(carried[i] for i in order), _world(plant))
+        before = set().union(*(carried[i] for i in order), world)
         ready = [i for i in range(len(joints)) if i not in order and int(joints[i].parent_body().index()) in before]
         if not ready:
             raise ParamsError(f"export --to c: {robot.source}: a link is moved by a joint that the robot file lacks")
@@ -242,13 +232,9 @@ def moved_links(robot: Robot) -> tuple[list[MovedLink], FloatArray, list[int]]:
     return links, np.array(plant.gravity_field().gravity_vector()), order
 
 
-def _world(plant: Any) -> set[int]:
-    return {int(body.index()) for body in plant.GetBodiesWeldedTo(plant.world_body())}
-
-
 def _link(
     plant: Any, context: Any, joints: list[Any], carried: list[set[int]], order: list[int], i: int, axis: FloatArray
-) -> MovedLink:
+) -> _MovedLink:
     """One link at q = 0."""
     joint = joints[i]
     holder = int(joint.parent_body().index())
@@ -258,7 +244,7 @@ def _link(
     indices = [body.index() for body in plant.GetBodiesWeldedTo(joint.child_body())]
     lump = plant.CalcSpatialInertia(context, joint.frame_on_child(), indices)
     mass = float(lump.get_mass())
-    return MovedLink(
+    return _MovedLink(
         parent=-1 if before is None else order.index(before),
         turns=is_revolute(joint),
         axis=axis,
@@ -369,7 +355,7 @@ def to_c(models: Models, robot: Robot | None = None, spec: CSpec | None = None) 
         joint = compensator.joints[compensator.interpreted[0]]
         raise ParamsError(f"export --to c: joint {joint!r} has an effect without compiled equation")
     laws, kinds = _laws(compensator)
-    links, gravity, order = ([], np.zeros(3), []) if robot is None else moved_links(robot)
+    links, gravity, order = ([], np.zeros(3), []) if robot is None else _moved_links(robot)
     given = {"estimate": "motion", "reference": "reference", "none": ""}
     values: dict[str, Any] = {
         "name": spec.name,

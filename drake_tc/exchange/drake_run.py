@@ -42,8 +42,8 @@ def simulate_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) -> F
         given: What moves it. A position servo is Drake's own, by `drake:controller_gains`; the command of another
             drive is applied as the torque kp u.
     """
-    plant = _parsed(to_urdf(_one(terms), drake=True), "urdf", pendulum, given.step)
-    return _simulate(plant, terms, given)
+    file = WrittenFile(to_urdf(_one(terms), drake=True), "joint", torque_for_one=terms.kp)
+    return _simulate(file, pendulum, given, own_links=False)
 
 
 def simulate_urdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
@@ -55,8 +55,7 @@ def simulate_urdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput)
         pendulum: On the joint; None: it has no inertia but the armature.
         given: What moves it.
     """
-    plant = _parsed(to_urdf(_one(terms)), "urdf", pendulum, given.step)
-    return _simulate(_with_what_no_tag_says(plant, terms), terms, given)
+    return _simulate_plain(to_urdf(_one(terms)), terms, pendulum, given)
 
 
 def simulate_sdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
@@ -67,8 +66,7 @@ def simulate_sdf_in_drake(terms: Terms, pendulum: Link | None, given: RunInput) 
         pendulum: See `simulate_urdf_in_drake`.
         given: What moves it.
     """
-    plant = _parsed(to_sdf(_one(terms)), "sdf", pendulum, given.step)
-    return _simulate(_with_what_no_tag_says(plant, terms), terms, given)
+    return _simulate_plain(to_sdf(_one(terms)), terms, pendulum, given)
 
 
 def simulate_file_in_drake(file: WrittenFile, pendulum: Link | None, given: RunInput) -> FloatArray:
@@ -82,11 +80,27 @@ def simulate_file_in_drake(file: WrittenFile, pendulum: Link | None, given: RunI
     Raises:
         ParamsError: Drake refuses the file.
     """
+    return _simulate(file, pendulum, given, own_links=True)
+
+
+def _simulate_plain(text: str, terms: Terms, pendulum: Link | None, given: RunInput) -> FloatArray:
+    """A bench without Drake's tags, with the rotor inertia and the gain that they would have."""
+    servo = (terms.kp, 0.0) if terms.drive == "position_servo" else None
+    file = WrittenFile(text, "joint", servo=servo, torque_for_one=terms.kp)
+    return _simulate(file, pendulum, given, own_links=False, armature=terms.armature)
+
+
+def _simulate(
+    file: WrittenFile, pendulum: Link | None, given: RunInput, *, own_links: bool, armature: float | None = None
+) -> FloatArray:
+    """The run of a file, whose links are its own or that of the run, with another rotor inertia if one is given."""
     text, kind = without_shapes(file.text)
     plant: Any = MultibodyPlant(given.step)
+    if pendulum is None or not own_links:
+        text = _with_link(text, pendulum)
     try:
         with no_warning_of_friction():
-            Parser(plant).AddModelsFromString(_with_link(text, None) if pendulum is None else text, kind)
+            Parser(plant).AddModelsFromString(text, kind)
     except (RuntimeError, ValueError) as error:
         raise ParamsError(f"Drake refuses the exported model: {' '.join(str(error).split())}") from None
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
@@ -100,6 +114,8 @@ def simulate_file_in_drake(file: WrittenFile, pendulum: Link | None, given: RunI
     own = next((each for each in actuators if each.joint().index() == joint.index()), None)
     if own is None:
         own = plant.AddJointActuator(file.joint, joint)
+    if armature is not None:
+        own.set_default_rotor_inertia(armature)
     if file.servo is not None and not own.has_controller():
         own.set_controller_gains(PdControllerGains(p=file.servo[0], d=file.servo[1]))
     if pendulum is None:
@@ -152,46 +168,6 @@ def without_shapes(text: str) -> tuple[str, str]:
         del tree.attrib[name]
     ET.register_namespace("drake", DRAKE[1:-1])
     return ET.tostring(tree, encoding="unicode"), "urdf" if tree.tag == "robot" else "sdf"
-
-
-def _parsed(text: str, kind: str, pendulum: Link | None, step: float) -> Any:
-    """The plant of a written bench, with the link of the run."""
-    plant: Any = MultibodyPlant(step)
-    with no_warning_of_friction():
-        Parser(plant).AddModelsFromString(_with_link(text, pendulum), kind)
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    plant.GetJointByName("joint").set_position_limits(np.full(1, -np.inf), np.full(1, np.inf))
-    return plant
-
-
-def _with_what_no_tag_says(plant: Any, terms: Terms) -> Any:
-    actuator = plant.GetJointActuatorByName("joint")
-    actuator.set_default_rotor_inertia(terms.armature)
-    if terms.drive == "position_servo":
-        actuator.set_controller_gains(PdControllerGains(p=terms.kp, d=0.0))
-    return plant
-
-
-def _simulate(plant: Any, terms: Terms, given: RunInput) -> FloatArray:
-    plant.Finalize()
-    simulator = Simulator(plant)
-    context = simulator.get_mutable_context()
-    position, velocity = given.start
-    plant.SetPositions(context, np.full(1, position))
-    plant.SetVelocities(context, np.full(1, velocity))
-    instance = plant.GetJointByName("joint").model_instance()
-    servo = terms.drive == "position_servo"
-    command = plant.get_desired_state_input_port(instance) if servo else plant.get_actuation_input_port(instance)
-    load = plant.get_applied_generalized_force_input_port()
-    positions = np.full(given.command.size, np.nan)
-    for i, u in enumerate(given.command):
-        positions[i] = plant.GetPositions(context)[0]
-        command.FixValue(context, [u, 0.0] if servo else [terms.kp * u])
-        load.FixValue(context, [-given.load[i]])
-        simulator.AdvanceTo((i + 1) * given.period)
-        if not abs(plant.GetPositions(context)[0]) < FARTHEST:
-            break
-    return positions
 
 
 def _one(terms: Terms) -> list[Projection]:

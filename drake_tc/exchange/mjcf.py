@@ -135,9 +135,9 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
     tree = xml_tree(root.toxml())
     read, switched_off = joints_of(tree), disabled_groups(tree)
     before = [each for each in read[joint].actuators if each.element.get("name") != joint + FRICTION]
-    place = _place_of_drive(before)
+    place = drive_of(before) or next(iter(before), None)
     for other, node in zip(before, mine, strict=True):
-        if other is not place and other.enabled and acts_without_command(other):
+        if other is not place and other.enabled and _acts_without_command(other):
             put(node, gear="0")
         elif other is not place and (any(other.numbers("damping")) or any(other.numbers("armature"))):
             put(node, damping="0", armature="0")
@@ -154,16 +154,11 @@ def put_actuator(root: minidom.Element, projection: Projection) -> Terms:
     return _put_friction(root, left, joint)
 
 
-def acts_without_command(actuator: Actuator) -> bool:
+def _acts_without_command(actuator: Actuator) -> bool:
     """Whether an actuator brakes or holds its joint also while its command is 0."""
     if actuator.gain is None:
         return actuator.kind not in ("damper", "muscle", "adhesion")
     return any(actuator.bias)
-
-
-def _place_of_drive(found: list[Actuator]) -> Actuator | None:
-    first = drive_of(found)
-    return first if first is not None or not found else found[0]
 
 
 def _put_drive(element: minidom.Element, projection: Projection, before: Actuator | None, step: float) -> Terms:
@@ -355,17 +350,19 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
         _add_bench(root, projections)
     else:
         put_includes(root, into)
-    joints, default_types = named(document, "joint", into), _default_types(document)
+    # angles of a file are in degrees unless the compiler is told otherwise
+    degrees = all(each.getAttribute("angle") != "radian" for each in root.getElementsByTagName("compiler"))
+    joints, default_types = named(document, "joint"), _default_types(document)
     for projection in projections:
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
         element = joints[projection.joint]
         _check_type(element, projection, into, default_types)
-        numbers, degrees = _numbers_of_damping(root), _degrees(root)
+        numbers = _numbers_of_damping(root)
         gears = _gears(root, projection.joint, joints, degrees=degrees)
         _joint(element, put_actuator(root, projection), numbers, timestep(root), degrees=degrees)
-        half = 0.5 * projection.terms.backlash
-        _gear(element, projection, PLAY, gears.get("range"), numbers, half * _in_file(projection, degrees=degrees))
+        unit = 180.0 / math.pi if degrees and projection.joint_type != "prismatic" else 1.0
+        _gear(element, projection, PLAY, gears.get("range"), numbers, 0.5 * projection.terms.backlash * unit)
         stiffness = 1.0 / projection.terms.compliance if projection.terms.compliance else 0.0
         _gear(element, projection, SPRING, gears.get("stiffness"), numbers, stiffness)
     return to_text(document)
@@ -415,10 +412,6 @@ def _gears(
     read = joints_of(xml_tree(root.toxml()))
     mine = [name for name, driven in gears_of(read, degrees=degrees).items() if driven == joint]
     return {"stiffness" if any(read[name].numbers("stiffness")) else "range": joints[name] for name in mine}
-
-
-def _in_file(projection: Projection, *, degrees: bool) -> float:
-    return 180.0 / math.pi if degrees and projection.joint_type != "prismatic" else 1.0
 
 
 def _check_type(
@@ -527,8 +520,3 @@ def _gear(
         put(made, stiffness=value, springref="0", limited="false", range=None)
     if old is None:
         parent.insertBefore(made, element.nextSibling)  # type: ignore[arg-type]
-
-
-def _degrees(root: minidom.Element) -> bool:
-    """Whether angles of the file are in degrees, as they are unless the compiler is told otherwise."""
-    return all(each.getAttribute("angle") != "radian" for each in root.getElementsByTagName("compiler"))

@@ -95,16 +95,11 @@ def file_notes(text: str, projections: Sequence[Projection]) -> list[str]:
         projections: What was written into it.
     """
     needed = version_sentence(text, [each.joint for each in projections], installed=installed_mujoco())
-    return [*([needed] if needed else []), *plain_motors(text, projections)]
+    return [*([needed] if needed else []), *_plain_motors(text, projections)]
 
 
-def plain_motors(text: str, projections: Sequence[Projection]) -> list[str]:
-    """Sentences on drives that could be a dcmotor but for the limit of force that the user's file has.
-
-    Args:
-        text: Of an MJCF file.
-        projections: What was written into it.
-    """
+def _plain_motors(text: str, projections: Sequence[Projection]) -> list[str]:
+    """Sentences on drives that could be a dcmotor but for the limit of force that the user's file has."""
     drives = [each for each in _elements(text, ACTUATORS) if each.getAttribute("input") != "none"]
     kinds = {each.getAttribute("joint"): each.tagName for each in drives}
     return [

@@ -52,7 +52,7 @@ def to_urdf(projections: Sequence[Projection], into: Path | None = None, *, drak
     for projection in projections:
         if projection.joint not in joints:
             raise ParamsError(f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}")
-        check_type(joints[projection.joint].getAttribute("type"), projection, into)
+        _check_type(joints[projection.joint].getAttribute("type"), projection, into)
         if not drake:
             of_joint = _transmissions(root, projection.joint)
             _put_gains([tag for each in of_joint for tag in each.getElementsByTagName(GAINS)], projection.terms)
@@ -80,7 +80,7 @@ def _bench_joint(root: minidom.Element, projection: Projection) -> None:
     put(append(joint, "limit"), lower=-reach, upper=reach, velocity=100.0, effort=1000.0)
 
 
-def check_type(found: str, projection: Projection, into: Path | None) -> None:
+def _check_type(found: str, projection: Projection, into: Path | None) -> None:
     """Refuse a joint of a user's file that turns where the model's slides, and the reverse.
 
     Raises:
@@ -173,7 +173,7 @@ def to_sdf(projections: Sequence[Projection], into: Path | None = None) -> str:
             raise ParamsError(
                 f"{into}: no <joint name={projection.joint!r}>; joints: {', '.join(joints) or 'none'}{hint}"
             )
-        check_type(joints[projection.joint].getAttribute("type"), projection, into)
+        _check_type(joints[projection.joint].getAttribute("type"), projection, into)
         axis, terms = child(joints[projection.joint], "axis"), projection.terms
         dynamics = child(axis, "dynamics")
         gains = joints[projection.joint].getElementsByTagName(GAINS)

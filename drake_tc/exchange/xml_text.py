@@ -18,7 +18,7 @@ def read_xml(path: Path, root: str) -> minidom.Document:
         ParamsError: unreadable, no XML, or another root than `root`.
     """
     try:
-        document = _without_namespaces(path.read_bytes())
+        document = parsed(path.read_bytes())
     except OSError as error:
         raise ParamsError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (ExpatError, ValueError) as error:
@@ -31,13 +31,8 @@ def read_xml(path: Path, root: str) -> minidom.Document:
     return document
 
 
-def parsed(text: str) -> minidom.Document:
-    """A document of one's own text."""
-    return _without_namespaces(text)
-
-
-def _without_namespaces(content: bytes | str) -> minidom.Document:
-    """Names are those that are written, as in `drake_tc.simulator_files.xml_tree`."""
+def parsed(content: bytes | str) -> minidom.Document:
+    """The document of a text; names are those that are written, as in `drake_tc.simulator_files.xml_tree`."""
     return expatbuilder.parseString(content, namespaces=False)
 
 
@@ -58,8 +53,8 @@ def child(parent: minidom.Element, tag: str) -> minidom.Element:
 def append(parent: minidom.Element, tag: str) -> minidom.Element:
     """A new last child on a line of its own."""
     made = element(parent, tag)
-    indent = _indent(parent)
-    last = parent.lastChild
+    before, last = parent.previousSibling, parent.lastChild
+    indent = before.data.rpartition("\n")[2] if isinstance(before, minidom.Text) and "\n" in before.data else ""
     if last is not None and isinstance(last, minidom.Text) and not last.data.strip():
         parent.removeChild(last)
     parent.appendChild(text(parent, f"\n{indent}  "))
@@ -116,13 +111,6 @@ def number(value: float) -> str:
     return f"{value:.10g}"
 
 
-def named(document: minidom.Document, tag: str, path: Path | None) -> dict[str, minidom.Element]:
+def named(document: minidom.Document, tag: str) -> dict[str, minidom.Element]:
     """Elements of a tag by their attribute `name`."""
     return {e.getAttribute("name"): e for e in document.getElementsByTagName(tag) if e.hasAttribute("name")}
-
-
-def _indent(element: minidom.Element) -> str:
-    before = element.previousSibling
-    if isinstance(before, minidom.Text) and "\n" in before.data:
-        return before.data.rsplit("\n", 1)[1]
-    return ""

@@ -34,7 +34,6 @@ from drake_tc.logs.checks.clock import (
 from drake_tc.logs.checks.jumps import find_jumps, stepped_clock
 from drake_tc.logs.checks.mistaken_columns import (
     TURNED,
-    SignEvidence,
     check_torque_unit,
     refuse_exchanged,
     refuse_unsigned,
@@ -57,7 +56,7 @@ PROPORTIONAL = 0.95
 """Partial correlation of effort and load torque above which their ratio is the gain: a drive at its limit has less."""
 
 
-def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
+def _require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
     """Refuse runs whose drive gains are more than a factor of two apart: of another joint, unit or setting.
 
     With the effort  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  of each run, 1/K of the whole run and of its
@@ -77,7 +76,8 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
                 f"{driven[0].source or driven[0].name}: friction would drive {joint} in this run, and brakes it in"
                 " others; check the signs and the names of its columns"
             )
-        clear = [(run, e.gain) for run, e in found if e is not None and _is_proportional(e)]
+        steady = [(run, e) for run, e in found if e is not None and e.steady and e.load > PROPORTIONAL]
+        clear = [(run, e.gain) for run, e in steady if e.gain[0] > 0.0]
         if len(clear) < 2:
             continue
         lowest = min(clear, key=lambda each: each[1][1])
@@ -93,26 +93,21 @@ def require_one_joint(runs: Sequence[Run], rig: Rig) -> None:
             )
 
 
-def _is_proportional(evidence: SignEvidence) -> bool:
-    """Whether effort and load torque of a run have a ratio."""
-    return evidence.steady and evidence.load > PROPORTIONAL and evidence.gain[0] > 0.0
-
-
-def integrated(time: FloatArray, velocity: FloatArray) -> FloatArray:
+def _integrated(time: FloatArray, velocity: FloatArray) -> FloatArray:
     """Q (T,) with q[0] = 0 from the velocity (T,) by the trapezoidal rule; missing values are interpolated."""
     known = np.isfinite(velocity)
     filled = velocity if known.all() else np.interp(time, time[known], velocity[known])
     return np.asarray(cumulative_trapezoid(filled, time, initial=0.0))
 
 
-def with_positions(raw: RawLog) -> RawLog:
+def _with_positions(raw: RawLog) -> RawLog:
     """The log with a position for every joint in `RawLog.speed_only`."""
     if not raw.speed_only:
         return raw
     columns = dict(raw.columns)
     notes = []
     for joint in raw.speed_only:
-        columns[f"{joint}/position"] = integrated(raw.time, columns[f"{joint}/velocity"])
+        columns[f"{joint}/position"] = _integrated(raw.time, columns[f"{joint}/velocity"])
         notes.append(
             f"The log has no column {joint}/position: the velocity was integrated, so the position at the start is not "
             "known, and effects that depend on the position cannot be looked for."
@@ -120,7 +115,7 @@ def with_positions(raw: RawLog) -> RawLog:
     return replace(raw, columns=columns, notes=(*raw.notes, *notes))
 
 
-def require_alike(runs: Sequence[Run]) -> None:
+def _require_alike(runs: Sequence[Run]) -> None:
     """Refuse runs of which some have a position and others the velocity alone.
 
     Raises:
@@ -140,7 +135,7 @@ FOLLOWS = 0.7
 """Correlation of position and torque of a servo that is moved from its goal, at least: friction hides up to half."""
 
 
-def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
+def _require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
     """Refuse a log in which no joint moves, or no moving joint's torque changes; note single joints of that kind.
 
     Raises:
@@ -170,7 +165,7 @@ def require_live(raw: RawLog, rig: Rig) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def require_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
+def _require_commands(raw: RawLog, rig: Rig) -> tuple[str, ...]:
     """Refuse a log in which no command changes and no servo is moved from its goal; note joints that rest.
 
     Raises:
@@ -364,9 +359,9 @@ def _prepare(log: Path | LogTable, rig: Rig) -> Run:
     del table
     rig = replace(rig, units={**raw.units, **rig.units})  # the checks below believe a unit that the file states
     raw = without_outliers(
-        with_positions(_in_order(raw)), rig.joints, [j for j in rig.joints if rig.units_of(j).slides]
+        _with_positions(_in_order(raw)), rig.joints, [j for j in rig.joints if rig.units_of(j).slides]
     )
-    notes = raw.notes + require_commands(raw, rig) + require_live(raw, rig)
+    notes = raw.notes + _require_commands(raw, rig) + _require_live(raw, rig)
     beside_jumps, told = find_jumps(raw, rig)
     notes += told
     columns, excluded, more, slower = _repair_channels(raw, rig)
@@ -446,7 +441,7 @@ def load_runs(paths: Sequence[Path | str | pd.DataFrame | LogTable], rig: Rig) -
         ['swing']
     """
     runs = _unique_names([_prepare(log, rig) for log in named_logs(paths)])
-    require_alike(runs)
+    _require_alike(runs)
     _require_masses(runs, rig)
     refuse_exchanged(runs, rig)
     refuse_unsigned(runs, rig)
@@ -462,7 +457,7 @@ def load_runs(paths: Sequence[Path | str | pd.DataFrame | LogTable], rig: Rig) -
             run = replace(run, columns=columns, notes=run.notes + notes, hints=run.hints + notes)
         result.append(run)
     check_torque_unit(result, rig)
-    require_one_joint(result, rig)
+    _require_one_joint(result, rig)
     return result
 
 

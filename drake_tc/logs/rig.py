@@ -80,7 +80,7 @@ _WHY: Mapping[str, str] = {
 }
 
 
-def declared_gains(read: RigDocument) -> tuple[dict[str, float], dict[str, float]]:
+def _declared_gains(read: RigDocument) -> tuple[dict[str, float], dict[str, float]]:
     """By joint: the declared drive gain K [effort/(N m)], and the servo's derivative gain [N m s/rad].
 
     Raises:
@@ -287,7 +287,7 @@ def _with_text_keys(value: object) -> Any:
 def _rig_of(read: RigDocument, robot: Path | None, source: Path | None) -> Rig:
     joints = read.joint_names
     sensors, declared = read.sensors or SensorsKeys(), values_by_joint(read.declared, joints)
-    gains, derivative_gains = declared_gains(read)
+    gains, derivative_gains = _declared_gains(read)
     stated = values_by_joint(read.joint_type, joints)
     types = joint_types(joints, stated, robot, read.units or {})
     load = {joint: load_of(entry) for joint, entry in values_by_joint(read.load, joints).items()}
@@ -323,7 +323,7 @@ def _limit_of(read: RigDocument, joint: str) -> dict[str, float | None]:
     limit, drive = (values_by_joint(entry, read.joint_names)[joint] for entry in (read.saturation, read.drive))
     if limit is None or drive != "position_servo":
         return {}
-    gains, damping = declared_gains(read)
+    gains, damping = _declared_gains(read)
     if joint not in damping or joint not in gains:
         return {"saturation": limit}
     time = damping[joint] * gains[joint]
@@ -346,7 +346,7 @@ def load_rig(path: Path | str, declared: Path | None = None) -> Rig:
 
     Args:
         path: Of the rig file.
-        declared: A file of another simulator that declares what its model has (`rig_document.declared_file`).
+        declared: A file of another simulator that declares what its model has (`rig_document.declared`).
 
     Raises:
         RigError: No such file, not YAML, or not a rig; names file and key. Or `declared` cannot be used.

@@ -212,22 +212,7 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Units of rig files to how others write them; small letters, and without the dots and stars of products."""
 _ONLY_IN_BRACKETS = (
-    "m",
-    "a",
-    "v",
-    "k",
-    "g",
-    "c",
-    "f",
-    "s",
-    "amp",
-    "amps",
-    "volt",
-    "volts",
-    "rot",
-    "1/s",
-    "ampere",
-    "hz",
+    *("m", "a", "v", "k", "g", "c", "f", "s", "amp", "amps", "volt", "volts", "rot", "1/s", "ampere", "hz"),
 )
 """At the end of a name without brackets these are parts of names: `theta_m` is the angle of a motor."""
 

@@ -187,7 +187,7 @@ def interval_text(of: Distribution) -> str:
     return f"{low:.4g} to {high:.4g}"
 
 
-def range_text(each: NotShown) -> str:
+def _range_text(each: NotShown) -> str:
     """The range of a parameter that was not shown, in words."""
     low, high = f"{each.lower:.3g}", f"{each.upper:.3g}"
     if each.lower == -float("inf"):
@@ -199,7 +199,7 @@ def row_text(each: NotShown) -> str:
     """One parameter that was not shown: name, range, unit, why."""
     unit = "" if each.unit == "-" else f" {each.unit}"
     return (
-        f"{each.joint} {each.effect}.{each.parameter}: {range_text(each)}{unit}{f' ({each.why})' if each.why else ''}"
+        f"{each.joint} {each.effect}.{each.parameter}: {_range_text(each)}{unit}{f' ({each.why})' if each.why else ''}"
     )
 
 

@@ -32,7 +32,7 @@ STATES = ("joint_states", "joint_state")
 
 
 @dataclass(frozen=True)
-class Taken:
+class _Taken:
     """The streams of a bag, each column from one of them.
 
     Attributes:
@@ -48,40 +48,32 @@ class Taken:
     hints: tuple[str, ...] = ()
 
 
-def words_of(topic: str) -> list[str]:
+def _words_of(topic: str) -> list[str]:
     """The words of a topic in small letters: split at signs and at changes of case."""
     return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", topic)]
 
 
-def is_other(topic: str, topics: Collection[str]) -> bool:
-    """Whether a topic's name says that its joint states are no measurements, such as those of a leader arm.
-
-    Args:
-        topic: Of the bag.
-        topics: All of them.
-    """
-    words = words_of(topic)
-    follows = any(word in FOLLOWERS for each in topics for word in words_of(each))
+def _is_other(topic: str, topics: Collection[str]) -> bool:
+    """Whether a topic's name says that its joint states are no measurements, such as those of a leader arm."""
+    words = _words_of(topic)
+    follows = any(word in FOLLOWERS for each in topics for word in _words_of(each))
     return any(word in OTHERS or (follows and word in LEADERS) for word in words)
 
 
-def without_others(streams: Sequence[Stream]) -> tuple[list[Stream], list[Stream]]:
+def _without_others(streams: Sequence[Stream]) -> tuple[list[Stream], list[Stream]]:
     """The streams of joints that may be measured or commanded, with all other kinds of streams; and the others."""
     topics = {stream.topic for stream in streams}
-    mine = [s for s in streams if not (_has_joints(s) and is_other(s.topic, topics))]
+    of_joints = ("/position", "/position_command", "/velocity", "/effort")
+    mine = [s for s in streams if not (any(n.endswith(of_joints) for n in s.names) and _is_other(s.topic, topics))]
     return mine, [s for s in streams if not any(s is each for each in mine)]
 
 
-def taken(streams: Sequence[Stream], others: Sequence[Stream]) -> Taken:
+def _taken(streams: Sequence[Stream], others: Sequence[Stream]) -> _Taken:
     """One stream for each column of the joints.
 
     Of several topics with one column, `.../joint_states` is taken for measurements, and a controller's reference goes
     before a trajectory; a controller's feedback is taken where there is nothing else. Else none is taken: a rig file
     has to name one.
-
-    Args:
-        streams: `without_others`.
-        others: The others.
     """
     result: list[Stream] = []
     aside: dict[str, str] = {}
@@ -111,11 +103,7 @@ def taken(streams: Sequence[Stream], others: Sequence[Stream]) -> Taken:
         aside |= dict.fromkeys(result[-1].names, f"of {stream.topic}, which by its name is not a measurement")
         lone = [name for name in stream.names if name not in measured and name not in undecided]
         undecided |= {name: (*undecided.get(name, ()), stream.topic) for name in lone}
-    return Taken(tuple(result), aside, undecided, (*_commands_hint(result, aside), *hints))
-
-
-def _has_joints(stream: Stream) -> bool:
-    return any(name.endswith(("/position", "/position_command", "/velocity", "/effort")) for name in stream.names)
+    return _Taken(tuple(result), aside, undecided, (*_commands_hint(result, aside), *hints))
 
 
 def _joints(stream: Stream) -> set[str]:
@@ -220,7 +208,7 @@ def undecided_topics(column: str, canonical: str, topics: Sequence[str]) -> str:
     )
 
 
-def by_robot(streams: Sequence[Stream]) -> tuple[list[Stream], tuple[str, ...]]:
+def _by_robot(streams: Sequence[Stream]) -> tuple[list[Stream], tuple[str, ...]]:
     """The streams, where joints of robots that name them alike are told apart by the robots' namespaces.
 
     `/left/joint_states` and `/right/joint_states` with a joint `knee` give `left/knee/position` and
@@ -298,9 +286,9 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
     Raises:
         LogError: no joint states.
     """
-    mine, others = without_others(streams)
-    mine, robots = by_robot(mine)
-    choice = taken(mine, others)
+    mine, others = _without_others(streams)
+    mine, robots = _by_robot(mine)
+    choice = _taken(mine, others)
     main = _main(choice, needed, path)
     rate = (len(main.time) - 1) / max(1e-9, 1e-9 * float(main.time[-1] - main.time[0]))
     notes = [
@@ -317,9 +305,9 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
         timed, more = _on_clock(_timed(stream), delay, main.stream.topic)
         notes += [*timed.notes, *more]
         values = _resampled(timed, main.time)
-        apart = _apart(stream, columns, main.stream.topic)
-        notes += apart.notes
-        for name, column in zip(apart.names, values.T, strict=True):
+        names, more = _apart(stream, columns, main.stream.topic)
+        notes += more
+        for name, column in zip(names, values.T, strict=True):
             if name not in columns or not np.isfinite(columns[name]).any():
                 columns[name] = column
             elif name == stream.topic.strip("/"):  # one number a message, whose topic is called like a column
@@ -338,7 +326,7 @@ def joined(streams: Sequence[Stream], path: Path, needed: Collection[str] = ()) 
     return table
 
 
-def _main(choice: Taken, needed: Collection[str], path: Path) -> _Timed:
+def _main(choice: _Taken, needed: Collection[str], path: Path) -> _Timed:
     """The stream whose rows are those of the table.
 
     Raises:
@@ -367,7 +355,7 @@ def _main(choice: Taken, needed: Collection[str], path: Path) -> _Timed:
     return main._replace(time=main.time[rows], table=main.table[rows], notes=(*main.notes, note))
 
 
-def _other_clocks(choice: Taken, main: Stream, needed: Collection[str]) -> list[str]:
+def _other_clocks(choice: _Taken, main: Stream, needed: Collection[str]) -> list[str]:
     """What to say where positions that are used are on other topics than the one that gives the rows."""
     others = {
         stream.topic
@@ -384,30 +372,20 @@ def _other_clocks(choice: Taken, main: Stream, needed: Collection[str]) -> list[
     ]
 
 
-class _Apart(NamedTuple):
-    """Names of a stream's columns, and a note where they are not the stream's own."""
-
-    names: tuple[str, ...]
-    notes: tuple[str, ...] = ()
-
-
-def _apart(stream: Stream, columns: Mapping[str, FloatArray], main: str) -> _Apart:
-    """The names of efforts without positions, with the topic before them where the joint states have such efforts too.
+def _apart(stream: Stream, columns: Mapping[str, FloatArray], main: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of a stream's columns, and a note: efforts that the joint states have too get the topic before them.
 
     Such a topic has other torques than the drives' efforts, for example those of torque sensors.
     """
     measured = stream.kind is Kind.measured and all(name.endswith("/effort") for name in stream.names)
     if not measured or not any(name in columns for name in stream.names):
-        return _Apart(stream.names)
+        return stream.names, ()
     topic = stream.topic.strip("/")
     names = tuple(f"{topic}/{name}" for name in stream.names)
     joint = stream.names[0].rpartition("/")[0]
-    return _Apart(
-        names,
-        (
-            f"{main} and {stream.topic} both have efforts: columns of the latter are called {names[0]} and so on. If"
-            f" they are of torque sensors, write `columns: {{{joint}/torque: {names[0]}}}`, for each joint.",
-        ),
+    return names, (
+        f"{main} and {stream.topic} both have efforts: columns of the latter are called {names[0]} and so on. If"
+        f" they are of torque sensors, write `columns: {{{joint}/torque: {names[0]}}}`, for each joint.",
     )
 
 
@@ -526,7 +504,8 @@ def _nearest(commands: Sequence[FloatArray], positions: dict[str, FloatArray]) -
     names = list(positions)
     if len(names) < len(commands):
         return names, False
-    cost = np.array([[_distance(command, positions[name]) for name in names] for command in commands])
+    error = [[np.sqrt(np.nanmean((command - positions[name]) ** 2)) for name in names] for command in commands]
+    cost = np.nan_to_num(np.array(error), nan=1e9)
     rows, best = linear_sum_assignment(cost)
     total = float(cost[rows, best].sum())
     others = []
@@ -536,7 +515,3 @@ def _nearest(commands: Sequence[FloatArray], positions: dict[str, FloatArray]) -
         again = linear_sum_assignment(barred)
         others.append(float(barred[again].sum()))
     return [names[i] for i in best], total < CLEARLY_BEST * min(others)
-
-
-def _distance(command: FloatArray, position: FloatArray) -> float:
-    return float(np.nan_to_num(np.sqrt(np.nanmean((command - position) ** 2)), nan=1e9))

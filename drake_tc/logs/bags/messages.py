@@ -194,7 +194,7 @@ def _nothing() -> dict[str, Any]:
     return {"stamps": array("q"), "received": array("q"), "values": array("d")}
 
 
-def is_command(topic: str) -> bool:
+def _is_command(topic: str) -> bool:
     """Whether a topic's name says that it holds commands."""
     return any(word in topic.lower() for word in COMMAND_WORDS)
 
@@ -217,18 +217,7 @@ def place(topic: str, frame: str, generic: Sequence[str]) -> str:
 
 SECOND = 1_000_000_000
 GENERIC = (
-    "imu",
-    "data",
-    "raw",
-    "sensor",
-    "wrench",
-    "ft",
-    "force",
-    "torque",
-    "broadcaster",
-    "filtered",
-    "link",
-    "frame",
+    *("imu", "data", "raw", "sensor", "wrench", "ft", "force", "torque", "broadcaster", "filtered", "link", "frame"),
 )
 """Words of topics and frames that name no sensor."""
 
@@ -260,7 +249,7 @@ def _stamp(message: Any) -> int:
 
 def _joint_state(topic: str, message: Any) -> Iterator[Row]:
     """Positions, velocities and efforts by joint; a topic that is named as a command holds commands."""
-    commanded = is_command(topic)
+    commanded = _is_command(topic)
     suffixes = ("position_command", "velocity_command", "torque_command") if commanded else STATE
     columns = list(zip(suffixes, (message.position, message.velocity, message.effort), strict=True))
     joints = list(message.name)
@@ -297,7 +286,7 @@ def _array(topic: str, message: Any) -> Iterator[Row]:
 
 def _scalar(topic: str, message: Any) -> Iterator[Row]:
     """One number a message without a stamp: the column is called like the topic."""
-    kind = Kind.commanded if is_command(topic) else Kind.measured
+    kind = Kind.commanded if _is_command(topic) else Kind.measured
     yield Row(kind, (topic.strip("/"),), 0, [float(message.data)])
 
 

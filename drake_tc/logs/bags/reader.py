@@ -51,7 +51,7 @@ def is_cut(path: Path) -> bool:
     return header.startswith(SQLITE_MAGIC) and size < pages * (65536 if width == 1 else width)
 
 
-def whole_part(path: Path, to: Path) -> Path:
+def _whole_part(path: Path, to: Path) -> Path:
     """Write what is whole in a bag's file that is cut to the file `to`.
 
     Raises:
@@ -150,19 +150,13 @@ def _of_sqlite(path: Path, to: Path) -> Path:
     return to
 
 
-def whole_bag(path: Path, files: list[Path], folder: Path) -> Path:
-    """The bag with each cut file replaced by what is whole in it: in `folder`, a file or the folder of a bag.
-
-    Args:
-        path: Of the bag.
-        files: Its files.
-        folder: To write to.
-    """
+def _whole_bag(path: Path, files: list[Path], folder: Path) -> Path:
+    """The bag with each cut file replaced by what is whole in it: in `folder`, a file or the folder of a bag."""
     if len(files) == 1:
-        return whole_part(files[0], folder / files[0].name)
+        return _whole_part(files[0], folder / files[0].name)
     for file in path.iterdir():
         if file in files and is_cut(file):
-            whole_part(file, folder / file.name)
+            _whole_part(file, folder / file.name)
         elif file.is_file():
             (folder / file.name).symlink_to(file.resolve()) if file in files else shutil.copy(file, folder)
     return folder
@@ -202,7 +196,7 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
     Raises:
         LogError: no bag, damaged, without joint states; or the package that reads bags is missing.
     """
-    streams, told = complete(list(read_streams(path).values())), _told_of_files(path)
+    streams, told = complete(list(_read_streams(path).values())), _told_of_files(path)
     shared = dict.fromkeys(s.topic.partition(SENDER)[0] for s in streams if SENDER in s.topic)
     told += [f"Two nodes send joint states of the same joints on {topic}." for topic in shared]
     try:
@@ -213,7 +207,7 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
     return table
 
 
-def read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
+def _read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
     """By topic and sorted columns, the rows of every message type that is known.
 
     Raises:
@@ -311,7 +305,7 @@ def _opened(path: Path) -> Iterator[Any]:
             with _reader(path, path if (path / METADATA).is_file() or not is_folder(path) else files[0]) as reader:
                 yield reader
             return
-        with TemporaryDirectory() as folder, _reader(path, whole_bag(path, files, Path(folder))) as reader:
+        with TemporaryDirectory() as folder, _reader(path, _whole_bag(path, files, Path(folder))) as reader:
             yield reader
     except (OSError, sqlite3.Error) as error:
         raise LogError(f"{path}: cannot be read as a ROS bag: {_text_of(error)}{_remedy(_text_of(error))}") from None

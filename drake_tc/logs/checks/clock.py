@@ -135,18 +135,14 @@ def _stretches(stamps: FloatArray, period: float) -> Iterator[_Stretch]:
         if last - first < SMOOTH_ROWS:
             continue
         own = stamps[first:last]
-        number, steady = row_numbers(own, period)
+        number, steady = _row_numbers(own, period)
         slope, start = np.polyfit(number, own, 1)
         line = start + slope * number
         yield _Stretch(np.arange(first, last), line + savgol_filter(own - line, SMOOTH_ROWS, 1), steady)
 
 
-def row_numbers(stamps: FloatArray, period: float) -> tuple[FloatArray, BoolArray]:
+def _row_numbers(stamps: FloatArray, period: float) -> tuple[FloatArray, BoolArray]:
     """Numbers (N,) of the rows, counting those that were lost, and where none was lost nearby (N,).
-
-    Args:
-        stamps: (N,) without gaps, N >= `SMOOTH_ROWS` [s].
-        period: [s].
 
     A lost row raises the level of all later stamps by a period. Means over `LEVEL_ROWS`, without single stamps that are
     far off, see the step through the scatter, and least squares find its row.
@@ -362,7 +358,7 @@ def _places(at: FloatArray, period: float) -> FloatArray:
     whole = np.maximum(np.rint(steps / period), 1.0)
     if at.size < SMOOTH_ROWS or float(np.std(steps - whole * period)) < UNSTEADY * period:
         return np.concatenate([[0.0], np.cumsum(whole)])
-    return row_numbers(at, period)[0]
+    return _row_numbers(at, period)[0]
 
 
 def _resolution(time: FloatArray) -> float:
@@ -489,13 +485,8 @@ def on_rows_of_positions(raw: RawLog, rig: Rig) -> RawLog:
         f"The columns have values in different rows: the {int(main.sum())} rows with a position are the samples, and "
         f"{', '.join(moved)} {'was' if len(moved) == 1 else 'were'} interpolated there (commands held)."
     )
-    return replace(_of_rows(raw, main), columns=columns, notes=(*raw.notes, note))
-
-
-def _of_rows(raw: RawLog, rows: BoolArray) -> RawLog:
-    return replace(
-        raw, rows=raw.rows[rows], time=raw.time[rows], enabled=raw.enabled[rows], valid=raw.valid[rows], columns={}
-    )
+    rest = {name: getattr(raw, name)[main] for name in ("rows", "time", "enabled", "valid")}
+    return replace(raw, columns=columns, notes=(*raw.notes, note), **rest)
 
 
 def _at(time: FloatArray, own: FloatArray, values: FloatArray, *, held: bool) -> FloatArray:

@@ -293,7 +293,7 @@ def held_rows(position: FloatArray) -> BoolArray:
     jumped &= speed * np.sqrt(lengths - 1.0) > LEAST_DEVIATIONS * _deviation(position)
     for start, end in zip(starts[jumped].tolist(), ends[jumped].tolist(), strict=True):
         held[start + 1 : end] = True
-    return held if held.mean() <= MOST_HELD or _is_one_stretch(held) else np.zeros_like(held)
+    return held if held.mean() <= MOST_HELD or len(true_spans(held)) == 1 else np.zeros_like(held)
 
 
 def repeated_rows(position: FloatArray, others: Sequence[FloatArray]) -> BoolArray:
@@ -354,7 +354,3 @@ def _deviation(position: FloatArray) -> float:
     moving = steps[steps > 1e-12 * max(float(np.abs(position).max()), 1e-12)]
     finest = float(moving.min()) if moving.size else np.inf
     return max(1.4826 * float(np.median(np.abs(np.diff(position, 2)))), finest)
-
-
-def _is_one_stretch(rows: BoolArray) -> bool:
-    return int(np.sum(np.diff(rows.astype(np.int8)) == 1)) == 1

@@ -83,7 +83,7 @@ def _partial(y: FloatArray, x: FloatArray, others: FloatArray) -> float:
     return 0.0 if small.any() else float(rest[:, 0] @ rest[:, 1] / norms.prod())
 
 
-def effort_and_motion(run: Run, rig: Rig, joint: str, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+def _effort_and_motion(run: Run, rig: Rig, joint: str, rows: IntArray) -> tuple[FloatArray, FloatArray]:
     """Effort y (N,) of some rows, and (N, 4) what else is in its balance but the load: qddot, qdot, sign(qdot), 1.
 
     The sign is smoothed over a fifth of the upper quartile of the speed.
@@ -95,8 +95,8 @@ def effort_and_motion(run: Run, rig: Rig, joint: str, rows: IntArray) -> tuple[F
     return effort, np.column_stack([qdd, qd, np.tanh(qd / resolved), np.ones(rows.size)])
 
 
-def balance_of(run: Run, rig: Rig, joint: str) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Effort (N,), load torque (N,) and `effort_and_motion`'s other columns (N, 4) of the usable rows.
+def _balance_of(run: Run, rig: Rig, joint: str) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Effort (N,), load torque (N,) and `_effort_and_motion`'s other columns (N, 4) of the usable rows.
 
     None where the load is not known before a fit, where fewer than 50 rows are usable, or where load or effort is
     constant.
@@ -105,7 +105,7 @@ def balance_of(run: Run, rig: Rig, joint: str) -> tuple[FloatArray, FloatArray, 
     pick = usable[:: max(1, usable.size // MAX_ROWS)]
     if unknown_form(load) is not None or isinstance(load, RobotLoad) or pick.size < 50:
         return None
-    y, others = effort_and_motion(run, rig, joint, pick)
+    y, others = _effort_and_motion(run, rig, joint, pick)
     if isinstance(load, Pendulum):
         tau = load.in_run(run).torque(run.columns[f"{joint}/position"][pick], np.zeros(pick.size))
     else:
@@ -115,7 +115,7 @@ def balance_of(run: Run, rig: Rig, joint: str) -> tuple[FloatArray, FloatArray, 
 
 def sign_evidence(run: Run, rig: Rig, joint: str) -> SignEvidence | None:
     """Regress the effort on load torque, acceleration, velocity and its sign; None where there is nothing to go by."""
-    balance = balance_of(run, rig, joint)
+    balance = _balance_of(run, rig, joint)
     if balance is None:
         return None
     y, tau, others = balance
@@ -265,7 +265,7 @@ def refuse_unsigned(runs: Sequence[Run], rig: Rig) -> None:
     """
     for joint in (joint for joint in rig.joints if rig.drive[joint] != "position_servo"):
         for run in runs:
-            balance = balance_of(run, rig, joint)
+            balance = _balance_of(run, rig, joint)
             if balance is not None and is_unsigned(*balance):
                 name = rig.command_column(joint)
                 raise LogError(
@@ -366,17 +366,14 @@ def leads_by(first: FloatArray, second: FloatArray, weights: FloatArray, period:
     if reach < 2 or a.std() == 0.0 or b.std() == 0.0:
         return 0.0
     size = a.size
-    score = np.array([_alike(a[max(0, -s) : size - max(0, s)], b[max(0, s) : size + min(0, s)]) for s in _range(reach)])
+    shifts = range(-reach, reach + 1)
+    score = np.array([_alike(a[max(0, -s) : size - max(0, s)], b[max(0, s) : size + min(0, s)]) for s in shifts])
     best = int(np.argmax(score))
     if not 0 < best < score.size - 1:
         return 0.0
     before, at, after = score[best - 1 : best + 2].tolist()
     bend = before - 2.0 * at + after
     return float(best - reach + (0.5 * (before - after) / bend if bend else 0.0))
-
-
-def _range(reach: int) -> range:
-    return range(-reach, reach + 1)
 
 
 def _alike(a: FloatArray, b: FloatArray) -> float:
@@ -460,7 +457,7 @@ def _unit_of(run: Run, rig: Rig, joint: str, possible: Mapping[str, float]) -> s
 
 def _inertia(run: Run, rig: Rig, joint: str, rows: IntArray) -> float:
     """Coefficient of qddot over that of tau, of some rows of a run."""
-    effort, motion = effort_and_motion(run, rig, joint, rows)
+    effort, motion = _effort_and_motion(run, rig, joint, rows)
     columns = np.column_stack([run.columns[f"{joint}/torque"][rows], motion])
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)

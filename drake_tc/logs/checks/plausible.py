@@ -37,14 +37,8 @@ def derivative(values: FloatArray, period: float, order: int = 1) -> FloatArray:
     return np.asarray(savgol_filter(values, window, 3, deriv=order, delta=period))
 
 
-def top_speed(position: FloatArray, period: float, usable: BoolArray | None = None) -> float:
-    """Speed that one sample in a thousand exceeds, by differences over 20 ms [unit of position/s].
-
-    Args:
-        position: (T,).
-        period: [s].
-        usable: (T,) rows to look at; no difference reaches over those that are left out. None for all.
-    """
+def _top_speed(position: FloatArray, period: float, usable: BoolArray | None = None) -> float:
+    """Speed that one sample in a thousand exceeds, by differences over 20 ms [unit of position/s]."""
     rows = np.arange(position.size) if usable is None else np.flatnonzero(usable)
     w = min(max(1, round(0.02 / period)), rows.size - 1)
     together = rows[w:] - rows[:-w] == w
@@ -78,7 +72,7 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
                 continue
             values = columns[name]
             span = float(np.ptp(values[usable]))
-            speed = top_speed(values, period, usable) if suffix == "position" else 0.0
+            speed = _top_speed(values, period, usable) if suffix == "position" else 0.0
             stated = scale_of(name, rig.units).stated
             if rig.units_of(joint).slides:
                 _check_length(span, speed, rig, name, path)

@@ -14,7 +14,6 @@ X,Y,X,Y,                       or      0.000,0.10,0.0000,0.5
 import codecs
 import csv
 import io
-import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -41,34 +40,30 @@ COMMENT_MARKS = (b"#", b"%", b"//")
 """What a line of a comment begins with."""
 
 
-def is_comment(line: bytes) -> bool:
+def _is_comment(line: bytes) -> bool:
     """Whether a line of a CSV file is a comment or empty."""
     text = line.strip().lstrip(b'"')
     return not text or text.startswith(COMMENT_MARKS)
 
 
-def comments_above(opened: Callable[[], IO[bytes]]) -> list[bytes]:
+def _comments_above(opened: Callable[[], IO[bytes]]) -> list[bytes]:
     """The comments and empty lines above the names and the data."""
     found: list[bytes] = []
     with opened() as file:
-        while (line := file.readline(LONGEST_LINE)) and is_comment(line.removeprefix(codecs.BOM_UTF8)):
+        while (line := file.readline(LONGEST_LINE)) and _is_comment(line.removeprefix(codecs.BOM_UTF8)):
             found.append(line)
     return found if line else []
 
 
-def commented_names(comments: Sequence[bytes], below: bytes) -> str:
+def _commented_names(comments: Sequence[bytes], below: bytes) -> str:
     """The names of the columns that the last comment above a row of numbers holds; empty where it holds none.
 
     `numpy.savetxt` writes its header so: `# time,position` above `0.0,0.1`.
-
-    Args:
-        comments: The lines above the first row.
-        below: The first row.
     """
-    cells = _cells_of(decoded(below))
+    cells = _cells_of(_decoded(below))
     if not comments or not all(_is_number(cell) for cell in cells if cell):
         return ""
-    text = decoded(comments[-1]).strip().strip('"').lstrip("#%/ ")
+    text = _decoded(comments[-1]).strip().strip('"').lstrip("#%/ ")
     names = _cells_of(text)
     return text if len(names) == len(cells) > 1 and not any(map(_is_number, names)) else ""
 
@@ -78,12 +73,8 @@ def _cells_of(line: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line.strip()], delimiter=separator), [])]
 
 
-def check_encoding(path: Path, beginning: bytes) -> None:
+def _check_encoding(path: Path, beginning: bytes) -> None:
     """Refuse UTF-16 and UTF-32, in which every second byte of plain text is zero and which spreadsheets offer.
-
-    Args:
-        path: Of the file, for the message.
-        beginning: The first four bytes of the file.
 
     Raises:
         LogError: The text is not one of UTF-8.
@@ -92,7 +83,7 @@ def check_encoding(path: Path, beginning: bytes) -> None:
         raise LogError(f"{path}: expected text in UTF-8, got UTF-16, UTF-32 or binary data; save it as CSV in UTF-8")
 
 
-def decoded(line: bytes) -> str:
+def _decoded(line: bytes) -> str:
     """The text of a line: UTF-8, or else Windows-1252, which spreadsheets write where a name has a degree sign."""
     try:
         return line.decode("utf-8-sig")
@@ -102,18 +93,15 @@ def decoded(line: bytes) -> str:
 
 def cells(file: IO[bytes], separator: str, lines: int) -> list[list[str]]:
     """The cells of the first `lines` lines; fewer rows where the file ends before."""
-    text = "".join(decoded(file.readline(LONGEST_LINE)) for _ in range(lines))
+    text = "".join(_decoded(file.readline(LONGEST_LINE)) for _ in range(lines))
     return [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text), delimiter=separator)]
 
 
-def stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
+def _stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
     """By column, the units that the second line of a CSV file states; empty where it is a row of data.
 
     It states units if none of its cells is a number, at least half of the filled ones are units, and the next line has
     a number.
-
-    Args:
-        rows: The cells of the first three lines, which are names, units or data, and data.
     """
     if len(rows) < 3:
         return {}
@@ -125,18 +113,14 @@ def stated_units(rows: Sequence[Sequence[str]]) -> dict[str, str]:
     return filled if 2 * known >= len(filled) else {}
 
 
-def check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
+def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
     """Refuse lines of text above the names: a first line of one cell where lines below have several.
-
-    Args:
-        path: Of the file, for the message.
-        opened: Opens its content.
 
     Raises:
         LogError: names the first line that has as many cells as any.
     """
     with opened() as file:
-        lines = [decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
+        lines = [_decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
     widths = [max(line.count(mark) for mark in SEPARATORS) + 1 for line in lines]
     if widths[0] > 1 or max(widths) < 2:
         return
@@ -148,7 +132,7 @@ def check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
     )
 
 
-def check_names_are_words(path: Path, names: Sequence[str]) -> None:
+def _check_names_are_words(path: Path, names: Sequence[str]) -> None:
     """Refuse a first line of numbers alone: a file without a header.
 
     Raises:
@@ -167,18 +151,18 @@ def _is_decimal(text: str) -> bool:
     return _is_number(text.replace(",", ".", 1))
 
 
-def lines_above_names(opened: Callable[[], IO[bytes]]) -> int:
+def _lines_above_names(opened: Callable[[], IO[bytes]]) -> int:
     """How many lines above the names say something else, such as the date and the device.
 
     The names are the line above the first row of numbers, or above a line of units, if they have as many cells.
     """
     with opened() as file:
-        lines = [decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
+        lines = [_decoded(file.readline(LONGEST_LINE)) for _ in range(LINES_ABOVE)]
     for separator in (mark for mark in SEPARATORS if any(mark in line for line in lines)):
         rows = [[cell.strip() for cell in line.strip().split(separator)] for line in lines]
         numbers = (i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_decimal, row)))
         first = next(numbers, 0)
-        names = first - 2 if first > 1 and stated_units(rows[first - 2 : first + 1]) else first - 1
+        names = first - 2 if first > 1 and _stated_units(rows[first - 2 : first + 1]) else first - 1
         own = rows[names] if names > 0 else []
         if len(set(own)) < len(own) == len(rows[names - 1]):  # X, Y, X, Y below the names
             return names - 1
@@ -198,15 +182,11 @@ def _is_number(text: str) -> bool:
 _NUMBER = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
 
 
-def with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
+def _with_decimal_points(table: pd.DataFrame, separator: str) -> pd.DataFrame:
     """The table with numbers in place of texts such as '0,25', and a note that names their columns.
 
     A column is read so if all of its filled cells are such numbers. Texts with points and commas ('1.234,5') stay:
     which of the two marks thousands is not known.
-
-    Args:
-        table: Of a CSV file.
-        separator: Of its cells; where it is the comma, no number holds one.
     """
     if separator == ",":
         return table
@@ -237,7 +217,7 @@ X_NAMES = ("x", "t", "time")
 """Small letters of what a line below the names calls the times."""
 
 
-class Pairs(NamedTuple):
+class _Pairs(NamedTuple):
     """Where the channels of such a file are.
 
     Attributes:
@@ -253,18 +233,14 @@ class Pairs(NamedTuple):
     units: Mapping[str, str] = MappingProxyType({})
 
 
-def pairs_of(rows: Sequence[Sequence[str]]) -> Pairs | None:
-    """Where the channels are, if each has times of its own; None for other files.
-
-    Args:
-        rows: The cells of the first lines.
-    """
+def _pairs_of(rows: Sequence[Sequence[str]]) -> _Pairs | None:
+    """Where the channels are, if each has times of its own; None for other files."""
     if not rows:
         return None
     return _with_a_line_of_axes(rows) or _with_repeated_times(rows[0]) or _with_named_times(rows)
 
 
-def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> Pairs | None:
+def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> _Pairs | None:
     """Names over every second column, and below them `X, Y, X, Y`."""
     if len(rows) < 2:
         return None
@@ -283,15 +259,15 @@ def _with_a_line_of_axes(rows: Sequence[Sequence[str]]) -> Pairs | None:
     channels = tuple((time or name, 2 * i, 2 * i + 1) for i, (time, name) in enumerate(named) if time or name)
     units = {name: below[at] for name, _, at in channels} if x in TIME else {}
     time = f"time [{x}]" if x in TIME else "time"
-    return Pairs(time, channels, 2, units) if channels else None
+    return _Pairs(time, channels, 2, units) if channels else None
 
 
-def _with_named_times(rows: Sequence[Sequence[str]]) -> Pairs | None:
+def _with_named_times(rows: Sequence[Sequence[str]]) -> _Pairs | None:
     """Names of all columns, each second one of which states that it is a time: `t_pos [s],pos,t_cur [s],current`.
 
     The unit of all times is the same, and all of them increase in the first rows.
     """
-    names, units = list(rows[0]), stated_units(rows)
+    names, units = list(rows[0]), _stated_units(rows)
     stated = [_IN_BRACKETS.fullmatch(name) for name in names]
     told = [found[1] if found else units.get(name, "") for name, found in zip(names, stated, strict=True)]
     times, others = told[::2], told[1::2]
@@ -300,18 +276,16 @@ def _with_named_times(rows: Sequence[Sequence[str]]) -> Pairs | None:
     if any(each.lower() in TIME for each in others) or not all(names):
         return None
     lines = 2 if units else 1
-    data = [[_number_of(cell) for cell in row[: len(names) : 2]] for row in rows[lines:] if len(row) >= len(names)]
-    if len(data) < 2 or not np.all(np.diff(np.array(data), axis=0) > 0.0):
+    data = [row[: len(names) : 2] for row in rows[lines:] if len(row) >= len(names)]
+    known = all(_NUMBER.fullmatch(cell.replace(".", ",")) for row in data for cell in row)
+    increase = known and np.diff([[float(cell.replace(",", ".")) for cell in row] for row in data], axis=0) > 0.0
+    if len(data) < 2 or not np.all(increase):
         return None
     channels = tuple((names[at], at - 1, at) for at in range(1, len(names), 2))
-    return Pairs(f"time [{times[0]}]", channels, lines, {name: units[name] for name, *_ in channels if name in units})
+    return _Pairs(f"time [{times[0]}]", channels, lines, {name: units[name] for name, *_ in channels if name in units})
 
 
-def _number_of(cell: str) -> float:
-    return float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell.replace(".", ",")) else math.nan
-
-
-def _with_repeated_times(names: Sequence[str]) -> Pairs | None:
+def _with_repeated_times(names: Sequence[str]) -> _Pairs | None:
     """One name that is called like a time stands before each channel, or before several of one clock."""
     repeated = {name for name, count in Counter(names).items() if name and count > 1}
     if len(repeated) != 1 or names[0] not in repeated:
@@ -326,16 +300,11 @@ def _with_repeated_times(names: Sequence[str]) -> Pairs | None:
             at = place
         elif name:
             channels.append((name, at, place))
-    return Pairs(time, tuple(channels), 1)
+    return _Pairs(time, tuple(channels), 1)
 
 
-def of_pairs(cells: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
-    """One row for each time of any channel; where a channel has no value at this time, there is NaN.
-
-    Args:
-        cells: (T, 2n) numbers below the names.
-        pairs: Where the channels are.
-    """
+def _of_pairs(cells: pd.DataFrame, pairs: _Pairs) -> pd.DataFrame:
+    """One row for each time of any channel; where a channel has no value at this time, there is NaN."""
     series = []
     for name, x, y in pairs.channels:
         times = pd.to_numeric(cells.iloc[:, x], errors="coerce").to_numpy(dtype=np.float64)
@@ -382,15 +351,16 @@ def _content(path: Path) -> _Content:
     opened = _opener(path)
     with opened() as file:
         content = file.read()
-    check_encoding(path, content[:4])
-    above = comments_above(opened)
+    _check_encoding(path, content[:4])
+    above = _comments_above(opened)
     below = content[sum(map(len, above)) :]
-    within = [line for line in below.splitlines(keepends=True) if is_comment(line)] if _may_hold_comments(below) else []
+    may_be_within = any(b"\n" + mark in below for mark in COMMENT_MARKS)
+    within = [line for line in below.splitlines(keepends=True) if _is_comment(line)] if may_be_within else []
     if not above and not within:
         return _without_preamble(_Content(opened, 0, ()))
     if within:
-        below = b"".join(line for line in below.splitlines(keepends=True) if not is_comment(line) or not line.strip())
-    names = commented_names(above, below[:LONGEST_LINE].splitlines()[0])
+        below = b"".join(line for line in below.splitlines(keepends=True) if not _is_comment(line) or not line.strip())
+    names = _commented_names(above, below[:LONGEST_LINE].splitlines()[0])
     whole = names.encode() + b"\n" + below if names else below
     left_out = len(above) - bool(names) + sum(1 for line in within if line.strip())
     notes = (f"{left_out} comment lines or empty lines were skipped.",) if left_out else ()
@@ -399,16 +369,12 @@ def _content(path: Path) -> _Content:
 
 def _without_preamble(content: _Content) -> _Content:
     """The content without lines above the names that say something else."""
-    lines = lines_above_names(content.opened)
+    lines = _lines_above_names(content.opened)
     if not lines:
         return content
     which = f"{lines} lines above the names of the columns were" if lines > 1 else "The line above the names was"
     note = f"{which} skipped."
     return _Content(_without_lines(content.opened, lines), content.above + lines, (*content.notes, note))
-
-
-def _may_hold_comments(content: bytes) -> bool:
-    return any(b"\n" + mark in content for mark in COMMENT_MARKS)
 
 
 def first_line(path: Path) -> int:
@@ -417,14 +383,14 @@ def first_line(path: Path) -> int:
     separator = _separator(content.opened)
     with content.opened() as file:
         rows = cells(file, separator, FIRST_ROWS)
-    pairs = pairs_of(rows)
-    return content.above + (pairs.lines + 1 if pairs else 3 if stated_units(rows) else 2)
+    pairs = _pairs_of(rows)
+    return content.above + (pairs.lines + 1 if pairs else 3 if _stated_units(rows) else 2)
 
 
 def _separator(opened: Opener) -> str:
     """The character that splits the header: a comma unless there is none but a semicolon or a tab."""
     with opened() as file:
-        header = decoded(file.readline(LONGEST_LINE))
+        header = _decoded(file.readline(LONGEST_LINE))
     return next((mark for mark in SEPARATORS if mark in header), ",")
 
 
@@ -436,13 +402,13 @@ def _header(path: Path, opened: Opener, separator: str) -> tuple[list[str], dict
     Raises:
         LogError: names the column, or the number.
     """
-    check_header_is_first(path, opened)
+    _check_header_is_first(path, opened)
     with opened() as file:
         rows = cells(file, separator, 3)
     names = rows[0] if rows else []
-    check_names_are_words(path, names)
+    _check_names_are_words(path, names)
     refuse_repeated(path, [name for name in names if name])
-    return names, stated_units(rows)
+    return names, _stated_units(rows)
 
 
 def refuse_repeated(path: Path, names: list[str]) -> None:
@@ -467,7 +433,8 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
     lengths: Counter[int] = Counter()
     first: dict[int, int] = {}
     with opened() as file:
-        for row in (rows := csv.reader(_lines(file), delimiter=separator)):
+        text = io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
+        for row in (rows := csv.reader(text, delimiter=separator)):
             filled = max((i + 1 for i, cell in enumerate(row) if cell.strip()), default=0)
             lengths[filled] += 1
             first.setdefault(filled, rows.line_num)
@@ -480,10 +447,6 @@ def _check_cells(path: Path, opened: Opener, separator: str, width: int) -> None
             f"{path}: line {line} has {count} cells, and the header {width} names; expected one cell a column"
             " (a decimal comma, or a separator inside a text, makes two of one)"
         )
-
-
-def _lines(file: IO[bytes]) -> IO[str]:
-    return io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
 
 
 def _opener(path: Path) -> Opener:
@@ -503,13 +466,13 @@ def read_csv(path: Path) -> pd.DataFrame:
     opened, above, notes = _content(path)
     separator = _separator(opened)
     with opened() as file:
-        pairs = pairs_of(cells(file, separator, FIRST_ROWS))
+        pairs = _pairs_of(cells(file, separator, FIRST_ROWS))
     if pairs is None:
-        table = with_decimal_points(_cells(path, opened, separator, above), separator)
+        table = _with_decimal_points(_cells(path, opened, separator, above), separator)
     else:
         body = _without_lines(opened, pairs.lines)
         with body() as file:
-            table = of_pairs(with_decimal_points(pd.read_csv(file, sep=separator, header=None), separator), pairs)
+            table = _of_pairs(_with_decimal_points(pd.read_csv(file, sep=separator, header=None), separator), pairs)
     if notes:
         table.attrs["notes"] = [*notes, *table.attrs.get("notes", ())]
     return table
@@ -518,7 +481,7 @@ def read_csv(path: Path) -> pd.DataFrame:
 def _cells(path: Path, opened: Opener, separator: str, above: int) -> pd.DataFrame:
     """The cells below the header as they are, with names in the encoding of the file."""
     names, units = _header(path, opened, separator)
-    table = _rows(path, _without_second_line(opened) if units else opened, separator)
+    table = _rows(path, _without_lines(opened, 1, after=1) if units else opened, separator)
     own = [names[i] if "\ufffd" in str(name) and i < len(names) else name for i, name in enumerate(table.columns)]
     table.columns = pd.Index(own)
     if units:
@@ -528,18 +491,14 @@ def _cells(path: Path, opened: Opener, separator: str, above: int) -> pd.DataFra
     return table
 
 
-def _without_lines(opened: Opener, lines: int) -> Opener:
+def _without_lines(opened: Opener, lines: int, after: int = 0) -> Opener:
+    """The content without so many lines, which follow the first `after` lines."""
     with opened() as file:
+        kept = [file.readline(LONGEST_LINE) for _ in range(after)]
         for _ in range(lines):
             file.readline(LONGEST_LINE)
-        rest = file.read()
+        rest = b"".join([*kept, file.read()])
     return lambda: io.BytesIO(rest)
-
-
-def _without_second_line(opened: Opener) -> Opener:
-    with opened() as file:
-        first, _, rest = file.readline(), file.readline(), file.read()
-    return lambda: io.BytesIO(first + rest)
 
 
 def _rows(path: Path, opened: Opener, separator: str) -> pd.DataFrame:

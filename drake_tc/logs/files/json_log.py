@@ -40,7 +40,7 @@ def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
     """
     document = _parsed(_text(path), path)
     records = document if isinstance(document, list) else _records_inside(document)
-    period = stated_period(dict(_numbers("", document)))
+    period = stated_period(_numbers(document))
     if records and all(map(_is_episode, records)):
         return _of_episodes(records, period, Source(path, episode))
     if episode is not None:
@@ -52,22 +52,32 @@ def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
     return with_times(_of_columns(document, path), period)
 
 
-def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, float]]:
-    """(name, value) of the single numbers in nested mappings."""
+def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """(name, value) of all that nested mappings hold: lists, and single values."""
     if isinstance(value, dict):
         for name, inner in value.items():
-            yield from _numbers(f"{prefix}/{name}" if prefix else name, inner)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield prefix, float(value)
+            yield from _leaves(f"{prefix}/{name}" if prefix else name, inner)
+    else:
+        yield prefix, value
+
+
+def _numbers(document: Any) -> dict[str, float]:
+    """The single numbers in nested mappings, by name."""
+    leaves = _leaves("", document)
+    return {name: float(x) for name, x in leaves if isinstance(x, int | float) and not isinstance(x, bool)}
+
+
+def _lists(document: Any) -> dict[str, list[Any]]:
+    """The lists of samples in nested mappings, by name."""
+    return {name: values for name, values in _leaves("", document) if isinstance(values, list)}
 
 
 def _is_episode(record: object) -> bool:
     """Whether a record holds lists of samples, and not the values of one sample."""
     if not isinstance(record, dict):
         return False
-    told = {name: meaning(name) for name, value in _numbers("", record)}
-    stamped = any(each is not None and each.quantity == "time" for each in told.values())
-    lengths = [len(values) for _, values in _lists("", record)]
+    stamped = any((told := meaning(name)) is not None and told.quantity == "time" for name in _numbers(record))
+    lengths = [len(values) for values in _lists(record).values()]
     return not stamped and bool(lengths) and min(lengths) >= MIN_ROWS
 
 
@@ -140,19 +150,17 @@ def _of_records(records: Sequence[Any], path: Path) -> pd.DataFrame:
 
 def _values(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
     """(name, value) of the plain values in one sample."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _values(f"{prefix}/{name}" if prefix else name, inner)
-    elif isinstance(value, list):
-        for number, inner in enumerate(value):
-            yield from _values(f"{prefix}_{number}", inner)
-    else:
-        yield prefix, value
+    for name, leaf in _leaves(prefix, value):
+        if isinstance(leaf, list):
+            for number, inner in enumerate(leaf):
+                yield from _values(f"{name}_{number}", inner)
+        else:
+            yield name, leaf
 
 
 def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
     columns: dict[str, list[Any]] = {}
-    for name, values in _lists("", document):
+    for name, values in _lists(document).items():
         if not any(isinstance(value, list | dict) for value in values):
             columns[name] = values
             continue
@@ -165,15 +173,6 @@ def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
     if not columns and document:
         raise LogError(f"{path}: expected {FORMS}, got a mapping without a list: {', '.join(list(document)[:5])}")
     return pd.DataFrame(_one_length(columns, path))
-
-
-def _lists(prefix: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
-    """(name, samples) of the lists in nested mappings; single values are left out."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _lists(f"{prefix}/{name}" if prefix else name, inner)
-    elif isinstance(value, list):
-        yield prefix, value
 
 
 def _one_length(columns: dict[str, list[Any]], path: Path) -> dict[str, list[Any]]:

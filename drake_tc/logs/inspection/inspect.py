@@ -28,7 +28,7 @@ CORRELATED = 0.8
 """Correlation of a velocity with the rate of the position from which on their ratio tells the unit."""
 
 
-def with_units_of_rates(
+def _with_units_of_rates(
     columns: Sequence[Column],
     meanings: Mapping[str, Meaning],
     numbers: Mapping[str, FloatArray | None],
@@ -37,12 +37,6 @@ def with_units_of_rates(
     """The columns, where a velocity without a stated unit has the one in which it is the rate of the position.
 
     With the position q in its unit of factor f_q to SI, the velocity's factor to SI is f_q |dq/dt| / |v|, in RMS.
-
-    Args:
-        columns: Of the log.
-        meanings: What the names of columns tell.
-        numbers: (T,) by column.
-        time: (T,) [s].
     """
     positions = {m.joint: name for name, m in meanings.items() if m.quantity == "position"}
     units = {column.name: column.unit for column in columns}
@@ -162,7 +156,7 @@ def inspect_log(path: Path) -> Inspection:
     columns = tuple(replace(column, why=aside.get(column.name, column.why)) for column in columns)
     columns = _in_units_of_their_joints(columns, meanings)
     if time_name is not None and (time := numbers[time_name]) is not None:
-        columns = with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
+        columns = _with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
     if time_name is None:
         notes.append("No column was recognised as the time; name it under `columns: {time: ...}`.")
     rig, comment = suggested_rig(columns, meanings, notes)

@@ -75,12 +75,11 @@ def numbers(series: pd.Series) -> FloatArray | None:
     """(T,) as numbers, dates in seconds from the first; None where it holds none."""
     if pd.api.types.is_complex_dtype(series):
         return None
-    values = seconds_of_dates(series) if pd.api.types.is_datetime64_any_dtype(series) else _parsed(series)
+    if pd.api.types.is_datetime64_any_dtype(series):
+        values = seconds_of_dates(series)
+    else:
+        values = np.asarray(pd.to_numeric(series, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan))
     return values if np.isfinite(values).any() else None
-
-
-def _parsed(series: pd.Series) -> FloatArray:
-    return np.asarray(pd.to_numeric(series, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan))
 
 
 def describe(
@@ -158,17 +157,13 @@ BUS_WORDS = ("present", "load")
 """In the names of columns that servos of a bus have: numbers of their registers."""
 
 
-def effort_drive(
+def _effort_drive(
     by_joint: Mapping[str, Mapping[str, Column]], meanings: Mapping[str, Meaning]
 ) -> tuple[EffortDrive, tuple[Column, ...]] | None:
     """The kind of drive and its columns, where all joints with a position command also have a plausible effort.
 
     That is a current or a torque of a clear unit, of a possible size, with both signs, that changes in each joint and
     is no whole number of a register. None where one joint has no such effort, and for fewer than `LEAST_JOINTS`.
-
-    Args:
-        by_joint: By joint and quantity, the columns.
-        meanings: What the names of columns tell.
     """
     joints = [has for has in by_joint.values() if "position" in has and "position_command" in has]
     if len(joints) < LEAST_JOINTS:
@@ -181,7 +176,7 @@ def effort_drive(
     return None
 
 
-def comment_on(drive: EffortDrive, columns: tuple[Column, ...]) -> str:
+def _comment_on(drive: EffortDrive, columns: tuple[Column, ...]) -> str:
     """One line for the rig file: the choice that was made, and how to change it."""
     name = "currents" if drive == "current" else "torques"
     text = (
@@ -241,13 +236,13 @@ def suggested_rig(
                 " position of the joint. If there is a gear, write the factor 1 / ratio under `units:`."
             )
     drives: dict[str, str] = {}
-    chosen = effort_drive(by_joint, meanings)
+    chosen = _effort_drive(by_joint, meanings)
     order = DRIVES if chosen is None else sorted(DRIVES, key=lambda each: each[0] != chosen[0])
     for joint, has in by_joint.items():
         drive = next((kind for kind, command in order if command in has), None)
         if drive is None:
             notes.append(f"{_left_out(joint)} a command (position, current, voltage or torque).")
-        elif "position" not in has and not _velocity_will_do(drive, has):
+        elif "position" not in has and not (drive != "position_servo" and "velocity" in has and "torque" in has):
             beside = "; its velocity is enough only with a measured torque and not for a position servo"
             notes.append(f"{_left_out(joint)} a position{beside if 'velocity' in has else ''}.")
         else:
@@ -304,7 +299,7 @@ def suggested_rig(
     # the unit of a joint's position would be that of its other angles
     units |= {name: "rad" for name, each in stated.items() if each.unit == "rad" and name.rpartition("/")[0] in turned}
     document |= ({"columns": renamed} if renamed else {}) | ({"units": units} if units else {})
-    return document, "" if chosen is None else comment_on(*chosen)
+    return document, "" if chosen is None else _comment_on(*chosen)
 
 
 def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str, Column]]) -> list[str]:
@@ -323,10 +318,6 @@ def _other_drives(drives: Mapping[str, str], by_joint: Mapping[str, Mapping[str,
                 + " in the rig file."
             )
     return told
-
-
-def _velocity_will_do(drive: str, has: Mapping[str, Column]) -> bool:
-    return drive != "position_servo" and "velocity" in has and "torque" in has
 
 
 def _is_switch(column: Column) -> bool:

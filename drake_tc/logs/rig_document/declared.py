@@ -131,7 +131,7 @@ DeclaredEntry: TypeAlias = Annotated[
 def declared_of(entry: str | list[str] | dict[str, Values] | None) -> dict[str, float | None]:
     """`id` and `id.parameter` to the known value, or None; viscous and Coulomb friction are always in it.
 
-    What a file declares is not in it: `drake_tc.logs.rig_document.declared_file` adds it to the rig.
+    What a file declares is not in it: `with_declared_file` adds it to the rig.
     """
     declared: dict[str, float | None] = {"viscous": None, "coulomb": None}
     if isinstance(entry, str) and is_file(entry):
@@ -169,13 +169,14 @@ def joint_types(
     Raises:
         ValueError: They contradict each other; begins with the key.
     """
-    known = robot_joint_types(robot)
+    known = _robot_joint_types(robot)
     out: dict[str, JointType] = {}
     for joint in joints:
         said, modelled = stated.get(joint), known.get(joint)
         if said is not None and modelled is not None and said != modelled:
             raise ValueError(f"joint_type: {joint} is {modelled} in the URDF of {robot}, got {said}")
-        out[joint] = modelled or said or _by_unit(joint, units) or "revolute"
+        by_unit = next((kind for _, kind in _entries(joint, units)), None)
+        out[joint] = modelled or said or by_unit or "revolute"
     for joint, kind in out.items():
         for key, other in _entries(joint, units):
             if other != kind and not (_may_be_missing(key) and other in out.values()):
@@ -200,7 +201,7 @@ def require_own_unit(canonical: str, kind: JointType, units: Mapping[str, str | 
             raise ValueError(_of_other_type(joint, kind, key, units[key], other))
 
 
-def robot_joint_types(robot: Path | None) -> dict[str, JointType]:
+def _robot_joint_types(robot: Path | None) -> dict[str, JointType]:
     """Types of the moving joints of a robot file's URDF; none where it cannot be read (others say so)."""
     if robot is None:
         return {}
@@ -236,10 +237,6 @@ def _entries(joint: str, units: Mapping[str, str | float]) -> list[tuple[str, Jo
     own = [key for key in keys if "/" in key or f"{joint}/{key}" not in units]
     found = ((key, joint_type_of_unit(units[key])) for key in own)
     return [(key, kind) for key, kind in found if kind is not None]
-
-
-def _by_unit(joint: str, units: Mapping[str, str | float]) -> JointType | None:
-    return next((kind for _, kind in _entries(joint, units)), None)
 
 
 def _may_be_missing(key: str) -> bool:

@@ -100,7 +100,7 @@ EACH_JOINT = "<joint>"
 LogColumn: TypeAlias = Annotated[str, Field(min_length=1), saying("the name of a column in the log")]
 
 
-def canonical_name(name: str, joints: Sequence[str]) -> str:
+def _canonical_name(name: str, joints: Sequence[str]) -> str:
     """A full canonical name: `time`, `<joint>/<suffix>`, a sensor's, or a bare suffix of the only joint.
 
     Raises:
@@ -122,7 +122,7 @@ def canonical_name(name: str, joints: Sequence[str]) -> str:
     )
 
 
-def canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) -> dict[str, str]:
+def _canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) -> dict[str, str]:
     """Full canonical name to the name in the file.
 
     A last part stands for the columns of all joints, where the name in the file has `<joint>` in place of a joint's
@@ -143,11 +143,11 @@ def canonical_columns(columns: Mapping[str, str | int], joints: Sequence[str]) -
                 f" or for all a name that differs only in the joint, such as `{name}: {EACH_JOINT}/{in_log}`"
             )
         else:
-            own[canonical_name(name, joints)] = in_log
+            own[_canonical_name(name, joints)] = in_log
     return of_all | own
 
 
-def check_units(units: Mapping[str, str | float], joints: Sequence[str]) -> None:
+def _check_units(units: Mapping[str, str | float], joints: Sequence[str]) -> None:
     """Every unit is one of its column's quantity.
 
     Raises:
@@ -155,7 +155,7 @@ def check_units(units: Mapping[str, str | float], joints: Sequence[str]) -> None
     """
     for name, unit in units.items():
         if not allowed_units(name) or "/" in name:
-            canonical_name(name, joints)
+            _canonical_name(name, joints)
         try:
             parse_unit(name, unit)
         except ValueError as error:
@@ -384,12 +384,12 @@ class RigDocument(Keys):
     @field_validator("columns")
     @classmethod
     def _canonical(cls, value: dict[str, ColumnName] | None, info: ValidationInfo) -> dict[str, str]:
-        return canonical_columns(value or {}, joints_of(info))
+        return _canonical_columns(value or {}, joints_of(info))
 
     @field_validator("units")
     @classmethod
     def _units(cls, value: dict[str, Unit] | None, info: ValidationInfo) -> dict[str, Unit]:
-        check_units(value or {}, joints_of(info))
+        _check_units(value or {}, joints_of(info))
         return value or {}
 
     @field_validator("valid", mode="before")

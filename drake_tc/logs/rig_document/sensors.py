@@ -155,7 +155,7 @@ class JointSensorKeys(Keys):
         return replace(before, **said)
 
 
-def joint_entry(sensors: JointSensors) -> dict[str, Any]:
+def _joint_entry(sensors: JointSensors) -> dict[str, Any]:
     """The keys' values in SI; reading them gives the same back."""
     out: dict[str, Any] = {}
     for names, attribute in _ATTRIBUTES.items():
@@ -326,7 +326,7 @@ def sensors_entry(
     tares: Mapping[str, tuple[float, float]],
 ) -> dict[str, Any]:
     """The key's value in SI; reading it gives the same back. Empty where nothing is declared."""
-    said = {joint: joint_entry(each) for joint, each in joints.items()}
+    said = {joint: _joint_entry(each) for joint, each in joints.items()}
     same = all(each == next(iter(said.values())) for each in said.values())
     out: dict[str, Any] = dict(next(iter(said.values()), {})) if same else {j: e for j, e in said.items() if e}
     for column, tolerance in tolerances.items():
