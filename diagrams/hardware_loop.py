@@ -17,7 +17,7 @@ import numpy as np
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.hardware.simulated_robot import LockStepLink, SimulatedRobot, serve
-from drake_tc.loops.boundary import Controller
+from drake_tc.loops.built_loop import Controller
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import torque_controller
 from drake_tc.robot.robot import load_robot

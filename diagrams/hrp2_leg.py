@@ -1,6 +1,6 @@
 """A leg in torque control without joint-torque sensors, hanging free or with its foot on a rigid object.
 
-The loop is the library's torque loop (`drake_tc.loops.torque.loop`) around the robot file that a scenario names:
+The loop is the library's torque loop (`drake_tc.loops.torque.running`) around the robot file that a scenario names:
 
     reference --> inverse_dynamics --> torque_control --> guard --> actuators --> plant --> encoder, imu, force_torque
                        ^                    ^               ^                                      |

@@ -1,6 +1,6 @@
 """A legged robot on a floor under robust task-space inverse dynamics, from a controller file alone.
 
-The loop is the library's whole-body loop (`drake_tc.loops.whole_body.loop`):
+The loop is the library's whole-body loop (`drake_tc.loops.whole_body.running`):
 
     references, contacts --> tsid --> [drives] --> (+ torque error) --> plant and floor --> state or estimate --> tsid
 

@@ -19,7 +19,7 @@
 # joint torque. This notebook closes a torque loop around it, lets the leg swing up a stair, press on an object and lose
 # a sensor, and hands the log to the tool that improves the model.
 #
-# **Everything here is simulated**, by the Drake diagram `drake_tc.loops.torque.loop`, with the noise and bias of a
+# **Everything here is simulated**, by the Drake diagram `drake_tc.loops.torque.running`, with the noise and bias of a
 # humanoid's sensors. The controller sees nothing else: not the true torques, and not the true actuators.
 
 # %%

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 import drake_tc
-from drake_tc.tsid.qp.choose import SOLVERS, unavailable
+from drake_tc.tsid.qp.solvers import SOLVERS, unavailable
 from tests.benchmarks.times.machine import require
 
 FRONT_DOOR = {

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from drake_tc.hardware.link import RobotLink
     from drake_tc.hardware.loop import RunReport
     from drake_tc.hardware.watch import ModelWatch
-    from drake_tc.loops.boundary import Controller
+    from drake_tc.loops.built_loop import Controller
 
 LCM, STOPPED_EARLY = "lcm", 3
 """The transport that is built in; and the exit code of a run that no sound readings came in for."""
@@ -145,7 +145,7 @@ def lines(report: "RunReport") -> list[str]:
 
 
 def _controller(text: str) -> "Controller":
-    from drake_tc.loops.boundary import Controller
+    from drake_tc.loops.built_loop import Controller
 
     made = _made(text, "CONTROLLER")
     if not isinstance(made, Controller):

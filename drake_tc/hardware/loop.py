@@ -28,7 +28,7 @@ from drake_tc.hardware.link import (
 )
 from drake_tc.hardware.stepper import ControllerStepper, LatestReadings
 from drake_tc.hardware.watch import ModelWatch
-from drake_tc.loops.boundary import Controller
+from drake_tc.loops.built_loop import Controller
 from drake_tc.types import FloatArray
 
 Ending = Literal["duration", "signal", "stop message", "stopped", "no readings"]

@@ -18,7 +18,7 @@ from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.hardware.lcm_link import URL, LcmRobot
 from drake_tc.hardware.link import Message, WallClock, real_time_priority
-from drake_tc.loops.boundary import add_input
+from drake_tc.loops.built_loop import add_input
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.scenario import TorqueLoopSpec, sensor_suite

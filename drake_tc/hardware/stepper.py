@@ -12,7 +12,7 @@ from pydrake.systems.framework import Diagram
 
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.link import Message
-from drake_tc.loops.boundary import Controller
+from drake_tc.loops.built_loop import Controller
 from drake_tc.types import FloatArray
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.stepper import ControllerStepper
-from drake_tc.loops.boundary import Controller
+from drake_tc.loops.built_loop import Controller
 from drake_tc.types import FloatArray
 from drake_tc.watch.health import ModelHealth, health_of
 from drake_tc.watch.in_loop import SIGNALS, LoopMonitor

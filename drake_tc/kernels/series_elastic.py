@@ -1,4 +1,4 @@
-"""A tick of the torque laws of series-elastic joints, see `drake_tc.control.series_elastic.law`."""
+"""A tick of the torque laws of series-elastic joints, see `drake_tc.control.series_elastic`."""
 
 import math
 from typing import Any

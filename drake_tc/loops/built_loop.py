@@ -1,8 +1,9 @@
-"""A loop that is wired into a diagram, and one that is built.
+"""A loop that is wired into a diagram, one that is built, and a controller without a plant.
 
-`BuiltLoop`: a loop that is wired, and how it is run.
-
-`WiredLoop`: what the calls that wire a standard loop return.
+`BuiltLoop`: a loop that is built from a scenario, and how it is run. `WiredLoop`: what the calls that wire a standard
+loop return. `Controller`: input ports for its readings, output ports for its signals; `add_input` and `Controller` put
+Drake's `PassThrough` blocks between the stages and the ports of the Diagram, so that one input can enter several stages
+and `fuse` can replace the stages.
 """
 
 import time
@@ -13,10 +14,13 @@ from typing import Any, Generic, Protocol, TypeVar
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import PassThrough
 
+from drake_tc.actuation.model import ActuatorModel
 from drake_tc.errors import ParamsError
-from drake_tc.loops.fused import fuse
+from drake_tc.loops.fused.fuse import StageValues, fuse
 from drake_tc.loops.recording import Progress, Recording, SignalLog, add_log, advance
+from drake_tc.types import FloatArray
 
 CHUNK = 0.02
 """The state is looked at this often [s]."""
@@ -129,3 +133,130 @@ class WiredLoop:
         diagram = builder.Build()
         diagram.set_name(name)
         return diagram, log
+
+
+Start = Callable[[StageValues], None]
+"""Puts a part of a diagram's context where the robot starts."""
+
+
+CONTACTS = "active_contacts"
+"""Input port that says on which contacts a controller stands."""
+
+
+class Boundary(PassThrough):
+    """Where a signal enters a controller."""
+
+    def __init__(self, size: int, *, asked: bool) -> None:
+        """Declare the ports.
+
+        Args:
+            size: Of the signal.
+            asked: Whether it is what is asked of the controller, and not what a sensor reads.
+        """
+        super().__init__(size)
+        self.graph_stage = "reference" if asked else "sensing"
+
+
+def add_input(builder: DiagramBuilder, name: str, size: int) -> OutputPort:
+    """An input port of the Diagram, as a port that stages can be connected to.
+
+    Args:
+        builder: Of the Diagram.
+        name: Of the input port, and of the block behind it.
+        size: Of the port.
+    """
+    block: Any = builder.AddNamedSystem(name, Boundary(size, asked=name.endswith("reference") or name == CONTACTS))
+    builder.ExportInput(block.get_input_port(), name)
+    port: OutputPort = block.get_output_port()
+    return port
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """What tells whether the models that a controller uses still hold (`drake_tc.watch.in_loop`).
+
+    Attributes:
+        models: (n) of the drives, in the order of the joints.
+        window, order: Of the filter of the encoders.
+    """
+
+    models: tuple[ActuatorModel, ...]
+    window: int
+    order: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ControlledJoints:
+    """What a controller commands.
+
+    Attributes:
+        joints: Names, in the order of the ports `position` and `command`.
+        servo: Whether the drive of a joint is a position servo, whose command is a position [rad].
+        lower, upper: (n,) ends of the joints' ranges [rad]; infinite where there are none.
+        period: Of the control [s].
+        flag_names: Of the output port `flags`, in order; empty without one.
+        watched: Models and filter of a controller that estimates joint torques; None of others.
+    """
+
+    joints: tuple[str, ...]
+    servo: tuple[bool, ...]
+    lower: FloatArray
+    upper: FloatArray
+    period: float
+    flag_names: tuple[str, ...] = ()
+    watched: Watched | None = None
+
+
+class Controller(Diagram):
+    """A controller without a plant: a Diagram from readings to commands.
+
+    Its ports are those that the function which made it lists, such as `torque_controller`.
+
+    Attributes:
+        controlled: Joints, drives and period.
+    """
+
+    def __init__(
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        controlled: ControlledJoints,
+        signals: Mapping[str, OutputPort],
+        *,
+        left_out: Collection[str] = (),
+        starts: tuple[Start, ...] = (),
+        fused: bool = False,
+    ) -> None:
+        """Build the Diagram, with an output port for each signal that is not left out.
+
+        Args:
+            builder: Holds the stages; built here.
+            name: Of the Diagram.
+            controlled: Joints, drives and period.
+            signals: Name to port; "command" becomes the first output port.
+            left_out: Signals without an output port, as the readings that come in.
+            starts: Put stages where a robot that has stood for long has them, in this order.
+            fused: Run the stages in one system (`fuse`).
+        """
+        super().__init__()
+        names = ["command", *(each for each in signals if each != "command" and each not in left_out)]
+        blocks: dict[str, Any] = {}
+        for each in names:
+            blocks[each] = builder.AddNamedSystem(f"{each}_output", PassThrough(signals[each].size()))
+            builder.Connect(signals[each], blocks[each].get_input_port())
+        self._fused = fuse(builder) if fused else None
+        for each, block in blocks.items():
+            builder.ExportOutput(block.get_output_port(), each)
+        builder.BuildInto(self)
+        self.set_name(name)
+        self.controlled, self._starts = controlled, starts
+
+    def start(self, context: Context) -> None:
+        """Put estimators where a robot that has stood still for long has them.
+
+        Args:
+            context: Of this Diagram, with the first readings at its input ports.
+        """
+        values = StageValues(context, self._fused)
+        for start in self._starts:
+            start(values)

@@ -17,10 +17,10 @@ from drake_tc.loops.scenarios import scenario_names
 from drake_tc.loops.series_elastic.loop import SeaLoop, build_sea
 from drake_tc.loops.series_elastic.scenario import SeaScenario, sliding_sea
 from drake_tc.loops.simulated import Simulated, simulate_sea_loop, simulate_torque_loop, simulate_tsid_loop
-from drake_tc.loops.torque.loop import Loop, build_loop
+from drake_tc.loops.torque.running import Loop, build_loop
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import sliding_scenario
-from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
+from drake_tc.loops.whole_body.running import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 
 Kind = Literal["torque", "whole_body", "series_elastic", "function"]

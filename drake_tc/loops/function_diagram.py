@@ -19,14 +19,13 @@ from drake_tc.actuation.wiring import actuated_joints
 from drake_tc.config.records import read_record
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
-from drake_tc.loops.boundary import Controller
+from drake_tc.loops.built_loop import Controller
 from drake_tc.loops.entries import DiagramEntry
 from drake_tc.loops.motion import FRAMES_PER_SECOND, DiagramPictures
 from drake_tc.loops.plant import start_meshcat
 from drake_tc.loops.recording import NamedSink, Progress, advance, write_log
-from drake_tc.loops.run_panels import RunPlot, TimePanel
 from drake_tc.loops.scenarios import ScenarioBase, changes_in
-from drake_tc.loops.simulated import Simulated, Tell, speed_line
+from drake_tc.loops.simulated import RunPlot, Simulated, Tell, TimePanel, speed_line
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.text_table import TextTable

@@ -14,9 +14,16 @@ from drake_tc.config.keys import Keys, key, one_of
 from drake_tc.config.records import record_keys, validated
 from drake_tc.errors import ParamsError
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.body_sensors import ForceTorque, Imu, add_imu, force_torque_spec
 from drake_tc.sensing.corruption import DRAW
-from drake_tc.sensing.joint_sensors import Encoder, JointTorque, add_encoder
+from drake_tc.sensing.robot_sensors import (
+    Encoder,
+    ForceTorque,
+    Imu,
+    JointTorque,
+    add_encoder,
+    add_imu,
+    force_torque_spec,
+)
 from drake_tc.sensing.spec import SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 

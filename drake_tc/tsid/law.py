@@ -19,15 +19,14 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.assembly import check_names, names_of, order_of
 from drake_tc.tsid.fused import FusedProblem, WarmTick
-from drake_tc.tsid.limits.base import Limit
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import QpSolver
-from drake_tc.tsid.robust.active_set import FREE, ActiveSet, Start
+from drake_tc.tsid.robust.convex import FREE, ActiveSet, Start
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, Terms
+from drake_tc.tsid.rows import Limit, LimitRows, Parts, TaskRows, Terms
 from drake_tc.tsid.tasks.base import Task
 from drake_tc.types import FloatArray
 

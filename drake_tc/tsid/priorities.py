@@ -22,8 +22,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot import fields
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
-from drake_tc.tsid.robust.active_set import FREE, RobustSolution, Start
-from drake_tc.tsid.robust.convex import Value, plain
+from drake_tc.tsid.robust.convex import FREE, RobustSolution, Start, Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, ScaledRows, nothing, null_basis

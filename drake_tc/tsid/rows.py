@@ -8,7 +8,7 @@ The robot at one state, as everything in a tick shares it.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -214,3 +214,26 @@ class Terms:
         """(3,) Jdot_com v [m/s^2]."""
         bias: FloatArray = self.momentum_bias[3:] / self.mass
         return bias
+
+
+class Limit(Protocol):
+    """lower <= B y <= upper at a state, y = (vdot, f, tau).
+
+    Attributes:
+        name: Of the binding in a program, and of the rows where constraints conflict.
+        group: One of "force", "torque", "acceleration", "capture_point".
+    """
+
+    @property
+    def name(self) -> str:
+        """Of the limit."""
+        ...
+
+    @property
+    def group(self) -> str:
+        """Of the limit."""
+        ...
+
+    def rows(self, terms: Terms) -> LimitRows:
+        """The rows at this state; never raises, a NaN of the state stays one."""
+        ...

@@ -39,7 +39,7 @@ from drake_tc.tsid.law import LARGEST, Law, PreviousTick, Status
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.program_solver import ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.robust.active_set import RobustSolution, Start
+from drake_tc.tsid.robust.convex import RobustSolution, Start
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray

@@ -15,7 +15,7 @@ from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer, PassThrou
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.boundary import Controller, Watched, add_input
+from drake_tc.loops.built_loop import Controller, Watched, add_input
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.loop_builder import split
 from drake_tc.loops.torque.wiring import TorqueLoop

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.analysis.torque_loop.one_joint import one_joint_loop
 from drake_tc.control.joint_loop import JointLoop
 from drake_tc.loops.torque.default_gains import joint_loops
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import sliding_scenario, torque_gains
 from drake_tc.registry import diagram_entry

@@ -8,7 +8,7 @@ from pydrake.systems.primitives import DiscreteTimeDelay
 
 from drake_tc.analysis.state_coordinates import StateCoordinates
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.registry import diagram_entry
 
 

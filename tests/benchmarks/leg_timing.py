@@ -18,7 +18,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.robot.plant import make_plant

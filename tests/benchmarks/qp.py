@@ -13,8 +13,8 @@ from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import moved
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask
+from drake_tc.tsid.tasks.motion import ComTask
 from drake_tc.types import FloatArray
 from tests.benchmarks.qp_solvers import solver
 from tests.tsid.program_matrices import reduced_qp

@@ -15,8 +15,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.loops.recording import add_log
-from drake_tc.loops.whole_body.loop import add_grounded_plant
-from drake_tc.loops.whole_body.running import TsidRecording
+from drake_tc.loops.whole_body.running import TsidRecording, add_grounded_plant
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.tick import TickInput, advance_tick
 from drake_tc.types import FloatArray

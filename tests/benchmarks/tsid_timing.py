@@ -9,9 +9,8 @@ from pydrake.systems.analysis import Simulator
 from threadpoolctl import threadpool_limits
 
 from drake_tc.loops.recording import Progress
-from drake_tc.loops.whole_body.loop import TsidLoop, build_tsid
 from drake_tc.loops.whole_body.references import task_source
-from drake_tc.loops.whole_body.running import TsidRecording, simulate_tsid
+from drake_tc.loops.whole_body.running import TsidLoop, TsidRecording, build_tsid, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law

@@ -16,8 +16,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.function_diagram import function_entry
 from drake_tc.loops.motion import DiagramPictures, motion_html, torque_motion
 from drake_tc.loops.plant import add_robot_plant, start_meshcat
-from drake_tc.loops.run_panels import RunPlot, TimePanel, torque_plot
-from drake_tc.loops.simulated import speed_line
+from drake_tc.loops.simulated import RunPlot, TimePanel, speed_line, torque_plot
 from drake_tc.loops.torque.running import simulate_scenario
 from drake_tc.registry import diagram_entry
 from drake_tc.report.plots.run_plot import run_figure

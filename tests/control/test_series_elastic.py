@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.plant import VoltageMotor
-from drake_tc.control.series_elastic.control import SeriesElasticControl
-from drake_tc.control.series_elastic.law import (
+from drake_tc.control.series_elastic import (
     MEMORY_ROWS,
     MemoryRow,
     Readings,
+    SeriesElasticControl,
     SeriesElasticLaw,
     SeriesElasticSpec,
     cubic_weights,

@@ -12,13 +12,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.scenarios import scenario_names
-from drake_tc.loops.whole_body.base_estimation import estimator_spec
 from drake_tc.loops.whole_body.ground import touching_points
-from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.references import SpanSpec
-from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.running import build_tsid, simulate_tsid
 from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, SpringDrivesSpec, TsidScenario
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimator_spec
 from drake_tc.tsid.law import Status
 
 FILE = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"

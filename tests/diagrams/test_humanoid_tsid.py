@@ -12,8 +12,8 @@ from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.logs.files.readers import read_table
 from drake_tc.loops.whole_body.drives import TorqueNoise
-from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.running import (
+    build_tsid,
     contact_wrenches,
     run_tsid,
     simulate_tsid,

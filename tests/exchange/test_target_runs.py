@@ -1,8 +1,9 @@
-"""What Drake and BAM make of exported terms: closed forms, and the ratio of their errors to the model's own."""
+"""What Drake, MuJoCo and BAM make of exported terms: closed forms, and the ratio of their errors to the model's own."""
 
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
@@ -11,66 +12,106 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.actuation.recorded_run import Link
+from drake_tc.cli.main import run as drake_tc
+from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.bam import simulate_as_bam
-from drake_tc.exchange.drake_run import simulate_in_drake
+from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
+from drake_tc.exchange.mujoco_run import simulate_in_mujoco
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
 from drake_tc.exchange.trial import run_errors
 from drake_tc.logs.rig import parse_rig
+from drake_tc.loops.joint_bench import Table
 from drake_tc.simulator_files.read import read_joints
 from drake_tc.simulator_files.terms import StribeckPeak, Terms
 
 H = 1e-3
 T = np.arange(3000) * H
 NONE = np.zeros(T.size)
-BOTH = pytest.mark.parametrize(
-    ("simulate", "kind"), [(simulate_in_drake, "torque"), (simulate_as_bam, "voltage")], ids=["drake", "bam"]
-)
 
 
 def alone(command=NONE, load=NONE, start=(0.0, 0.0)) -> RunInput:
     return RunInput(command, load, start, H)
 
 
-@BOTH
-def test_armature_and_damping_are_at_the_joint(simulate, kind):
+RUNNERS = {
+    "drake": (simulate_in_drake, "torque"),
+    "bam": (simulate_as_bam, "voltage"),
+    "mujoco": (simulate_in_mujoco, "torque"),
+    "urdf": (simulate_urdf_in_drake, "torque"),
+    "sdf": (simulate_sdf_in_drake, "torque"),
+}
+PLAIN = ("urdf", "sdf")
+"""Formats without the inertia of a rotor: there it is that of the link."""
+
+
+def of(*names):
+    return pytest.mark.parametrize("target", names or list(RUNNERS))
+
+
+def moved(target, given, kp=1.0, *, kind=None, inertia=0.3, weight=0.0, **terms):
+    """Positions of a joint of this inertia [kg m^2], with a pendulum of this weight [N m] about 0.3 rad."""
+    if target == "mujoco":
+        pytest.importorskip("mujoco")
+    simulate, usual = RUNNERS[target]
+    armature = 0.0 if target in PLAIN else 0.2 * inertia if weight else inertia
+    link = Link(inertia - armature, weight, 0.3) if weight or target in PLAIN else None
+    return simulate(Terms(kind or usual, kp, armature=armature, **terms), link, given)
+
+
+@of()
+def test_inertia_and_damping_are_at_the_joint(target):
     given = RunInput(NONE, NONE, (0.0, 1.0), H, substeps=10)
-    found = simulate(Terms(kind, 1.0, armature=0.3, damping=2.0), None, given)
     expected = 0.15 * (1.0 - np.exp(-2.0 * T / 0.3))
     # BAM: sum of h v[n+1] is I/b - h for 1 rad/s, and the sum of h^2/2 vdot is -h/2
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1.55 * given.step)
+    np.testing.assert_allclose(moved(target, given, damping=2.0), expected, rtol=0, atol=1.55 * given.step)
 
 
-@BOTH
-def test_one_unit_of_command_gives_kp(simulate, kind):
+@of()
+def test_one_unit_of_command_gives_kp(target):
     """0.5 units of 6 N m against a load of 2 N m: 1 N m on 0.3 kg m^2."""
-    found = simulate(Terms(kind, 6.0, armature=0.3), None, alone(np.full(T.size, 0.5), np.full(T.size, 2.0)))
+    found = moved(target, alone(np.full(T.size, 0.5), np.full(T.size, 2.0)), 6.0)
     np.testing.assert_allclose(found, 0.5 * T**2 / 0.3, rtol=0, atol=2.0 * H * T[-1] / 0.3)
 
 
-@BOTH
-def test_a_pendulum_swings_with_its_frequency_about_its_zero(simulate, kind):
-    found = simulate(Terms(kind, 1.0, armature=0.1), Link(0.4, 9.0, 0.3), alone(start=(0.31, 0.0)))
+@of()
+def test_a_pendulum_swings_with_its_frequency_about_its_zero(target):
+    found = moved(target, alone(start=(0.31, 0.0)), inertia=0.5, weight=9.0)
     np.testing.assert_allclose(found, 0.3 + 0.01 * np.cos(np.sqrt(9.0 / 0.5) * T), rtol=0, atol=2e-4)
 
 
-def test_a_servo_of_drake_rests_where_it_carries_the_load():
-    terms = Terms("position_servo", 50.0, armature=0.3, damping=10.0)
-    found = simulate_in_drake(terms, None, alone(np.full(T.size, 0.5), np.full(T.size, 5.0)))
-    assert found[-1] == pytest.approx(0.5 - 5.0 / 50.0, abs=2e-3)
+@of("drake", "mujoco", *PLAIN)
+def test_a_servo_rests_where_it_carries_the_load(target):
+    given = alone(np.full(T.size, 0.5), np.full(T.size, 5.0))
+    assert moved(target, given, 50.0, kind="position_servo", damping=10.0)[-1] == pytest.approx(0.4, abs=2e-3)
 
 
-def test_a_limit_of_torque_in_drake():
-    terms = Terms("position_servo", 1e4, armature=0.3, torque_limit=0.6)
-    found = simulate_in_drake(terms, None, alone(np.full(T.size, 100.0)))
+@of("drake", "mujoco", *PLAIN)
+@pytest.mark.parametrize("kind", ["position_servo", "current"])
+def test_a_limit_of_torque(target, kind):
+    found = moved(target, alone(np.full(T.size, 100.0)), 1e4, kind=kind, torque_limit=0.6)
     np.testing.assert_allclose(found, 0.5 * T**2 * 0.6 / 0.3, rtol=0, atol=2e-2)
 
 
-def test_dry_friction_and_its_peak_by_bams_equations():
-    """It slides v^2 I/2F far; at rest the peak holds what dry friction alone would not."""
+@of("mujoco", "bam")
+@pytest.mark.parametrize("delay", [0.004, 0.010, 0.025])
+def test_a_delay_is_that_of_the_command(target, delay):
+    given, kind = alone(np.where(T > 0.9995, 0.5, 0.0)), {"mujoco": "position_servo", "bam": "voltage"}[target]
+    at_once, late = (moved(target, given, 500.0, kind=kind, damping=20.0, delay=each) for each in (0.0, delay))
+    shift = round(delay / H)
+    np.testing.assert_allclose(late[shift:], at_once[: T.size - shift], rtol=0, atol=1e-9)
+
+
+@of("mujoco", "bam")
+def test_dry_friction_stops_what_slides(target):
+    """It slides v^2 I/2F far."""
+    assert moved(target, alone(start=(0.0, 1.0)), frictionloss=0.2)[-1] == pytest.approx(0.3 / (2 * 0.2), rel=2e-3)
+
+
+def test_a_peak_of_dry_friction_by_bams_equations():
+    """At rest it holds what dry friction alone would not."""
     sliding = Terms("voltage", 1.0, armature=0.3, frictionloss=0.2)
-    assert simulate_as_bam(sliding, None, alone(start=(0.0, 1.0)))[-1] == pytest.approx(0.3 / (2 * 0.2), rel=2e-3)
     held = Terms("voltage", 1.0, armature=0.3, frictionloss=0.2, stribeck=StribeckPeak(0.1, 0.05, 1.0))
     pushed = alone(np.full(T.size, 0.25))
     assert simulate_as_bam(held, None, pushed)[-1] == 0.0
@@ -85,13 +126,6 @@ def test_friction_under_load_by_bams_equations():
     up = simulate_as_bam(terms, None, alone(np.full(T.size, 2.4), loaded))[-1]
     down = simulate_as_bam(terms, None, alone(np.full(T.size, 1.6), loaded))[-1]
     assert (up, down) == (pytest.approx(0.1 * pushed, rel=1e-2), pytest.approx(-0.1 * pushed, rel=1e-2))
-
-
-def test_a_delay_in_bam_is_that_of_the_command():
-    command = np.where(T > 0.9995, 0.5, 0.0)
-    at_once = simulate_as_bam(Terms("voltage", 5.0, armature=0.3, damping=6.0), None, alone(command))
-    late = simulate_as_bam(Terms("voltage", 5.0, armature=0.3, damping=6.0, delay=0.02), None, alone(command))
-    np.testing.assert_allclose(late[20:], at_once[:-20], rtol=0, atol=1e-9)
 
 
 GEARED = """<robot name="r" xmlns:drake="http://drake.mit.edu">
@@ -132,9 +166,6 @@ PEAK = EffectValue("stribeck", {"stribeck": 1.0, "stribeck_velocity": 0.2, "stri
 
 def recorded(model: ActuatorModel):
     """A rig and a held-out run of the simulated bench with that model."""
-    from drake_tc.diagrams.joint_bench import BenchScenario, record_bench
-    from drake_tc.loops.joint_bench import Table
-
     time = np.arange(4000) * H
     command = 0.6 * np.sin(2.0 * time) + 0.1 * np.sin(5.0 * time)
     if model.drive.kind == "voltage":
@@ -163,24 +194,25 @@ def test_an_export_is_as_good_as_the_model_where_nothing_is_lost(target, model, 
         assert row.export > 5.0 * row.model
 
 
-def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys):
-    from drake_tc.cli.main import run as drake_tc
-
+def command_into_the_users_file(folder, capsys, target):
+    """`export` into a file with three times the damping, with a rig, a held-out run and a page."""
     model = ActuatorModel("joint", Drive("position_servo", 2e-3), SERVO)
     _, log = recorded(model)
-    import pandas as pd
-
     columns = {name: values for name, values in log.columns.items() if name.startswith("joint/")}
-    pd.DataFrame({"time": log.time, **columns}).to_csv(tmp_path / "held.csv", index=False)
-    (tmp_path / "rig.yaml").write_text("{joint: joint, drive: position_servo, load: torque}\n")
-    save_models({"joint": model}, tmp_path / "model.yaml")
-    stiff = ActuatorModel("joint", Drive("position_servo", 2e-3), (SERVO[0], EffectValue("viscous", {"viscous": 60.0})))
-    save_models({"joint": stiff}, tmp_path / "mine.yaml")
-    paths = {name: str(tmp_path / name) for name in ("held.csv", "rig.yaml", "model.yaml", "mine.yaml", "mine.urdf")}
-    assert drake_tc(["export", paths["mine.yaml"], "--to", "drake-urdf", "--out", paths["mine.urdf"]]) == 0
+    pd.DataFrame({"time": log.time, **columns})[:2000].to_csv(folder / "held.csv", index=False)
+    (folder / "rig.yaml").write_text("{joint: joint, drive: position_servo, load: torque}\n")
+    save_models({"joint": model}, folder / "model.yaml")
+    stiff = ActuatorModel("joint", model.drive, (SERVO[0], EffectValue("viscous", {"viscous": 60.0})))
+    save_models({"joint": stiff}, folder / "mine.yaml")
+    assert drake_tc(["export", str(folder / "mine.yaml"), "--to", target, "--out", str(folder / "mine.urdf")]) == 0
     capsys.readouterr()
-    command = ["export", paths["model.yaml"], "--to", "drake-urdf", "--into", paths["mine.urdf"]]
-    command += ["--rig", paths["rig.yaml"], "--holdout", paths["held.csv"], "--page", str(tmp_path / "export.html")]
+    options = {"into": "mine.urdf", "rig": "rig.yaml", "holdout": "held.csv", "page": "export.html"}
+    given = [word for key, name in options.items() for word in (f"--{key}", str(folder / name))]
+    return ["export", str(folder / "model.yaml"), "--to", target, *given]
+
+
+def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys):
+    command = command_into_the_users_file(tmp_path, capsys, "drake-urdf")
     assert drake_tc([*command, "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)["free_runs"]
     assert row["original"] > 3.0 * row["export"] and row["unit"] == "rad"
@@ -192,4 +224,4 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys)
     printed = capsys.readouterr()
     assert printed.out.startswith("<?xml") and printed.out.rstrip().endswith("</robot>")
     assert "your file (Drake's plant)" in printed.err
-    assert drake_tc(["export", paths["model.yaml"], "--to", "isaaclab", *command[5:9]]) == 2
+    assert drake_tc([*command[:3], "isaaclab", "--rig", *command[7:10]]) == 2

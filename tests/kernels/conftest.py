@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 
 import drake_tc.diagrams
 import drake_tc.models
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.loops.whole_body.running import simulate_tsid
 from drake_tc.registry import diagram_entry, tsid_entry
 from drake_tc.sensing.spec import SensorFault

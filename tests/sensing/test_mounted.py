@@ -11,8 +11,7 @@ from pydrake.systems.primitives import Adder, MatrixGain
 from scipy.spatial.transform import Rotation
 
 from drake_tc.errors import ParamsError
-from drake_tc.sensing.body_sensors import ForceTorque, add_imu
-from drake_tc.sensing.joint_sensors import JointTorque, add_encoder
+from drake_tc.sensing.robot_sensors import ForceTorque, JointTorque, add_encoder, add_imu
 from drake_tc.sensing.spec import SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
 

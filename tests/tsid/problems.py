@@ -17,8 +17,8 @@ from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import LeastSquares, LimitRows, Polytope, TaskRows, Terms
-from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
+from drake_tc.tsid.tasks.motion import ComTask
 from drake_tc.types import FloatArray
 
 FOLDER = Path(drake_tc.models.__file__).parent / "hrp2_like"

@@ -14,11 +14,10 @@ from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.frame import OrientationTask
+from drake_tc.tsid.qp.solvers import solver
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask
+from drake_tc.tsid.tasks.motion import ComTask, OrientationTask
 
 from .program_matrices import reduced_qp
 

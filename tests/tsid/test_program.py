@@ -14,11 +14,10 @@ from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.program_solver import build_full
-from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.frame import FrameTask
+from drake_tc.tsid.qp.solvers import solver
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
+from drake_tc.tsid.tasks.motion import ComTask, FrameTask
 
 from .machines import arm, machine, random_state
 from .problems import SOLES, Setup, model, robot, state

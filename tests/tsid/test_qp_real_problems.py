@@ -11,8 +11,8 @@ from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import TorqueLimit
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
+from drake_tc.tsid.tasks.motion import ComTask
 from tests.benchmarks.qp_solvers import solver
 
 from .problems import SOLES, Setup, problem_at, robot, state

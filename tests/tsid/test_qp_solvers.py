@@ -1,6 +1,7 @@
 """Every adapter: closed forms, optimality conditions, edges, and what it says where there is no answer."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -9,9 +10,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.qp import choose
-from drake_tc.tsid.qp.choose import DEFAULT, OF_DRAKE, SolverUnavailableError
+from drake_tc.tsid.qp import solvers as choose
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
+from drake_tc.tsid.qp.solvers import DEFAULT, OF_DRAKE, SolverUnavailableError
 from tests.benchmarks.qp_solvers import SOLVERS, solver
 
 from .quadratic import Residuals, cost, crude, has_a_point, random
@@ -169,7 +170,7 @@ def test_the_default_is_there_and_others_are_asked_for_by_name(monkeypatch):
     assert DEFAULT in choose.SOLVERS and type(solver()) is type(solver(DEFAULT))
     with pytest.raises(ParamsError, match=r"solver: expected one of daqp, .*clarabel.*, got 'simplex'"):
         solver("simplex")
-    monkeypatch.setitem(choose.SOLVERS, "quadprog", ("drake_tc.tsid.qp.not_there", "Quadprog"))
+    monkeypatch.setitem(choose.SOLVERS, "quadprog", lambda: import_module("not_there"))
     with pytest.raises(ParamsError, match=r"solver 'quadprog' is not available: .*not_there.*drake-tc\[solvers\]"):
         solver("quadprog")
     assert set(OF_DRAKE) >= {"clarabel", "osqp"}

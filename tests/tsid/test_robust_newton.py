@@ -5,10 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from drake_tc.tsid.qp.choose import solver
 from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.robust.active_set import FREE, ActiveSet
-from drake_tc.tsid.robust.convex import minimise, plain
+from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.robust.convex import FREE, ActiveSet, minimise, plain
 from drake_tc.tsid.robust.options import Budget
 from drake_tc.tsid.robust.scaled import ScaledRows, nothing, null_basis, scaled
 from drake_tc.tsid.rows import LeastSquares

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from drake_tc.tsid.law import WarmStart
-from drake_tc.tsid.robust.active_set import FREE, ActiveSet, Start
+from drake_tc.tsid.robust.convex import FREE, ActiveSet, Start
 
 
 def there_and_back(start, joints=4):

@@ -38,7 +38,7 @@ from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
 from drake_tc.tsid.limits.contacts import CapturePointLimit, half_planes
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.tasks.frame import FrameTask
+from drake_tc.tsid.tasks.motion import FrameTask
 from drake_tc.types import FloatArray
 
 HOLD = 1.0

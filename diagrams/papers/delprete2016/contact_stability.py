@@ -16,7 +16,7 @@ from pydrake.systems.analysis import Simulator
 from drake_tc.analysis.release import release, speed_states
 from drake_tc.analysis.sampled import open_loop
 from drake_tc.errors import SimulationError
-from drake_tc.loops.torque.loop import Loop, build_loop
+from drake_tc.loops.torque.running import Loop, build_loop
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import sliding_scenario, torque_gains
 from drake_tc.registry import diagram_entry

@@ -34,7 +34,7 @@ from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
-from drake_tc.sensing.joint_sensors import add_encoder
+from drake_tc.sensing.robot_sensors import add_encoder
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
 

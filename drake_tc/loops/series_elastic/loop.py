@@ -22,7 +22,7 @@ from pydrake.systems.primitives import Demultiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.actuation.recorded_run import Link
-from drake_tc.control.series_elastic.control import SeriesElasticControl
+from drake_tc.control.series_elastic import SeriesElasticControl
 from drake_tc.errors import SimulationError
 from drake_tc.loops.built_loop import BuiltLoop
 from drake_tc.loops.joint_bench import JOINT, make_plant

@@ -13,7 +13,7 @@ from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.config.records import check_choices
-from drake_tc.control.series_elastic.law import SeriesElasticSpec
+from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import ScenarioBase, check_run
 from drake_tc.sensing.spec import MOST_TICKS, SensorSpec

@@ -22,9 +22,8 @@ from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import actuated_joints, add_actuators
-from drake_tc.control.series_elastic.control import SeriesElasticControl
-from drake_tc.loops.boundary import ControlledJoints, Controller, add_input
-from drake_tc.loops.built_loop import WiredLoop
+from drake_tc.control.series_elastic import SeriesElasticControl
+from drake_tc.loops.built_loop import ControlledJoints, Controller, WiredLoop, add_input
 from drake_tc.loops.loop_builder import LoopBuilder
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance

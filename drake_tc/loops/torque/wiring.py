@@ -33,8 +33,7 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
-from drake_tc.loops.boundary import ControlledJoints, Controller, Watched, add_input
-from drake_tc.loops.built_loop import WiredLoop
+from drake_tc.loops.built_loop import ControlledJoints, Controller, Watched, WiredLoop, add_input
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.references import check_range, references, table_source

@@ -15,11 +15,10 @@ from pydrake.systems.primitives import Adder, TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from drake_tc.control.reference_source import StoppingReference
-from drake_tc.loops.boundary import Start
-from drake_tc.loops.whole_body.base_estimation import base_state
+from drake_tc.loops.built_loop import Start
 from drake_tc.loops.whole_body.drives import TorqueNoise, control_drives
 from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, estimated_state
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, base_state, estimated_state
 from drake_tc.loops.whole_body.series_elastic_drives import (
     SpringCommand,
     SpringReadings,

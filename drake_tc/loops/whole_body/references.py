@@ -22,8 +22,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.tasks.base import Task
-from drake_tc.tsid.tasks.centroidal import ComTask
-from drake_tc.tsid.tasks.frame import FrameTask, OrientationTask
+from drake_tc.tsid.tasks.motion import ComTask, FrameTask, OrientationTask
 from drake_tc.types import FloatArray
 
 

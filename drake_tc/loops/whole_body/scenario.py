@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
-from drake_tc.control.series_elastic.law import SeriesElasticSpec
+from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.base.system import METHODS

@@ -28,8 +28,7 @@ from drake_tc.control.guard import SensorLossStop
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import COPY_AFTER, KernelCall
 from drake_tc.loops.loop_builder import first_imu, picked
-from drake_tc.loops.whole_body.base_estimation import sensor_of
-from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_specs
+from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, sensor_of, sensor_specs
 from drake_tc.loops.whole_body.series_elastic_drives import SpringReadings, controller_springs
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.sensing.sensor import Sensor

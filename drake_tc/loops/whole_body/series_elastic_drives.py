@@ -19,10 +19,10 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import add_actuators, joint_inertias
-from drake_tc.control.series_elastic.control import MotorPositionControl, SeriesElasticControl
+from drake_tc.control.series_elastic import MotorPositionControl, SeriesElasticControl
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
-from drake_tc.loops.boundary import Start
+from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
 from drake_tc.loops.loop_builder import picked
 from drake_tc.loops.whole_body.scenario import TsidScenario

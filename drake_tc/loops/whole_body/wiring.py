@@ -26,8 +26,7 @@ from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
-from drake_tc.loops.boundary import CONTACTS, ControlledJoints, Controller, Start, add_input
-from drake_tc.loops.built_loop import WiredLoop
+from drake_tc.loops.built_loop import CONTACTS, ControlledJoints, Controller, Start, WiredLoop, add_input
 from drake_tc.loops.fused import FusedStages, StageValues
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogFormatter
 
 from drake_tc.analysis.frequency_response import FrequencyResponse
-from drake_tc.loops.run_panels import RunPlot, TimePanel
+from drake_tc.loops.simulated import RunPlot, TimePanel
 from drake_tc.types import BoolArray, FloatArray
 
 WIDTH, PANEL_HEIGHT, FLAG_HEIGHT = 9.0, 2.1, 0.25

@@ -12,8 +12,8 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.contacts import ActiveContacts, Contact
+from drake_tc.tsid.fused import Entry
 from drake_tc.tsid.rows import LimitRows, Parts, Terms
-from drake_tc.tsid.tables import Entry
 from drake_tc.types import GRAVITY, FloatArray
 
 Pyramid = Literal["inner", "outer"]

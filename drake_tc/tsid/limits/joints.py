@@ -37,8 +37,8 @@ from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import ActiveContacts
+from drake_tc.tsid.fused import Entry
 from drake_tc.tsid.rows import LimitRows, Parts, Terms, identity, selection
-from drake_tc.tsid.tables import Entry
 from drake_tc.types import FloatArray, IntArray
 
 

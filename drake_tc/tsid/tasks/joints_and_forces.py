@@ -18,9 +18,9 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.contacts import ActiveContacts
+from drake_tc.tsid.fused import Entry
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import Parts, TaskRows, Terms, identity, selection
-from drake_tc.tsid.tables import Entry
 from drake_tc.tsid.tasks.base import Gains, gains
 from drake_tc.types import FloatArray
 

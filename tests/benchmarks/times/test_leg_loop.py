@@ -12,7 +12,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 import drake_tc.diagrams
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.loops.torque.scenario import Scenario
 
 from .machine import COPIES, TICK, copying

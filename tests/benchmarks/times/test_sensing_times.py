@@ -11,8 +11,7 @@ from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.models import __path__ as models
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
-from drake_tc.sensing.body_sensors import ForceTorque
-from drake_tc.sensing.joint_sensors import JointTorque
+from drake_tc.sensing.robot_sensors import ForceTorque, JointTorque
 from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec
 
 from .machine import require

@@ -9,8 +9,8 @@ from tsid.problems import SOLES, Setup, model, robot, state
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.limits.contacts import WrenchCones
 from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
-from drake_tc.tsid.tasks.centroidal import ComTask
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
+from drake_tc.tsid.tasks.motion import ComTask
 
 from .machine import require
 

@@ -14,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 from threadpoolctl import threadpool_limits
 
 import drake_tc.diagrams
-from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import build_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 
 from .machine import COPIES, QUIET, TICK, copying

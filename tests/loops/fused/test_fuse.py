@@ -15,7 +15,7 @@ from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.fused import fuse
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.registry import diagram_entry

@@ -13,7 +13,7 @@ import drake_tc.diagrams
 from drake_tc.loops.fused import FusedStages, StageValues, fuse, fused_stages
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.whole_body.ground import add_ground
-from drake_tc.loops.whole_body.loop import build_tsid
+from drake_tc.loops.whole_body.running import build_tsid
 from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, TorqueErrorSpec, TsidScenario
 from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import WholeBodyLoop, add_whole_body_loop

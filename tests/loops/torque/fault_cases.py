@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.errors import ParamsError
-from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.running import TorqueRecording, run_loop
+from drake_tc.loops.torque.running import TorqueRecording, build_loop, run_loop
 from drake_tc.loops.torque.scenario import SENSORS, Scenario
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot

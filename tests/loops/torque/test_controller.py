@@ -21,8 +21,7 @@ from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.estimation.disturbance_observer import ObserverSpec
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.running import run_loop
+from drake_tc.loops.torque.running import build_loop, run_loop
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec
 from drake_tc.loops.torque.wiring import INPUTS, add_torque_loop, scenario_controller, torque_controller
 from drake_tc.report.block_graph.graph import block_graph

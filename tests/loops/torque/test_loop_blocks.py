@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.analysis import Simulator
 
 import drake_tc.diagrams
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.loops.torque.scenario import Scenario
 
 SCENARIOS = Path(next(iter(drake_tc.diagrams.__path__))) / "hrp2_leg.scenario.yaml"

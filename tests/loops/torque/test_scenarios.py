@@ -10,8 +10,7 @@ from numpy.testing import assert_array_equal
 from drake_tc.actuation.model_file import save_models
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import read_mapping, scenario_names
-from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import build_loop, simulate_scenario
 from drake_tc.loops.torque.scenario import Scenario
 from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry, diagrams

@@ -6,7 +6,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
-from drake_tc.loops.torque.loop import build_loop
+from drake_tc.loops.torque.running import build_loop
 from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry
 

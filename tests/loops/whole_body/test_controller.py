@@ -13,9 +13,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.recording import add_log
 from drake_tc.loops.whole_body.drives import drive_models
-from drake_tc.loops.whole_body.loop import add_grounded_plant, build_tsid
 from drake_tc.loops.whole_body.references import contact_source, task_source
-from drake_tc.loops.whole_body.running import run_tsid
+from drake_tc.loops.whole_body.running import add_grounded_plant, build_tsid, run_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.series_elastic_drives import spring_models
 from drake_tc.loops.whole_body.wiring import add_whole_body_loop, scenario_controller, whole_body_controller

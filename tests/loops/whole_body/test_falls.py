@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import drake_tc.diagrams
-from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.running import run_tsid, summarise_tsid
+from drake_tc.loops.whole_body.running import build_tsid, run_tsid, summarise_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.tsid.fallbacks import GIVE_WAY, NO_POWER, START
 from drake_tc.tsid.law import Status

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.running import build_tsid, simulate_tsid
 from drake_tc.registry import tsid_entry
 
 MODELS = Path(__file__).parents[3] / "models" / "hrp2_like"

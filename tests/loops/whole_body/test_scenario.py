@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from drake_tc.errors import ParamsError
 from drake_tc.loops.whole_body.drives import TorqueNoise
-from drake_tc.loops.whole_body.loop import build_tsid
 from drake_tc.loops.whole_body.references import SpanSpec, contact_source
-from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.running import build_tsid, simulate_tsid
 from drake_tc.registry import tsid_entry
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact

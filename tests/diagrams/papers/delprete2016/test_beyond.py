@@ -12,8 +12,7 @@ from drake_tc.diagrams.papers.delprete2016.beyond import Run
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import ModelFactors
-from drake_tc.loops.torque.loop import build_loop
-from drake_tc.loops.torque.running import simulate_scenario
+from drake_tc.loops.torque.running import build_loop, simulate_scenario
 from drake_tc.loops.torque.stages import actuator_models, loop_robot
 from drake_tc.registry import diagram_entry
 from drake_tc.report.figure_row import evaluated

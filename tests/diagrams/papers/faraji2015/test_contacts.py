@@ -18,8 +18,7 @@ from drake_tc.diagrams.papers.faraji2015.motions import BaseErrors
 from drake_tc.errors import ParamsError
 from drake_tc.loops.scenarios import ObjectSpec
 from drake_tc.loops.whole_body.ground import GroundSpec, SoleSpec, add_ground
-from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.running import contact_wrenches, simulate_tsid
+from drake_tc.loops.whole_body.running import build_tsid, contact_wrenches, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact

@@ -9,15 +9,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import models_of_joints
-from drake_tc.control.series_elastic.control import MotorPositionControl
+from drake_tc.control.series_elastic import MotorPositionControl
 from drake_tc.control.stability_margins import margins
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.diagrams.papers.faraji2015 import pushes
 from drake_tc.diagrams.papers.faraji2015.motions import vibration
 from drake_tc.errors import ParamsError
 from drake_tc.loops.plant import Pushes
-from drake_tc.loops.whole_body.loop import build_tsid
-from drake_tc.loops.whole_body.running import simulate_tsid
+from drake_tc.loops.whole_body.running import build_tsid, simulate_tsid
 from drake_tc.loops.whole_body.scenario import BaseEstimationSpec, SpringDrivesSpec, TsidScenario
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
