@@ -83,7 +83,8 @@ def _section(joint: JointComparison) -> PageSection:
     table = PageTable(
         HEADINGS, [(name, *map(_stacked, cells)) for name, *cells in map(_row, joint.parameters)], numbers
     )
-    plots = [change_picture(joint)] if joint.parameters else []
+    name, about = f"changes-{joint.joint}", f"changes of the parameters of {joint.joint}"
+    plots = [_svg(name, change_figure(joint), about)] if joint.parameters else []
     return PageSection(joint.joint, sentences(joint), plots=plots, tables=[table], aside=VERDICTS[joint.verdict])
 
 
@@ -153,12 +154,6 @@ def _stacked(cell: str) -> str:
     """A value with its interval below it: side by side, three of them are wider than a page."""
     value, between, ends = cell.partition(" [")
     return Markup("{}<br>[{}").format(value, ends) if between else cell
-
-
-def change_picture(joint: JointComparison) -> str:
-    """`change_figure` as an SVG element."""
-    with page_style(f"changes-{joint.joint}"):
-        return to_svg(change_figure(joint), f"changes of the parameters of {joint.joint}")
 
 
 def change_figure(joint: JointComparison) -> NotebookFigure:
@@ -253,14 +248,9 @@ def history_sentences(sessions: Sequence[Session]) -> list[str]:
             unit = _units(sessions, joint)
             for name, found in trends(sessions, serial, joint).items():
                 if found.drifts:
-                    out.append(
-                        f"{_unit_name(serial)}{joint}: {label_of(name)} drifts by {_monthly(found, unit[name])}."
-                    )
+                    owner = f"{serial}, {joint}" if serial else joint
+                    out.append(f"{owner}: {label_of(name)} drifts by {_monthly(found, unit[name])}.")
     return out
-
-
-def _unit_name(serial: str) -> str:
-    return f"{serial}, " if serial else ""
 
 
 def _units(sessions: Sequence[Session], joint: str) -> dict[str, str]:
@@ -306,7 +296,8 @@ def _history_section(sessions: Sequence[Session], joint: str) -> PageSection:
     between = _between_units(sessions, joint, units)
     if between:
         tables.append(PageTable(("parameter", "mean of the units", "a further unit, 95 %"), between))
-    return PageSection(joint, plots=[history_picture(sessions, joint)], tables=tables)
+    plot = _svg(f"history-{joint}", history_figure(sessions, joint), f"history of {joint}")
+    return PageSection(joint, plots=[plot], tables=tables)
 
 
 def _between_units(sessions: Sequence[Session], joint: str, units: dict[str, str]) -> list[tuple[str, str, str]]:
@@ -322,10 +313,10 @@ def _between_units(sessions: Sequence[Session], joint: str, units: dict[str, str
     return rows
 
 
-def history_picture(sessions: Sequence[Session], joint: str) -> str:
-    """`history_figure` as an SVG element."""
-    with page_style(f"history-{joint}"):
-        return to_svg(history_figure(sessions, joint), f"history of {joint}")
+def _svg(name: str, figure: NotebookFigure, about: str) -> str:
+    """A figure as an SVG element of a page."""
+    with page_style(name):
+        return to_svg(figure, about)
 
 
 def history_figure(sessions: Sequence[Session], joint: str) -> NotebookFigure:

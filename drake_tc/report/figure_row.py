@@ -1,11 +1,4 @@
-"""Figures and reproductions: values, what is expected of them, and whether it is met.
-
-One figure of a benchmark or of a paper's reproduction: what came out, what is expected, and whether it is met.
-
-Figures as a table for people.
-
-What a reproduction returns: rows that are met or not, tables for people, notes on misses.
-"""
+"""Figures of benchmarks and of papers' reproductions: what came out, what is expected, and whether it is met."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,24 +21,6 @@ SHARE = "share"
 """Unit of a share of 1, which people read in percent."""
 
 
-def is_met(value: float, expected: float, how: How, tolerance: float) -> bool:
-    """Whether a value is as expected; one that is not finite is not.
-
-    Args:
-        value: The figure.
-        expected: What it should be.
-        how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
-        tolerance: Allowed beyond `expected` for "min" and "max" too.
-    """
-    if not np.isfinite(value):
-        return False
-    if how == "min":
-        return bool(value >= expected - tolerance)
-    if how == "max":
-        return bool(value <= expected + tolerance)
-    return bool(abs(value - expected) <= tolerance)
-
-
 @dataclass(frozen=True)
 class FigureRow:
     """One figure.
@@ -55,8 +30,8 @@ class FigureRow:
         value: What came out, in `unit`: the median where n values were measured; NaN where there is none.
         unit: Of value, expected and tolerance.
         expected: What it should be; None for a figure that is only reported.
-        how: As in `is_met`.
-        tolerance: As in `is_met`.
+        how: "min": at least `expected`; "max": at most; "within": off by at most `tolerance`.
+        tolerance: Allowed beyond `expected` for "min" and "max" too.
         note: What the figure rests on, or why it is not met.
         p99: 99th percentile of the values; None where it is the value.
         n: Number of values.
@@ -97,10 +72,12 @@ class FigureRow:
 
     @property
     def met(self) -> bool | None:
-        """Whether the value is as expected; None where nothing is expected of it."""
+        """Whether the value is as expected; one that is not finite is not. None where nothing is expected of it."""
         if self.expected is None:
             return None
-        return is_met(self.value, self.expected, self.how, self.tolerance)
+        beyond = self.value - self.expected
+        missed_by = {"min": -beyond, "max": beyond, "within": abs(beyond)}[self.how]
+        return bool(np.isfinite(self.value) and missed_by <= self.tolerance)
 
     @property
     def highest(self) -> float:

@@ -1,13 +1,8 @@
 """The report as one self-contained HTML file: text, tables, plots and the script of some plots; nothing is fetched.
 
-How much of a page's bytes each plot may take, so that a page stays below 4 MB for many joints and runs.
-
-The script of the plotting library uPlot, as the package `uplot-python` ships it, to be written into a page.
-
-uPlot (Leon Sorokin, MIT licence, 120 kB) draws time series on a canvas. The licence lets it be part of generated files
-as long as its notice stays, which stands at the top of the script.
-
-The difference between two model files, line by line, for a page that colours it.
+A page of many joints and runs stays below 4 MB: each plot gets a share of its bytes. The script is uPlot (Leon Sorokin,
+MIT licence, 120 kB), as the package `uplot-python` ships it; it draws time series on a canvas. The licence lets it be
+part of generated files as long as its notice stays, which stands at the top of the script.
 """
 
 import difflib
@@ -36,7 +31,7 @@ from drake_tc.report.plots.residual_plots import LEGEND, CloudLook, leftover_plo
 from drake_tc.report.plots.rows import MOST_POINTS
 from drake_tc.report.plots.spectrum import correlation_plots, spectrum_plot
 from drake_tc.report.plots.svg import PIXELS_PER_INCH
-from drake_tc.report.plots.time_plots import TimePlot, effort_plot, position_plot
+from drake_tc.report.plots.time_plots import effort_plot, position_plot
 from drake_tc.report.sections import (
     closed_loop_section,
     export_section,
@@ -140,11 +135,14 @@ def _text(name: str) -> str:
     return path.read_text(encoding="utf-8")
 
 
+DiffKind = Literal["added", "removed", "kept", "place"]
+
+
 @dataclass(frozen=True)
 class DiffLine:
     """One line: whether it was added, removed, kept, or only says where we are; and its text without the mark."""
 
-    kind: Literal["added", "removed", "kept", "place"]
+    kind: DiffKind
     text: str
 
 
@@ -156,20 +154,9 @@ def model_diff(before: str, after: str, context: int = 3) -> Sequence[DiffLine]:
         after: The same after.
         context: Unchanged lines to keep around a change.
     """
-    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), n=context, lineterm="")
-    out: list[DiffLine] = []
-    for number, line in enumerate(lines):
-        if number < 2:
-            continue
-        if line.startswith("@@"):
-            out.append(DiffLine("place", line))
-        elif line.startswith("+"):
-            out.append(DiffLine("added", line[1:]))
-        elif line.startswith("-"):
-            out.append(DiffLine("removed", line[1:]))
-        else:
-            out.append(DiffLine("kept", line[1:]))
-    return out
+    kinds: Mapping[str, DiffKind] = {"@": "place", "+": "added", "-": "removed", " ": "kept"}
+    names, lines = 2, list(difflib.unified_diff(before.splitlines(), after.splitlines(), n=context, lineterm=""))
+    return [DiffLine(kinds[line[0]], line if line[0] == "@" else line[1:]) for line in lines[names:]]
 
 
 CODE = re.compile(r"`([^`]+)`")
@@ -200,11 +187,12 @@ def render(result: CloseLoopResult, executor: Executor | None = None) -> str:
     budget = _budget(result)
     joints = [_joint(joint, f"j{i}", budget, executor) for i, joint in enumerate(result.joints.values())]
     plots = [plot for j in joints for plot in (j["effort_plot"], j["position_plot"]) if plot is not None]
+    data = json.dumps({p.id: p.data for p in plots}, separators=(",", ":"))
     page = environment.get_template("report.html.jinja").render(
         style=Markup(_file("report.css")),
         plot_style=Markup(plot_style() if plots else ""),
         scripts=[Markup(plot_script()), Markup(_file("time_plots.js"))] if plots else [],
-        plot_data=Markup(_plain_data(plots)),
+        plot_data=Markup(data.replace("<", "\\u003c")),  # no `<` in it can end the script element
         version=__version__,
         verdict=WRONG_SET_UP if result.has_wrong_set_up else VERDICTS[result.verdict],
         joints=joints,
@@ -230,11 +218,6 @@ def _budget(result: CloseLoopResult) -> PageBudget:
     joints = result.joints.values()
     traces = sum(len(j.train.samples.runs) + len(j.heldout.samples.runs) + len(j.free_run) for j in joints)
     return PageBudget.of(len(joints), traces)
-
-
-def _plain_data(plots: Sequence[TimePlot]) -> str:
-    """JSON for a script element: no `<` in it can end the element."""
-    return json.dumps({p.id: p.data for p in plots}, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _file(name: str) -> str:

@@ -1,10 +1,6 @@
-"""What the reader of a result must know beside its numbers, as sentences.
+"""What the reader of a result must know beside its numbers, as sentences: notes, warnings, and the next experiment.
 
-What the reader of a joint's result must not overlook.
-
-What the logs of an arm say against its rig file and robot file, and what to change there.
-
-The next experiment, as one or two sentences.
+What the logs of an arm say against its rig file and robot file is told with what to change there.
 """
 
 import math

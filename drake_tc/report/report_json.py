@@ -1,11 +1,5 @@
-"""report.json, schema 1 (the contract in the README).
+"""report.json, schema 1 (the contract in the README)."""
 
-The closed loop and the torque uncertainty in report.json: keys beside those of the contract.
-
-The refinement and the free runs in report.json.
-"""
-
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -17,7 +11,7 @@ from drake_tc.control.torque_uncertainty_file import TorqueUncertainty
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.applications import ClosedLoop, ExportTrial
 from drake_tc.diagnosis.result.errors import MODELS, mean_absolute_errors, position_errors
-from drake_tc.diagnosis.result.joint_result import Errors, JointResult, Refinement, RunErrors
+from drake_tc.diagnosis.result.joint_result import JointResult, Refinement, RunErrors
 from drake_tc.diagnosis.result.links import FittedLinks
 from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult, SharedEffect
@@ -117,24 +111,8 @@ def refinement_json(refinement: Refinement | None) -> dict[str, Any] | None:
     return dict(json_value(document))
 
 
-def _number(x: float | None) -> float | None:
-    return None if x is None or not math.isfinite(x) else float(x)
-
-
-def _values(parameters: Mapping[str, Mapping[str, Estimate]]) -> dict[str, dict[str, float | None]]:
-    return {key: {name: _number(e.value) for name, e in group.items()} for key, group in parameters.items()}
-
-
-def _errors(errors: Errors) -> dict[str, float | None]:
-    return {
-        "train": _number(errors.train),
-        "heldout": _number(errors.heldout),
-        "free_run_heldout": _number(errors.free_run_heldout),
-    }
-
-
 def _estimate(e: Estimate) -> dict[str, Any]:
-    return {"value": _number(e.value), "unit": e.unit, "ci95": [_number(b) for b in e.ci95], "at_bound": e.at_bound}
+    return {"value": e.value, "unit": e.unit, "ci95": list(e.ci95), "at_bound": e.at_bound}
 
 
 def _run(errors: RunErrors) -> dict[str, Any]:
@@ -142,8 +120,8 @@ def _run(errors: RunErrors) -> dict[str, Any]:
         "run": errors.run,
         "heldout": errors.heldout,
         "rows": errors.rows,
-        "before": {"rms": _number(errors.before), "mean_absolute": _number(errors.mean_absolute_before)},
-        "after": {"rms": _number(errors.after), "mean_absolute": _number(errors.mean_absolute_after)},
+        "before": {"rms": errors.before, "mean_absolute": errors.mean_absolute_before},
+        "after": {"rms": errors.after, "mean_absolute": errors.mean_absolute_after},
     }
 
 
@@ -157,7 +135,7 @@ def _load(joint: JointResult) -> dict[str, Any] | None:
 
 def _plausible(joint: JointResult) -> dict[str, dict[str, Any]]:
     return {
-        key: {name: {"range": [_number(r.lower), _number(r.upper)], "source": r.source} for name, r in group.items()}
+        key: {name: {"range": [r.lower, r.upper], "source": r.source} for name, r in group.items()}
         for key, group in joint.plausible.items()
     }
 
@@ -165,22 +143,24 @@ def _plausible(joint: JointResult) -> dict[str, dict[str, Any]]:
 def joint_json(joint: JointResult) -> dict[str, Any]:
     """The entry of one joint."""
     left = joint.unexplained
-    return {
+    document = {
         "baseline": {
             "effects": [t.effect.id for t in joint.baseline.terms if t.effect.key in joint.baseline_parameters],
-            "parameters": _values(joint.baseline_parameters),
+            "parameters": {
+                key: {name: e.value for name, e in group.items()} for key, group in joint.baseline_parameters.items()
+            },
         },
         "parameters": {
             key: {name: _estimate(e) for name, e in group.items()} for key, group in joint.final_parameters.items()
         },
-        "correlation": None if joint.correlation is None else json_value(asdict(joint.correlation)),
+        "correlation": None if joint.correlation is None else asdict(joint.correlation),
         "load": _load(joint),
-        "noise_floor": _number(joint.noise_floor),
+        "noise_floor": joint.noise_floor,
         "error": {
             "unit": joint.unit,
-            "before": _errors(joint.before),
-            "after": _errors(joint.after),
-            "mean_absolute": json_value(mean_absolute_errors(joint)),
+            "before": asdict(joint.before),
+            "after": asdict(joint.after),
+            "mean_absolute": mean_absolute_errors(joint),
         },
         "effects": [
             {
@@ -188,9 +168,9 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
                 "key": e.key,
                 "title": e.title,
                 "parameters": {name: _estimate(p) for name, p in e.parameters.items()},
-                "heldout_gain": _number(e.heldout_gain),
-                "stability": _number(e.stability),
-                "robot_heldout_gain": _number(e.robot_gain),
+                "heldout_gain": e.heldout_gain,
+                "stability": e.stability,
+                "robot_heldout_gain": e.robot_gain,
             }
             for e in joint.effects
         ],
@@ -198,8 +178,8 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             {
                 "id": r.id,
                 "key": r.key,
-                "heldout_gain": _number(r.heldout_gain),
-                "log_odds": _number(r.log_odds),
+                "heldout_gain": r.heldout_gain,
+                "log_odds": r.log_odds,
                 "reason": r.reason,
                 "why": why_rejected(r),
             }
@@ -217,16 +197,16 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
             for d in joint.did_not_hold
         ],
         "unexplained": {
-            "floors": _number(left.floors),
-            "floors_anywhere": _number(left.floors_anywhere),
-            "share_of_signal": _number(left.share_of_signal),
-            "fraction": _number(left.fraction),
+            "floors": left.floors,
+            "floors_anywhere": left.floors_anywhere,
+            "share_of_signal": left.share_of_signal,
+            "fraction": left.fraction,
             "structured": left.structured,
             "depends_on": list(left.depends_on),
             "confined_to": [{"run": s.run, "start": s.start, "end": s.end} for s in left.confined_to],
-            "period_hz": _number(left.period_hz),
-            "explainable_rms": _number(left.explainable_rms),
-            "beyond": None if left.beyond is None else json_value(asdict(left.beyond)),
+            "period_hz": left.period_hz,
+            "explainable_rms": left.explainable_rms,
+            "beyond": None if left.beyond is None else asdict(left.beyond),
         },
         "remainder": _remainder(joint),
         "runs": [_run(errors) for errors in joint.runs],
@@ -234,9 +214,10 @@ def joint_json(joint: JointResult) -> dict[str, Any]:
         "refinement": refinement_json(joint.refinement),
         "plausible": _plausible(joint),
         "gain_identified": joint.gain_identified,
-        "shared_band": None if joint.shared_band is None else json_value(asdict(joint.shared_band)),
+        "shared_band": None if joint.shared_band is None else asdict(joint.shared_band),
         "notes": list(note_sentences(joint.notes, joint.units)),
     }
+    return dict(json_value(document))
 
 
 def _remainder(joint: JointResult) -> dict[str, Any] | None:
@@ -244,8 +225,8 @@ def _remainder(joint: JointResult) -> dict[str, Any] | None:
     found = joint.remainder
     if found is None:
         return None
-    share = {"value": _number(found.model.share), "ci95": [_number(end) for end in found.model.share_ci95]}
-    return {"signals": list(SIGNALS), "share": share, "rms": _number(found.rms), "in_model": found.holds}
+    share = {"value": found.model.share, "ci95": list(found.model.share_ci95)}
+    return {"signals": list(SIGNALS), "share": share, "rms": found.rms, "in_model": found.holds}
 
 
 def shared_json(cause: SharedEffect) -> dict[str, Any]:
@@ -254,9 +235,9 @@ def shared_json(cause: SharedEffect) -> dict[str, Any]:
         "id": cause.id,
         "where": cause.where,
         "parameters": {name: _estimate(p) for name, p in cause.parameters.items()},
-        "heldout_gain": _number(cause.heldout_gain),
-        "stability": _number(cause.stability),
-        "joints": {joint: _number(gain) for joint, gain in cause.joints.items()},
+        "heldout_gain": cause.heldout_gain,
+        "stability": cause.stability,
+        "joints": dict(cause.joints),
         "indistinguishable": [{"id": name, "where": where} for name, where in cause.indistinguishable],
     }
 
@@ -265,12 +246,12 @@ def links_json(links: FittedLinks) -> dict[str, Any]:
     """The links' inertial parameters, where they were fitted."""
     return {
         "parameters": [
-            {"link": p.link, "parameter": p.name, "declared": _number(p.declared), "narrowed": _number(p.narrowed)}
+            {"link": p.link, "parameter": p.name, "declared": p.declared, "narrowed": p.narrowed}
             | _estimate(p.estimate)
             for p in links.parameters
         ],
         "base": [
-            {"name": p.name, "weights": dict(p.weights), "declared": _number(p.declared)} | _estimate(p.estimate)
+            {"name": p.name, "weights": dict(p.weights), "declared": p.declared} | _estimate(p.estimate)
             for p in links.base
         ],
         "payloads": {
@@ -285,12 +266,12 @@ def export_json(trial: ExportTrial | None, units: Mapping[str, JointUnits]) -> d
         return None
     document = {"to": trial.to, "runner": trial.runner, "model": trial.model_file, "losses": list(trial.losses)}
     rows = [asdict(row) | {"unit": units[row.joint].position} for row in trial.rows]
-    return json_value(document | {"free_runs": rows})  # type: ignore[no-any-return]
+    return document | {"free_runs": rows}
 
 
 def result_json(result: CloseLoopResult) -> dict[str, Any]:
     """The whole report."""
-    return {
+    document = {
         "schema": 1,
         "verdict": result.verdict,
         "joints": {
@@ -311,3 +292,4 @@ def result_json(result: CloseLoopResult) -> dict[str, Any]:
         "logs": list(result.train_files),
         "holdout": list(result.heldout_files),
     }
+    return dict(json_value(document))

@@ -37,7 +37,10 @@ def rig_page() -> str:
         "load_words": table(("`load:`", "meaning"), ((f"`{word}`", meaning) for word, meaning in WORDS.items())),
         "load_kinds": "\n\n".join(_load_kind(name) for name in KINDS),
         "columns": _column_table(),
-        "effects": _effect_table(),
+        "effects": table(
+            ("id", "effect", "parameters [unit]", "a declared value is"),
+            ((f"`{name}`", effect(name).title, _parameters(effect(name)), _use(effect(name))) for name in EFFECT_IDS),
+        ),
         "robot_causes": ", ".join(f"`{name}`" for name in ROBOT_CAUSES),
         "joint_sensors": key_table(JointSensorKeys),
         "torque_sensor": key_table(TorqueSensorKeys),
@@ -91,13 +94,6 @@ def _units(suffix: str) -> tuple[str, str]:
     return si, ", ".join(f"`{unit}`" for unit in units)
 
 
-def _effect_table() -> str:
-    return table(
-        ("id", "effect", "parameters [unit]", "a declared value is"),
-        ((f"`{name}`", effect(name).title, _parameters(effect(name)), _use(effect(name))) for name in EFFECT_IDS),
-    )
-
-
 def _parameters(member: Effect) -> str:
     listed = []
     for parameter in member.parameters:
@@ -108,9 +104,8 @@ def _parameters(member: Effect) -> str:
 
 def _use(member: Effect) -> str:
     """What a fit does with a declared value (`drake_tc.diagnosis.problem.declared`)."""
-    if member.id == "rotor_inertia":
-        return "held"
-    return "held" if member.id not in ALWAYS and can_be_held(member.id) else "fitted anew"
+    held = member.id == "rotor_inertia" or (member.id not in ALWAYS and can_be_held(member.id))
+    return "held" if held else "fitted anew"
 
 
 def _part_table() -> str:

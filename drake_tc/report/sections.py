@@ -1,14 +1,7 @@
-"""Sections of the report beside those of the joints: export, links, refinement, causes that joints share.
+"""Sections of the report beside those of the joints.
 
-The model in another simulator: what is lost, and the errors of free runs side by side.
-
-The report's section on links whose inertial parameters were fitted.
-
-What the refinement on free runs did, as a reader sees it: one sentence, and the changed numbers.
-
-The report's section on causes that several joints share: what, where, by how much, and which joints say so.
-
-The closed loop before and after, and the torque uncertainty: tables, plots and the words beside them.
+The model in another simulator, links whose inertial parameters were fitted, the refinement on free runs, causes that
+several joints share, and the closed loop before and after with the torque uncertainty.
 """
 
 import math

@@ -72,7 +72,7 @@ def _recording() -> Console:
 
 def _say_found(console: Console, found: CloseLoopResult | JointResult) -> None:
     if isinstance(found, JointResult):
-        say_joint(console, found)
+        _say_joint(console, found)
         return
     verdict = WRONG_SET_UP if found.has_wrong_set_up else VERDICTS[found.verdict]
     console.print(f"[bold]verdict[/bold]: {verdict} ({found.verdict})")
@@ -93,7 +93,7 @@ def say_result(console: Console, result: CloseLoopResult) -> None:
         say(console, f"[bold]set-up[/bold]: {escape(line)}")
     _say_robot(console, result)
     for joint in result.joints.values():
-        say_joint(console, joint)
+        _say_joint(console, joint)
         loop = None if result.closed_loop is None else result.closed_loop.joints.get(joint.joint)
         if loop is not None and loop.changed:
             say(console, f"  closed loop: {_tracking(loop, joint.units)}")
@@ -136,7 +136,7 @@ def _say_robot(console: Console, result: CloseLoopResult) -> None:
             say(console, escape(sentence))
 
 
-def say_joint(console: Console, joint: JointResult) -> None:
+def _say_joint(console: Console, joint: JointResult) -> None:
     """Print verdict, errors, effects and warnings of one joint."""
     console.print(f"[bold]{joint.joint}[/bold]: {verdict_words(joint)}")
     console.print(_errors_table(joint))

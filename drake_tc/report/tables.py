@@ -1,12 +1,6 @@
-"""The report's tables as rows of text.
+"""The report's tables as rows of text: effects, errors of free runs by run and model, and each parameter by run.
 
-Each run's own estimate of a parameter beside that of all runs: a small plot for a table's cell.
-
-The tables of effects that are not part of the model after, as rows of text.
-
-Position errors of the free runs, by run and by model, as a reader sees them.
-
-Each parameter by run, gain, load and direction: the rows of the report's table.
+Each run's own estimate of a parameter is a small plot beside that of all runs.
 """
 
 import math

@@ -279,15 +279,11 @@ def _unseen(joint: JointResult) -> str:
     return f"; {joined(names)} could not be looked for" if names else ""
 
 
-def _trained(beyond: BeyondTraining, units: JointUnits) -> str:
-    return signal_range(beyond.signal, *beyond.trained, units, beyond.unit)
-
-
 def _extrapolated(beyond: BeyondTraining, units: JointUnits) -> str:
+    trained = signal_range(beyond.signal, *beyond.trained, units, beyond.unit)
     return (
         f"{percent(beyond.share)} of the remaining error lies where the {signal_name(beyond.signal)} is outside the "
-        f"range of the training runs ({_trained(beyond, units)}), so the model is "
-        "extrapolated there"
+        f"range of the training runs ({trained}), so the model is extrapolated there"
     )
 
 

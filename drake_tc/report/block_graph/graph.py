@@ -1,8 +1,4 @@
-"""Reads a Drake Diagram into plain data, nested diagrams opened down to a depth.
-
-Blocks for the stages inside a system (`drake_tc.inner_stages`), in place of the system's own block.
-
-Block graphs of Drake diagrams, to look at and for programs: SVG, DOT, Mermaid and JSON.
+"""Block graphs of Drake diagrams, to look at and for programs: SVG, DOT, Mermaid and JSON.
 
     graph = block_graph(diagram)
     graph.to_svg()
@@ -29,22 +25,20 @@ End = tuple[str, int]
 """Path of a block, and the index of one of its ports."""
 
 
-def with_inner_stages(graph: GraphData, inner: Mapping[str, Sequence[InnerStage]]) -> GraphData:
+def _with_inner_stages(graph: GraphData, inner: Mapping[str, Sequence[InnerStage]]) -> "BlockGraph":
     """The graph with the systems at some paths opened into their inner stages.
-
-    Args:
-        graph: Systems as blocks.
-        inner: Path of a block to the stages inside.
 
     Raises:
         ParamsError: A stage reads what there is not, or a port of the system belongs to no stage.
     """
     own = {block.path: block for block in graph.blocks}
     opened = {path: _Inside(own[path], stages) for path, stages in inner.items()}
-    blocks = [part for block in graph.blocks for part in _parts(block, opened)]
+    blocks: list[Block] = []
+    for block in graph.blocks:
+        blocks += opened[block.path].blocks() if block.path in opened else [block]
     edges = [part for edge in graph.edges for part in _carried(edge, opened)]
     edges += [edge for inside in opened.values() for edge in inside.edges()]
-    return GraphData(
+    return BlockGraph(
         graph.name,
         tuple(blocks),
         tuple(edges),
@@ -111,13 +105,6 @@ class _Inside:
         return f"{self._block.path}::{stage.name}"
 
 
-def _parts(block: Block, opened: Mapping[str, _Inside]) -> Iterator[Block]:
-    if block.path in opened:
-        yield from opened[block.path].blocks()
-    else:
-        yield block
-
-
 def _carried(edge: Edge, opened: Mapping[str, _Inside]) -> Iterator[Edge]:
     source, output = _writer((edge.source, edge.output), opened)
     for target, port in _readers((edge.target, edge.input), opened):
@@ -136,8 +123,36 @@ _UNNAMED = re.compile(r"@[0-9a-f]{8,}$")
 """Drake names a system without a name after its address, which is another one each time."""
 
 
-def read_diagram(diagram: Diagram, stages: Mapping[str, str] | None = None, depth: int | None = 1) -> GraphData:
-    """A diagram's systems and connections; a system with inner stages is shown by these.
+@dataclass(frozen=True)
+class BlockGraph(GraphData):
+    """A diagram as blocks and edges, and its pictures; the same diagram gives the same bytes.
+
+    The pictures leave out logs, signals that only logs read and ports that nothing is connected to, unless
+    `everything` is set; `to_json` always holds all.
+    """
+
+    def to_json(self) -> str:
+        """All blocks, ports, connections and exported ports as JSON; see `to_json`."""
+        return graph_json(self)
+
+    def to_svg(self, *, everything: bool = False) -> str:
+        """One `<svg>` document on a background of its own, light or dark as the viewer asks."""
+        return svg(view(self, everything=everything))
+
+    def to_dot(self, *, everything: bool = False) -> str:
+        """Graphviz: a cluster for each stage, records with named ports."""
+        return dot(view(self, everything=everything))
+
+    def to_mermaid(self, *, everything: bool = False) -> str:
+        """A Mermaid flowchart: a subgraph for each stage, edges labelled with ports and widths."""
+        return mermaid(view(self, everything=everything))
+
+    def _repr_svg_(self) -> str:
+        return self.to_svg()
+
+
+def block_graph(diagram: Diagram, stages: Mapping[str, str] | None = None, depth: int | None = 1) -> BlockGraph:
+    """The block graph of a diagram; a system with inner stages is shown by these.
 
     Args:
         diagram: Any Drake Diagram.
@@ -146,6 +161,13 @@ def read_diagram(diagram: Diagram, stages: Mapping[str, str] | None = None, dept
 
     Raises:
         ParamsError: not a Diagram, a depth below 1, a stage or block that there is not.
+
+    Example:
+        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
+        >>> builder = DiagramBuilder()
+        >>> loop = add_torque_loop(builder, add_robot_plant(builder, robot), robot, load_models(robot.actuators))
+        >>> "torque_control" in block_graph(builder.Build()).to_mermaid()
+        True
     """
     if not isinstance(diagram, Diagram):
         raise ParamsError(f"expected a Drake Diagram, got {type(diagram).__name__}")
@@ -167,7 +189,8 @@ def read_diagram(diagram: Diagram, stages: Mapping[str, str] | None = None, dept
         tuple(Terminal(Port(p.get_name(), p.size(), _input_type(p)), to) for p, to in inputs),
         tuple(Terminal(Port(p.get_name(), p.size(), _output_type(p)), of) for p, of in outputs),
     )
-    return with_inner_stages(graph, {leaf.path: inside for leaf in leaves if (inside := _inner(leaf.system))})
+    named = {leaf.path: tuple(getattr(leaf.system, ATTRIBUTE, ())) for leaf in leaves}
+    return _with_inner_stages(graph, {path: inside for path, inside in named.items() if inside})
 
 
 @dataclass(frozen=True)
@@ -266,11 +289,6 @@ def _candidate(place: _Place) -> Candidate:
     )
 
 
-def _inner(system: Any) -> tuple[InnerStage, ...]:
-    """The stages that a system itself names; most name none."""
-    return tuple(getattr(system, ATTRIBUTE, ()))
-
-
 def _block(place: _Place, stage: str, carried: Mapping[tuple[str, int], str]) -> Block:
     system = place.system
     inputs = [system.get_input_port(i) for i in range(system.num_input_ports())]
@@ -320,53 +338,3 @@ def _output_type(port: Any) -> str:
         return VECTOR
     held = type(port.Allocate()).__name__
     return held.removeprefix("Value").replace("𝓣", "[").replace("𝓤", "]")[1:-1] or "object"
-
-
-@dataclass(frozen=True)
-class BlockGraph(GraphData):
-    """A diagram as blocks and edges, and its pictures; the same diagram gives the same bytes.
-
-    The pictures leave out logs, signals that only logs read and ports that nothing is connected to, unless
-    `everything` is set; `to_json` always holds all.
-    """
-
-    def to_json(self) -> str:
-        """All blocks, ports, connections and exported ports as JSON; see `to_json`."""
-        return graph_json(self)
-
-    def to_svg(self, *, everything: bool = False) -> str:
-        """One `<svg>` document on a background of its own, light or dark as the viewer asks."""
-        return svg(view(self, everything=everything))
-
-    def to_dot(self, *, everything: bool = False) -> str:
-        """Graphviz: a cluster for each stage, records with named ports."""
-        return dot(view(self, everything=everything))
-
-    def to_mermaid(self, *, everything: bool = False) -> str:
-        """A Mermaid flowchart: a subgraph for each stage, edges labelled with ports and widths."""
-        return mermaid(view(self, everything=everything))
-
-    def _repr_svg_(self) -> str:
-        return self.to_svg()
-
-
-def block_graph(diagram: Diagram, stages: Mapping[str, str] | None = None, depth: int | None = 1) -> BlockGraph:
-    """The block graph of a diagram.
-
-    Args:
-        diagram: Any Drake Diagram.
-        stages: Path, name or class of a block to its stage, where the choice is to be another.
-        depth: 1 shows the diagram's own systems, 2 also what stands in nested diagrams, …; None opens all.
-
-    Raises:
-        ParamsError: not a Diagram, a depth below 1, a stage or block that there is not.
-
-    Example:
-        >>> robot = load_robot(MODELS / "hrp2_like" / "hrp2_like_leg.yaml")
-        >>> builder = DiagramBuilder()
-        >>> loop = add_torque_loop(builder, add_robot_plant(builder, robot), robot, load_models(robot.actuators))
-        >>> "torque_control" in block_graph(builder.Build()).to_mermaid()
-        True
-    """
-    read = read_diagram(diagram, stages, depth)
-    return BlockGraph(read.name, read.blocks, read.edges, read.inputs, read.outputs)

@@ -1,10 +1,8 @@
-"""Ways of the signals: along channels beside the columns and corridors between the rows, where no block stands.
+"""The whole layout: blocks in rows and columns, signals in channels and corridors, and where every text stands.
 
 Row r has the channels (r, 0) … (r, columns); corridor k runs above row k, the last one below the last row. A way is a
 list of nodes: a pin, or the crossing of a channel with a corridor. All ways of one signal make a tree. Parallel lines
 lie side by side on tracks of a channel, in an order with few crossings and no two lines on each other.
-
-The whole layout: blocks in rows and columns, signals in channels and corridors, and where every text stands.
 """
 
 import heapq
@@ -187,7 +185,8 @@ def tracks(lines: Sequence[Line]) -> tuple[dict[int, int], int]:
     """
     count = len(lines)
     cost = [[_cost(lines[i], lines[j]) if i != j else 0 for j in range(count)] for i in range(count)]
-    order = sorted(range(count), key=lambda i: (_lean(lines[i]), lines[i].low, lines[i].key))
+    lean = [sum(side for _, side in line.branches) / max(len(line.branches), 1) for line in lines]
+    order = sorted(range(count), key=lambda i: (lean[i], lines[i].low, lines[i].key))
     for _ in range(SIFTING_PASSES):
         before = list(order)
         for i in before:
@@ -200,10 +199,6 @@ def tracks(lines: Sequence[Line]) -> tuple[dict[int, int], int]:
         apart = [found[lines[j].key] + 1 for j in order[:place] if _meet(lines[i], lines[j])]
         found[lines[i].key] = max(apart, default=0)
     return found, max(found.values(), default=-1) + 1
-
-
-def _lean(line: Line) -> float:
-    return sum(side for _, side in line.branches) / max(len(line.branches), 1)
 
 
 def _best_place(i: int, order: Sequence[int], cost: Sequence[Sequence[int]]) -> int:

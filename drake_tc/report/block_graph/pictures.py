@@ -1,12 +1,7 @@
-"""Draws a laid-out block graph as SVG: plain classes and colours, so that browsers and vector editors agree.
+"""Block graphs as SVG, Graphviz DOT, Mermaid and JSON.
 
-A block graph as text: Graphviz DOT, Mermaid and JSON.
-
-A block graph as Graphviz DOT: one cluster a stage, records with named ports, the loop from left to right.
-
-A block graph as a Mermaid flowchart: one subgraph a stage, edges labelled output → input and width.
-
-A block graph as JSON.
+The SVG has plain classes and colours, so that browsers and vector editors agree. DOT has one cluster a stage and
+records with named ports; Mermaid one subgraph a stage and edges labelled output → input and width. The JSON is
 
 {"schema": 1, "diagram":, "stages": [names],
  "blocks": [{"path":, "name":, "kind":, "stage":, "inputs": [port], "outputs": [port], "feedthrough": [[input, output]],

@@ -1,13 +1,8 @@
-"""Which row and column each block of a picture stands in, and in which order.
+"""Where the blocks of a picture stand, and how large they are.
 
-The loop runs to the right in the first row and returns to the left in the second; logs stand below.
-Each stage takes as many columns as its own chain of blocks is long.
-
-Sizes of blocks and their heights in a row, so that signals between neighbours run straight where they can.
-
-How wide a text is in Helvetica or a face of its widths, so that boxes fit what stands in them.
-
-Where columns and channels stand from left to right, with room for the widths of signals and for parallel lines.
+The loop runs to the right in the first row and returns to the left in the second; logs stand below. Each stage takes as
+many columns as its own chain of blocks is long. Boxes fit their texts in Helvetica, and stand so that signals between
+neighbours run straight where they can; channels have room for the widths of signals and for parallel lines.
 """
 
 import unicodedata
@@ -213,7 +208,9 @@ def measure(shape: Shape, inputs: Sequence[Pin], outputs: Sequence[Pin], flow: i
     """The box of a shape, its pins in the order given; where signals run to the left, inputs are on the right."""
     title = shortened(shape.title, TITLE, LONGEST, bold=True)
     notes = tuple(shortened(note, NOTE, LONGEST) for note in shape.notes)
-    inputs, outputs = ([_short(pin) for pin in pins] for pins in (inputs, outputs))
+    inputs, outputs = (
+        [replace(pin, name=shortened(pin.name, PIN, 0.75 * LONGEST)) for pin in pins] for pins in (inputs, outputs)
+    )
     head = 12.0 + TITLE + (NOTE + 3.0) * len(notes)
     rows = max(len(inputs), len(outputs)) if any(p.name for p in (*inputs, *outputs)) else 0
     height = head + rows * PITCH + 5.0
@@ -227,10 +224,6 @@ def measure(shape: Shape, inputs: Sequence[Pin], outputs: Sequence[Pin], flow: i
     width = 2.0 * EDGE + max(sum(names) + BETWEEN, max(heading) + 4.0, 64.0)
     sides = (inputs, outputs) if flow > 0 else (outputs, inputs)
     return Box(shape, title, notes, tuple(sides[0]), tuple(sides[1]), width, height, heights)
-
-
-def _short(pin: Pin) -> Pin:
-    return replace(pin, name=shortened(pin.name, PIN, LONGEST * 0.75))
 
 
 def heights_in_row(row: Row, boxes: Mapping[int, Box], picture: View) -> dict[int, float]:
@@ -315,11 +308,6 @@ class Frame:
     width: float
 
 
-def label_width(net: Net) -> float:
-    """Of the text at the source of a net [px]."""
-    return text_width(net.label, LABEL)
-
-
 def frame_of(
     picture: View, rows: Sequence[Row], boxes: Mapping[int, Box], counts: Mapping[tuple[int, int], int]
 ) -> Frame:
@@ -329,7 +317,7 @@ def frame_of(
     """
     labels: dict[int, float] = {}
     for net in picture.nets:
-        labels[net.source[0]] = max(labels.get(net.source[0], 0.0), label_width(net))
+        labels[net.source[0]] = max(labels.get(net.source[0], 0.0), text_width(net.label, LABEL))
     widths: dict[tuple[int, int], float] = {}
     gaps: dict[tuple[int, int], tuple[float, float]] = {}
     for r, row in enumerate(rows):

@@ -75,7 +75,7 @@ class Candidate:
     parts: tuple[str, ...] = ()
 
 
-def stage_of_class(kind: str) -> str | None:
+def _stage_of_class(kind: str) -> str | None:
     """The stage that the CamelCase name of a class speaks of; None where it speaks of none."""
     words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", kind)
     for word in reversed([w.lower() for w in words]):
@@ -151,7 +151,7 @@ def _from_words(
     systems: Sequence[Candidate], links: list[tuple[str, str]], certain: Mapping[str, str]
 ) -> dict[str, str]:
     """Stages by the names of classes, but for systems of the forward path whose class speaks of another one."""
-    words = {s.path: stage_of_class(s.kind) for s in systems if s.path not in certain}
+    words = {s.path: _stage_of_class(s.kind) for s in systems if s.path not in certain}
     own = {s.path for s in systems if not s.module.startswith("pydrake.")}
     spoken = {path: stage for path, stage in words.items() if stage is not None and path in own}
     known = {**spoken, **certain}

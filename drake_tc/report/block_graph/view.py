@@ -1,11 +1,8 @@
-"""What a block graph says: blocks with a stage, ports, update period and feedthrough; edges; ports of the whole.
+"""What a block graph says, and what a picture of it shows: blocks with the pins in use, and nets, one for each output.
 
-What a picture of a block graph shows: blocks with the pins in use, and nets, one for each output port in use.
-
-Names of ports in pictures: what Drake calls `y0` and `u0` is called after what it is connected to.
-
-An only output is called as its block, another one as the input that it feeds, where all inputs that have a name agree;
-an input as the output that feeds it. A port whose wires know no name keeps Drake's.
+In pictures, a port that Drake calls `y0` or `u0` is called after what it is connected to. An only output is called as
+its block, another one as the input that it feeds, where all inputs that have a name agree; an input as the output that
+feeds it. A port whose wires know no name keeps Drake's.
 """
 
 import re
@@ -109,7 +106,7 @@ PortNames = Mapping[tuple[str, int], str]
 """Path of a block and index of its port to the port's name in a picture."""
 
 
-def port_names(graph: GraphData) -> tuple[PortNames, PortNames]:
+def _port_names(graph: GraphData) -> tuple[PortNames, PortNames]:
     """The names of the inputs and of the outputs that have another name than Drake's."""
     outputs = dict(_outputs(graph))
     there = {(block.path, i): port.name for block in graph.blocks for i, port in enumerate(block.outputs)}
@@ -158,7 +155,7 @@ class Pin:
 
     Attributes:
         index: In its block.
-        name: As Drake has it, or what `port_names` knows for it.
+        name: As Drake has it, or what `_port_names` knows for it.
         follows: Of an output: whether it follows an input at the same instant, or has none to follow.
         used: Whether anything shown is connected to it.
     """
@@ -220,7 +217,7 @@ def view(graph: GraphData, *, everything: bool = False) -> View:
             pins = ((), pin) if kind == INPUTS else (pin, ())
             terminals.append(Shape(key, terminal.port.name, (), kind, *pins))
             links += [((key, 0), e, terminal.port) if kind == INPUTS else (e, (key, 0), terminal.port) for e in ends]
-    names = port_names(graph)
+    names = _port_names(graph)
     blocks = tuple(
         _shape(
             number[b.path],
@@ -284,12 +281,12 @@ def _nets(shapes: tuple[Shape, ...], links: Iterable[tuple[tuple[int, int], tupl
         targets.setdefault(source, []).append(target)
         carried[source] = port
     return tuple(
-        Net(source, tuple(sorted(ends)), width_of(carried[source]), all(shapes[key].dim for key, _ in ends))
+        Net(source, tuple(sorted(ends)), _width_of(carried[source]), all(shapes[key].dim for key, _ in ends))
         for source, ends in sorted(targets.items())
     )
 
 
-def width_of(port: Port) -> str:
+def _width_of(port: Port) -> str:
     """How wide a signal is: the number of its elements, or the type of its abstract value (`T[]` for a list of T)."""
     if port.type == VECTOR:
         return str(port.size)

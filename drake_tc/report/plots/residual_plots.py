@@ -1,12 +1,7 @@
-"""Plots of the residual of a joint: against one quantity, without and with an effect, and what is left.
+"""Plots of the residual of a joint against one quantity: without and with an effect, and what is left.
 
-The residual against one quantity: points coloured by direction, reversals apart, binned medians with quartiles.
-
-The plot in which an engineer sees an effect: the residual without it, what it adds, and the residual with it.
-
-Where the unexplained remainder is: the residual after, against the signals that it depends on.
-
-All residual panels of a joint: one card a quantity, before beside after.
+Points are coloured by direction, reversals apart, with binned medians and quartiles. Where an effect was found, its
+plot has the residual without it, what it adds, and the residual with it.
 """
 
 from collections.abc import Callable, Sequence

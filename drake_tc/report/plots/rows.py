@@ -1,10 +1,6 @@
-"""Points of plots: rows of a data split, what a cloud of points says, and fewer of them.
+"""Points of plots: rows of a data split with direction of motion and reversals, and what a cloud of points says.
 
-The rows of one data split for plots: signals, direction of motion and reversals.
-
-What a cloud of points says: binned medians with quartiles, a frame that outliers do not set, fewer points.
-
-Fewer samples of several series on one clock, with every extreme of every series kept.
+A cloud has binned medians with quartiles and a frame that outliers do not set. Fewer samples keep every extreme.
 """
 
 from collections.abc import Sequence
@@ -107,7 +103,7 @@ def modulo(split: DataSplit, cycles: float) -> Quantity:
     return Quantity(f"modulo-{cycles:.6g}", title, f"position modulo {period:.3g}° [°]", np.mod(position, period))
 
 
-def run_offsets(samples: Samples) -> FloatArray:
+def _run_offsets(samples: Samples) -> FloatArray:
     """Where each run begins (R,) [s] when the runs are drawn one after the other."""
     time = samples.signals.time
     lengths = [float(time[samples.run_of_sample == k].max(initial=0.0)) for k in range(len(samples.runs))]
@@ -115,7 +111,7 @@ def run_offsets(samples: Samples) -> FloatArray:
 
 
 def _time(samples: Samples, stretches: Sequence[TimeStretch]) -> Quantity:
-    offsets = run_offsets(samples)
+    offsets = _run_offsets(samples)
     values = samples.signals.time[samples.rows] + offsets[samples.run]
     shaded = tuple(
         (offsets[samples.runs.index(s.run)] + s.start, offsets[samples.runs.index(s.run)] + s.end)

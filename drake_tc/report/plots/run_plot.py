@@ -1,9 +1,4 @@
-"""Plots of simulated runs: panels over time, and frequency responses.
-
-One page of a simulated run: panels over time, and the flags that were up.
-
-A Bode plot of several frequency responses: magnitude above, phase below.
-"""
+"""Plots of simulated runs: panels over time with the flags that were up, and a Bode plot of frequency responses."""
 
 from collections.abc import Mapping
 from typing import Any

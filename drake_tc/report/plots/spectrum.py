@@ -1,8 +1,6 @@
-"""Auto- and cross-correlation of series with gaps, with 95 % bands.
+"""Spectral density and correlations of the residual before and after, with the noise floor and 95 % bands.
 
-Correlograms of the residual before and after, with the bands outside which chance does not put them.
-
-Spectral density of the residual before and after, beside that of the noise floor.
+Correlations are those of series with gaps.
 """
 
 from collections.abc import Sequence
