@@ -1,14 +1,9 @@
-"""Equations of the library as C: a function of numbers whose body is assignments and one `return` of expressions.
+"""Torque control as one C99 file and its header, without dependencies, allocation or state of its own.
 
 The equations of effects and drives stand once, in Python (`drake_tc.kernels.equations` and `torque_equations`). Their
-syntax trees are written in C here, so that no equation stands twice.
-
-The links of a robot with a fixed base, as numbers for inverse dynamics: what a joint moves, and where it stands.
-
-`to_c`: torque control as one C99 file and its header, without dependencies, allocation or state of its own.
-
-The drives' tables are those of the `Compensator`, the equations those of the library in C (`expressions`), the links
-those of the plant (`links`); the rest stands in the two templates beside this file.
+syntax trees are written in C here: a function is assignments and one `return` of expressions of numbers. The drives'
+tables are those of the `Compensator`, the links those of the plant; the rest stands in the two templates beside this
+file.
 """
 
 import ast

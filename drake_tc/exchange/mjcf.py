@@ -1,10 +1,6 @@
-"""Torque constant and resistance of a drive on a voltage, apart.
+"""MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge or slide a joint.
 
-    kp V - damping v = kt/R (V - kt v) - (damping - kt^2/R) v,   R = kt/kp
-
-Logs of voltage and motion know kp = kt/R alone, and the back-EMF kt^2/R v as a part of the viscous friction.
-
-The actuators of a joint in an MJCF file: one that is the identified drive, and one without input for its friction.
+A joint has one actuator that is the identified drive, and one without input for its friction:
 
     position: force = kp (ctrl - q) - kv v as a whole within forcerange; timeconst filters ctrl
     pid:      the same with ki, the integral of the error
@@ -20,14 +16,16 @@ hand on gear, gains, filters, delay and limits to every actuator, so whatever di
 written out where a file has default classes. A limit of force or command that the model says nothing of stays the same
 limit at the joint when the gear changes.
 
-MuJoCo's MJCF: joints and actuators of a user's file, or a bench of one hinge or slide a joint.
+A torque constant kt takes a drive on a voltage apart: logs know kp = kt/R alone, and the back-EMF as a part of damping.
+
+    kp V - damping v = kt/R (V - kt v) - (damping - kt^2/R) v,   R = kt/kp
 
 MuJoCo's joint has armature, frictionloss and damping, whose three numbers d0, d1, d2 make the passive force
 -(d0 + d1 |v| + d2 v^2) v. Its dry friction is a soft constraint: below frictionloss the velocity decays with a time
 constant, 20 ms unless solreffriction says otherwise. The identified friction is rigid, so that two time steps are
 written, the shortest that MuJoCo accepts. A spring along the joint is its stiffness with springref. What the file's
 joint has of these and the model lacks goes, because the model was identified without it. That attributes are what this
-module takes them for is tested in MuJoCo itself; `mujoco_versions` has the versions that know them.
+module takes them for is tested in MuJoCo itself; `mujoco_run` has the versions that know them.
 """
 
 import math

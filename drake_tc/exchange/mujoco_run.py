@@ -1,6 +1,4 @@
-"""MuJoCo with a written file, or with a bench of a joint's terms as `to_mjcf` writes them.
-
-Which version of MuJoCo a written MJCF file needs for the terms of its joints.
+"""MuJoCo with a written file, or with a bench of a joint's terms as `to_mjcf` writes them, and the version it needs.
 
     delay of an actuator                                               MuJoCo 3.5
     damping of more than one number (a polynomial of the speed)        MuJoCo 3.7

@@ -1,8 +1,6 @@
-"""Free runs of held-out logs: the identified model in Drake, its export in the target, and what the user's file had.
+"""An export tried on held-out logs, and what it loses, in sentences and as a page.
 
-The export of a model, tried on recorded runs without writing a file.
-
-What an export loses, in sentences, and as a page beside the errors of free runs.
+Free runs are those of the identified model in Drake, of its export in the target, and of what the user's file had.
 """
 
 import re

@@ -1,12 +1,10 @@
-"""URDF and SDF.
-
-URDF joints: `<dynamics>`, `<limit effort>`, and Drake's tags of the actuator.
+"""Joints of URDF and SDFormat files. Of a URDF: `<dynamics>`, `<limit effort>`, and Drake's tags of the actuator.
 
 <dynamics damping="f_v" friction="f_c"/>                      [N m s/rad], [N m]
 <drake:rotor_inertia value="J"/> <drake:gear_ratio value="1"/>    J is reflected: J gear_ratio^2 [kg m^2]
 <drake:controller_gains p="kp" d="0"/>                         [N m/rad], [N m s/rad]
 
-SDFormat joints: `<axis><dynamics>` with damping, friction and spring, and `<limit><effort>`.
+Of an SDFormat file: `<axis><dynamics>` with damping, friction and spring, and `<limit><effort>`.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Repairs of single channels on the rows of the file: missing values, slower clocks, frozen sensors.
 
-Runs of different sampling periods brought to one, so that one filter serves them all.
+Runs of different sampling periods are brought to one, so that one filter serves them all.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """From a table as the file has it to canonical columns in SI units, still on the file's own rows.
 
-Columns of a log that are not used although their names suggest that they should be: typos, and other spellings.
+Columns that are not used although their names suggest that they should be, by typos or other spellings, are told.
 """
 
 import difflib

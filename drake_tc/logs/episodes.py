@@ -1,8 +1,6 @@
-"""Several runs: in one file, and the sets of them that a command takes.
+"""Several runs: in one file, as one log with gaps between or as `FILE#NUMBER`, and the sets that a command takes.
 
-Files of several episodes: all of them as one log with gaps between, or one of them by `FILE#NUMBER`.
-
-Which runs may stand together: two at least, none given twice.
+Of a set, two at least may stand together, none given twice.
 """
 
 import hashlib

@@ -1,6 +1,4 @@
-"""Where the load torque of a joint comes from when no sensor at it measures it: a pendulum, a model, or unknown.
-
-What a rig's owner knows of its sensors: noise and tolerances of the joints' own, tolerances of F/T sensors and IMUs.
+"""Where the load torque of a joint comes from when no sensor measures it, and what is known of the sensors.
 
 Noise replaces what is estimated from the log. A tolerance is the standard deviation of an error that stays the same
 over all runs; errors within a few of them are expected of any sensor of its kind and are estimated along, not reported.

@@ -1,15 +1,11 @@
 """From log files to runs: map, check, repair, put on a uniform clock; refuse what cannot be mended.
 
 Every repair and exclusion leaves one sentence in `Run.notes`; every refusal is a `LogError` of one line.
+Runs of one rig are of one joint, whose drive gain does not change between them.
 
-Whether the runs of a rig are of one joint: a drive's gain does not change between them.
-
-Logs without a position, as of a motor test stand: the position is the integral of the recorded velocity.
-
-The integral begins at 0, wherever the joint really was, so nothing that depends on the absolute position can be told
-from such a log. Friction, inertia, drive and torque sensor do not.
-
-Channels that never change: a sensor that was off, or a column that is not what the rig file says.
+A log without a position, as of a motor test stand, gets the integral of its velocity. The integral begins at 0,
+wherever the joint really was, so nothing that depends on the absolute position can be told from such a log. Friction,
+inertia, drive and torque sensor do not.
 """
 
 from collections.abc import Sequence

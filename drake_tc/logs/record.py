@@ -1,6 +1,6 @@
 """What every reader returns: one recorded run on a uniform clock, and what was done to it on the way.
 
-What was done to many logs, told once for each kind of note and with the names of the logs.
+What was done to many logs is told once for each kind of note, with the names of the logs.
 """
 
 import re

@@ -2,14 +2,12 @@
 
 RIG.md beside this file explains every key; `drake_tc.logs.rig_document` is the model that it is written from.
 
-The drive gain that the rig file's keys declare, directly or as what a data sheet or a firmware states.
+The drive gain is declared directly, or as what a data sheet or a firmware states:
 
     current drive      K = 1/(torque_constant gear_ratio)     [A/(N m)]
     position servo     K = 1/proportional_gain                [rad/(N m)]
 
 of a servo whose law is  tau = proportional_gain (q_d - q) - derivative_gain qdot.
-
-A rig as a YAML document and as a rig file, which `drake_tc.logs.rig` reads back.
 """
 
 import os

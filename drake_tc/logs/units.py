@@ -2,8 +2,7 @@
 
 A channel's quantity follows from the last part of its canonical name (`knee/position` is an angle), so a unit of the
 wrong kind ("A" for a position) is an error here and not a strange fit later.
-
-The units that names of columns state, in the spellings of spreadsheets, data sheets and drivers.
+Names of columns state units too, in the spellings of spreadsheets, data sheets and drivers.
 """
 
 import math

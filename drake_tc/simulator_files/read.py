@@ -1,4 +1,6 @@
-"""A parameter file of BAM (JSON): one servo on a voltage, friction models m1 to m6.
+"""Read a file of another simulator, whichever of them it is.
+
+A parameter file of BAM (JSON) is one servo on a voltage, friction models m1 to m6.
 
     kt/R V - kt^2/R v - friction_viscous v - frictionloss sign(v) - tau = armature vdot
     frictionloss = friction_base + friction_stribeck exp(-|v / dtheta_stribeck|^alpha) + what depends on the load
@@ -6,8 +8,6 @@
 Source: Duclusaud, Passault, Padois and Ly, "Extended Friction Models for the Physics Simulation of Servo Actuators"
 (2025). The load-dependent terms are those of motor and external torque. Where only that of the external torque away
 from rest is not 0 it is this library's effect; other forms are declared without a value.
-
-Read a file of another simulator, whichever of them it is.
 """
 
 import json

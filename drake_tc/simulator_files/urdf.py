@@ -1,4 +1,4 @@
-"""URDF and SDF files, and the packages that they name.
+"""URDF and SDFormat files, and the packages that they name.
 
 Joints of a URDF file: `<dynamics>`, `<limit effort>`, and the actuator of their transmission.
 
@@ -12,8 +12,6 @@ The reflected inertia is drake:rotor_inertia drake:gear_ratio^2, both contents o
 has its gains as attributes. The spring's torque is -spring_stiffness (q - spring_reference), as Drake applies it. All
 joints of the file are read, those of nested models and of included files too; what else is physics is listed as not
 used.
-
-Find a URDF: beside its YAML, or in an installed package.
 """
 
 import math

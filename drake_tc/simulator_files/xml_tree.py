@@ -3,10 +3,7 @@
 Drake's parsers of URDF and SDFormat files take `drake:rotor_inertia` for Drake's tag also where `xmlns:drake` is
 missing or is another address, and no tag with another prefix, whatever that prefix stands for. Other undeclared
 prefixes are no error either.
-
-An MJCF file as one tree: what it includes is in its place, and elements have the attributes of their classes.
-
-MuJoCo, where it is installed.
+An MJCF file is one tree: what it includes is in its place, and elements have the attributes of their classes.
 """
 
 import math

@@ -1,8 +1,6 @@
-"""The posterior in a simulator's terms: every draw is projected, so that a refit acts on whole models.
+"""The posterior in a simulator's terms, as a table of draws, and what the written programs share.
 
-What the written Python files share: text of distributions, and the function that draws from one.
-
-Draws of the model's own parameters as a table, for every simulator that has no file of its own.
+Every draw is projected, so that a refit acts on whole models.
 """
 
 import json

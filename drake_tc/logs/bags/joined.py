@@ -1,8 +1,7 @@
-"""What the joint states of each topic are: measured, commanded, or neither, and which of several topics is taken.
+"""The streams of a bag on one clock, that of the joint states.
 
-The streams of a bag on one clock: that of the joint states.
-
-Several robots in one bag, whose joints have the same names.
+Joint states of a topic are measured, commanded, or neither; of several topics one is taken. Joints of several robots in
+one bag may have the same names.
 """
 
 import re

@@ -3,9 +3,7 @@
 Types: `sensor_msgs/JointState`, `sensor_msgs/Imu`, `geometry_msgs/WrenchStamped`, `std_msgs/Float64MultiArray`,
 `std_msgs/Float64`, `std_msgs/Float32`, `sensor_msgs/Temperature`,
 `trajectory_msgs/JointTrajectory`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad,
-rad/s, N, N m, m/s^2.
-
-What the messages of one topic hold: rows of numbers with the sender's and the receiver's time stamps.
+rad/s, N, N m, m/s^2. A row is numbers with the sender's and the receiver's time stamps.
 """
 
 from array import array

@@ -1,9 +1,8 @@
-"""Bags that end early, as after a power failure or a copy that was broken off: what is whole in them, as a new file.
+"""ROS 1 and ROS 2 bags and MCAP files to tables, without ROS installed.
 
+Of a bag that ends early, as after a power failure or a copy that was broken off, what is whole is read as a new file.
 MCAP (mcap.dev/spec): records of an opcode, a length and content, some of them packed into chunks; a footer ends the
 file. SQLite (sqlite.org/fileformat2): the header states the number of pages.
-
-ROS 1 and ROS 2 bags and MCAP files to tables, without ROS installed.
 """
 
 import io

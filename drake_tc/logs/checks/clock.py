@@ -1,4 +1,7 @@
-"""The instants of the samples, where the time stamps of a steady logger scatter about them.
+"""The clock of a log: its instants, its period, and a uniform grid over each stretch, or what cannot be mended.
+
+A table may join several clocks, each row with the columns of one sender, and a file may state its period beside its
+arrays (`hz: 50`, `dt: 0.02`).
 
 A logger that samples on a steady clock and stamps the rows late, by its own scheduling, writes stamps t_i that
 scatter about the true instants. A logger that samples unsteadily and stamps at once writes true stamps. With a smooth
@@ -9,12 +12,6 @@ curve s_i through the stamps, the instants are
 where lambda is 0 for the first logger and 1 for the second. The positions tell it: over the rows, a smooth motion
 q(tau) has the roughness H q = lambda H (v (t - s)) + noise, where H is 1 minus the cubic Savitzky-Golay smoothing over
 11 rows, and v the velocity. Least squares over all joints give lambda and its standard error.
-
-The clock of a log: refuse what cannot be mended, find the period, and lay a uniform grid over each stretch.
-
-Tables that join several clocks without interpolating: each row holds the columns of one sender, the others blank.
-
-The sampling period that a file states as a single number beside its arrays: `hz: 50`, `dt: 0.02`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

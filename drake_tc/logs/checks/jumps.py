@@ -1,23 +1,20 @@
 """Readings that a sensor could not follow: jumps of an angle, values at the end of a range.
 
-Jumps of a recorded angle: an encoder that lost its zero, or rows that a logger dropped without a gap in time.
+Jumps of an angle: an encoder lost its zero, or a logger dropped rows without a gap in time. The steps s_k = q_{k+1} -
+q_k of a moving joint differ from their neighbours only by its acceleration. A step that is far larger than all others
+is therefore a jump of the reading and not a motion.
 
-The steps s_k = q_{k+1} - q_k of a moving joint differ from their neighbours only by its acceleration. A step that is
-far larger than all others is therefore a jump of the reading and not a motion.
+The end of a range: a signal stops at one extreme value although what it measures goes on. A joint that turns round
+slows down before it rests, and leaves its rest slowly; a sensor at its limit cuts the signal, with a change of slope on
+both sides as there is none elsewhere. A servo's command goes on beyond the position that seems to stand. A command that
+leaves a position at which the servo has held it, back into the range, tells nothing of the sensor: the joint answers it
+late. In a noisy channel many equal values in a row are no reading at all.
 
-A sensor at the end of its range: its signal stops at one extreme value although what it measures goes on.
-
-A joint that turns round slows down before it rests, and leaves its rest slowly; a sensor at its limit cuts the signal,
-with a change of slope on both sides as there is none elsewhere. A servo's command goes on beyond the position that
-seems to stand. A command that leaves a position at which the servo has held it, back into the range, tells nothing of
-the sensor: the joint answers it late. In a noisy channel many equal values in a row are no reading at all.
-
-What the motion around a row says of it: positions that were held although the joint moved, and clocks that stepped.
-
-The speed next to a row is the mean of the differences over five rows before and five rows after it. A position that
-stands still for k rows and then leaps by what that speed makes in k rows was not read meanwhile; a position that goes
-on by one period over a longer step of the clock was read one period later, and the clock is wrong. A logger that
-repeats all channels of a joint, from which the position then leaps, did not read it either.
+Positions that were held although the joint moved, and clocks that stepped: the motion around a row tells. The speed
+next to a row is the mean of the differences over five rows before and five rows after it. A position that stands still
+for k rows and then leaps by what that speed makes in k rows was not read meanwhile; a position that goes on by one
+period over a longer step of the clock was read one period later, and the clock is wrong. A logger that repeats all
+channels of a joint, from which the position then leaps, did not read it either.
 """
 
 from collections.abc import Sequence

@@ -1,30 +1,23 @@
-"""Wrong signs: a torque, command or position column that runs against what the joint's balance demands.
+"""Columns that are not what the rig file says: of the wrong sign or without one, exchanged, in another unit.
 
-In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  every coefficient is positive (K > 0, friction
-takes power). The effort is regressed on all of them; what is left of the load torque's share (its partial correlation
-with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's, a turned
-position all but the load's. Two turned columns of three are told as the third: the model is the same.
+Wrong signs: in the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  every coefficient is positive (K > 0,
+friction takes power). The effort is regressed on all of them; what is left of the load torque's share (its partial
+correlation with the effort) tells the sign. A turned command turns every coefficient, a turned torque only the load's,
+a turned position all but the load's. Two turned columns of three are told as the third: the model is the same.
 
-An effort that is recorded without its sign: |y| in place of y.
+An effort without its sign, |y| in place of y: some drives report the amplitude of the current. The balance  y = (tau +
+J qddot + f_v qdot + f_c sign(qdot)) / K + c then holds for s y, s = 1 or -1, and nowhere for y where the joint needs
+efforts of both signs. The signs s are those of the balance itself: they are first those of the load and then of the fit
+to s y, until they no longer change.
 
-Some drives report the amplitude of the current. The balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K + c
-then holds for s y, s = 1 or -1, and nowhere for y where the joint needs efforts of both signs. The signs s are those of
-the balance itself: they are first those of the load and then of the fit to s y, until they no longer change.
+Position and command of a servo that are exchanged: a servo's position follows its command, the command has no sensor
+noise, and friction takes power. With the columns exchanged the "position" leads, the "command" is the noisy one, and
+the effort  command - position  turns round, and with it every coefficient of the balance.
 
-Columns that are not what the rig file says: position and command exchanged, a torque in another unit.
-
-Position and command of a servo that are exchanged: what must speak for it before a log is refused.
-
-A servo's position follows its command, the command has no sensor noise, and friction takes power. With the columns
-exchanged the "position" leads, the "command" is the noisy one, and the effort  command - position  turns round, and
-with it every coefficient of the balance (`signs`).
-
-The unit of a torque column, by the declared rotor inertia.
-
-In the balance  y = (tau + J qddot + f_v qdot + f_c sign(qdot)) / K  the drive gain K takes up any unit of the torque,
-but the ratio of the coefficients of qddot and tau is the rotor inertia J in the torque's unit. Where J is declared and
-the ratio is 1000 times as large, the column is in mN*m. A unit that the rig file states is doubted by this factor of
-1000 alone, and a factor that it states is believed.
+The unit of a torque column, by the declared rotor inertia: in the balance  y = (tau + J qddot + f_v qdot + f_c
+sign(qdot)) / K  the drive gain K takes up any unit of the torque, but the ratio of the coefficients of qddot and tau is
+the rotor inertia J in the torque's unit. Where J is declared and the ratio is 1000 times as large, the column is in
+mN*m. A unit that the rig file states is doubted by this factor of 1000 alone, and a factor that it states is believed.
 """
 
 from collections.abc import Mapping, Sequence

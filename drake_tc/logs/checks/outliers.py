@@ -1,15 +1,12 @@
 """Repair of the angles and measurements of a log: turns undone, what no sensor read taken out; a sentence for each.
 
-Samples that no joint can have moved to: whole turns that an encoder gained or lost, and single wild values.
-
 A turn: a step between neighbouring rows within a little of 2 pi n, in a channel whose other steps are much smaller. It
 is undone exactly, whether the channel stays there (an encoder that wraps round) or comes back (one sample a turn off).
 A spike: one to three rows far from the median of their neighbourhood, by many times what the channel does elsewhere.
 
-Stretches in which a sensor or a logger gave exactly 0 for a reading that it did not have.
-
-A sensor that drops out leaves its signal with a leap, reads 0 in one or more rows, and comes back with a leap. One of
-the two leaps is small where the signal crosses 0 at that moment.
+A dropout: a stretch of exactly 0 in place of readings. A sensor that drops out leaves its signal with a leap, reads 0
+in one or more rows, and comes back with a leap. One of the two leaps is small where the signal crosses 0 at that
+moment.
 """
 
 from collections.abc import Collection, Sequence

@@ -1,10 +1,6 @@
-"""What the beginning of a CSV file must be: text, a line of names, and perhaps a line of their units.
+"""CSV files to tables: separators, decimal commas, encodings, comments, a line of names, perhaps one of units below it.
 
-CSV files to tables: separators, decimal commas, encodings, comments, and a line of units below the names.
-
-Numbers with a decimal comma, as spreadsheets write them where the comma is the decimal sign.
-
-CSV files in which each channel has a time column of its own, as oscilloscopes and drive tools write them.
+In some files each channel has a time column of its own, as oscilloscopes and drive tools write them.
 
 position [rad],,current [A],,          Time [s],position,Time [s],current
 X,Y,X,Y,                       or      0.000,0.10,0.0000,0.5

@@ -1,7 +1,4 @@
-"""What a log holds, column by column, and the rig file that it suggests.
-
-The unit of a velocity, as the rate of the position beside it tells.
-"""
+"""What a log holds, column by column, and the rig file that it suggests."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,12 +1,9 @@
-"""What one column of a log seems to be, in which unit, and why.
+"""From the columns of a log, what each seems to be, in which unit and why, to a rig file to start from.
 
-From the columns of a log to a rig file to start from.
-
-What drives the joints of an arm whose log has both position commands and efforts.
-
-An industrial arm follows its commands by a cascade of controllers, so that a current or a torque tells what its drives
-do, and a stiffness between command and position does not exist. A hobby servo has this stiffness, and records its
-current as a raw number of its bus.
+What drives an arm whose log has both position commands and efforts is told by their form: an industrial arm follows its
+commands by a cascade of controllers, so that a current or a torque tells what its drives do, and a stiffness between
+command and position does not exist. A hobby servo has this stiffness, and records its current as a raw number of its
+bus.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,10 +1,7 @@
 """The rig file's key `declared`: the effects that the user already models, with values where they are known.
 
-Effects of the library that a rig file may declare; `logs` must not import the library, so a test compares the two.
-
-Effects of other packages are known by their names in `drake_tc.extensions.EFFECTS`.
-
-Which joints of a rig turn and which slide, and whether the units of its columns agree with that.
+`logs` must not import the library of effects, so a test compares it with the names here; effects of other packages are
+known by their names in `drake_tc.extensions.EFFECTS`.
 
 Files of other simulators (`drake_tc.simulator_files`) declare:
 

@@ -1,14 +1,7 @@
-"""Keys of the rig file that hold one value for all joints, or a mapping by joint.
+"""The rig file as a whole: its keys, how it is read, and its JSON schema.
 
-The types below look up the joints of the document, so its keys `joint` and `joints` come before all that use them.
-
-The rig file's keys `columns` and `units`: names in the log and units, by canonical column.
-
-The rig file's top level.
-
-Which samples of a log may be used: the conditions of a rig file's key `valid`.
-
-The rig file as a whole: read it, and its JSON schema.
+Many keys hold one value for all joints or a mapping by joint. Their types look up the joints of the document, so its
+keys `joint` and `joints` come before all that use them.
 """
 
 import operator

@@ -1,6 +1,6 @@
-"""The rig file's key `load`: where the load torque comes from. A kind of load is one class here.
+"""The rig file's keys `load`, where the load torque comes from, and `robot`, whose model may give it.
 
-The rig file's key `robot`: a robot file, named relative to the rig file, whose model gives the load torques.
+A kind of load is one class here. A robot file is named relative to the rig file.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

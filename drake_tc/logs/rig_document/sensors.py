@@ -1,11 +1,7 @@
 """The rig file's key `sensors`: the joints' own sensors (`joint_sensors`), and tolerances of F/T sensors and IMUs.
 
 Plain numbers are SI. Tolerances are standard deviations. What is not said of an F/T sensor or an IMU is that of its
-`part`, or of a typical one (`drake_tc.logs.loads`).
-
-What the rig file's key `sensors` says of a joint's own sensors: noise of its channels, and tolerances.
-
-Plain numbers are SI. Tolerances are standard deviations; a sensor has none unless one is declared.
+`part`, or of a typical one (`drake_tc.logs.loads`). A joint's own sensor has no tolerance unless one is declared.
 """
 
 from collections.abc import Mapping, Sequence
