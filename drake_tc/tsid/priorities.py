@@ -25,14 +25,14 @@ from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust.convex import FREE, RobustSolution, Start, Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
 from drake_tc.tsid.robust.options import Options
-from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, ScaledRows, nothing, null_basis
+from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, nothing, null_basis
 from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray, IntArray
 
 BENT = 1e-9
 """Curvature of -log Phi below which a side counts as out of sight: levels below robustness may move along it."""
 
-_SOLVE_LEVELS = Kernel("tsid.levels", "solve_levels")
+_SOLVE_LEVEL = Kernel("tsid.levels", "solve_level")
 _EVALUATED = Kernel("tsid.scaling", "evaluated")
 
 
@@ -56,73 +56,49 @@ class _Descent(NamedTuple):
 
 def _descended(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None, means: SolverMeans) -> _Descent:
     """The levels, their costs over x with tau = scale x, from `x` on."""
-    n = len(problem.scale)
-    x = np.zeros(n) if x is None else x
-    basis: FloatArray | None = None  # of everything
+    n, sides = len(problem.scale), tuple(problem.limits[:3])
+    x, basis = np.zeros(n) if x is None else x, np.eye(n)
     steps, programs, outcome, converged = 0, 0, Outcome.SOLVED, True
     for number, level in enumerate(levels):
-        if basis is not None and not basis.shape[1] and steps:
+        last = number == len(levels) - 1
+        if steps and not basis.shape[1]:
+            continue
+        if isinstance(level, LeastSquares):
+            inside, there, left = _SOLVE_LEVEL(tuple(level), sides, x, basis)
+            if inside and not (last and left.shape[1]):
+                x, basis, steps = there, left, steps + 1
+                continue
+        elif steps and not (_risk_at(problem, x).bend > BENT).any():
+            steps += 1  # all sides are out of sight of x, which is inside the limits: nothing is to be gained
             continue
         found, fixed = _solve(level, problem, x, basis, means)
         steps, programs, converged = steps + found.iterations, programs + found.programs, converged and found.converged
         if found.outcome is not Outcome.SOLVED:
             outcome = found.outcome
             break
-        x = x + (found.x if basis is None else basis @ found.x)
-        if number < len(levels) - 1:
-            left = null_basis(fixed)
-            basis = left if basis is None else basis @ left
+        x = x + basis @ found.x
+        if not last:
+            basis = basis @ null_basis(fixed)
     torque = x * problem.scale
     if not np.isfinite(torque).all():
         torque, outcome = np.zeros(n), Outcome.FAILED
     return _Descent(torque, outcome, converged, steps, programs)
 
 
-def _unheld(levels: Sequence[Level], problem: ScaledProblem, x: FloatArray | None) -> _Descent | None:
-    """The solution where no level is held by a limit and none has two minima; None elsewhere."""
-    costs = [level for level in levels if isinstance(level, LeastSquares)]
-    if len(costs) < len(levels) and not isinstance(levels[-1], Robustness):
-        return None
-    x = np.zeros(len(problem.scale)) if x is None else x.copy()
-    ends = np.cumsum([0, *(cost.target.size for cost in costs)])
-    matrix = np.concatenate([cost.matrix for cost in costs])
-    target = np.concatenate([cost.target for cost in costs])
-    if _SOLVE_LEVELS((matrix, target, ends), tuple(problem.limits[:3]), x) != 0:
-        return None
-    return _Descent(x * problem.scale, Outcome.SOLVED, True, len(costs), 0)
-
-
 def _solve(
-    level: Level, problem: ScaledProblem, x: FloatArray, basis: FloatArray | None, means: SolverMeans
+    level: Level, problem: ScaledProblem, x: FloatArray, basis: FloatArray, means: SolverMeans
 ) -> tuple[ProgramResult, FloatArray]:
     """The level's minimum over y, tau / scale = x + T y, and the rows over y that its minimisers share."""
-    guess = Guess(np.zeros(len(x) if basis is None else basis.shape[1]))
+    guess = Guess(np.zeros(basis.shape[1]))
     if isinstance(level, LeastSquares):
-        inside = _along(problem._replace(cost=level), x, basis)
-        if basis is not None:
-            inside = _free(inside, level)
-        return least_cost(inside, guess, means), inside.cost.matrix
-    inside = _along(problem._replace(cost=nothing(len(x))), x, basis)
+        inside = problem._replace(cost=level).along(x, basis)
+        left, length = (np.einsum("ij,ij->i", rows, rows) for rows in (inside.cost.matrix, level.matrix))
+        decided = left <= RANK * RANK * length  # by the levels above: what is left of such rows is rounding
+        matrix = np.where(decided[:, None], 0.0, inside.cost.matrix)
+        return least_cost(inside._replace(cost=LeastSquares(matrix, inside.cost.target)), guess, means), matrix
+    inside = problem._replace(cost=nothing(len(x))).along(x, basis)
     found = individual(inside, 1.0, guess, means)
     return found, inside.limits.matrix[_risk_at(inside, found.x).bend > BENT]
-
-
-def _along(problem: ScaledProblem, x: FloatArray, basis: FloatArray | None) -> ScaledProblem:
-    """The problem over y."""
-    if basis is not None:
-        return problem.along(x, basis)
-    cost, limits = problem.cost, problem.limits
-    shift = limits.matrix @ x
-    moved = ScaledRows(limits.matrix, limits.lower - shift, limits.upper - shift)
-    return problem._replace(cost=LeastSquares(cost.matrix, cost.target - cost.matrix @ x), limits=moved)
-
-
-def _free(inside: ScaledProblem, whole: LeastSquares) -> ScaledProblem:
-    """Without what rounding leaves of rows that the levels above decide."""
-    matrix = inside.cost.matrix
-    left, length = (np.einsum("ij,ij->i", rows, rows) for rows in (matrix, whole.matrix))
-    decided = left <= RANK * RANK * length
-    return inside._replace(cost=LeastSquares(np.where(decided[:, None], 0.0, matrix), inside.cost.target))
 
 
 def _risk_at(problem: ScaledProblem, x: FloatArray) -> Value:
@@ -209,7 +185,7 @@ class Priorities:
         means = SolverMeans(qp, options.accuracy, options.budget.started())
         levels = self.levels(cost, sizes)
         try:
-            found = _unheld(levels, problem, first) or _descended(levels, problem, first, means)
+            found = _descended(levels, problem, first, means)
         except (np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError):
             active = np.zeros(len(limits.lower), dtype=np.int64)
             return RobustSolution(np.zeros(n), math.inf, 0.0, math.inf, active, Outcome.FAILED, False, 0, 0, None)

@@ -1,19 +1,15 @@
-"""Levels of strict priorities whose limits hold nothing back, in one call: least squares within what is left free.
+"""A level of strict priorities that no limit holds back: least squares within what the levels above leave free.
 
-    level k: z = argmin ||D_k (x + T Q_1 z) - d_k||,  x <- x + T Q_1 z,  T <- T Q_2
+    z = argmin ||D (x + T Q_1 z) - d||,  x <- x + T Q_1 z,  T <- T Q_2
 
-Q = [Q_1 Q_2] are the Householder reflections, with pivoting, that leave of the rows of D_k T their first columns.
+Q = [Q_1 Q_2] are the Householder reflections, with pivoting, that leave of the rows of D T their first columns.
 """
-
-from typing import Any
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, VECTOR, helper, kernel, together
+from drake_tc.kernels.compiling import MATRIX, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray
 
-FOUND, HELD, LEFT = 0, 1, 2
-"""The levels decide everything and keep the limits; a limit is missed by one of them; directions are left."""
 RANK = 1e-10
 """As `drake_tc.tsid.robust.scaled` has it."""
 
@@ -100,36 +96,30 @@ def _least_squares(rows: FloatArray, k: int, right: FloatArray) -> FloatArray:
     return z
 
 
-@kernel(together(MATRIX, VECTOR, INDEX), together(MATRIX, VECTOR, VECTOR), OUT_VECTOR)
-def solve_levels(levels: tuple[Any, ...], sides: tuple[FloatArray, ...], x: FloatArray) -> int:
-    """FOUND where x is the only minimum of all levels, each of them inside the limits.
+@kernel(together(MATRIX, VECTOR), together(MATRIX, VECTOR, VECTOR), VECTOR, MATRIX)
+def solve_level(
+    level: tuple[FloatArray, FloatArray], sides: tuple[FloatArray, ...], begin: FloatArray, basis: FloatArray
+) -> tuple[bool, FloatArray, FloatArray]:
+    """Whether the minimum is a number inside the limits, the minimum x (n,), and T (n, f - k) of what it leaves free.
 
     Args:
-        levels: (r, n) D of the levels, one below the other, (r,) d, and (levels + 1,) where they begin and end.
+        level: (r, n) D, (r,) d.
         sides: (m, n) A, (m,) lower and upper sides of A x.
-        x: (n,) where to begin; the solution.
+        begin: (n,) x where the levels above have ended.
+        basis: (n, f) T, orthonormal, of what they leave free.
     """
-    (cost, target, ends), (limits, lower, upper) = levels, sides
-    n = x.size
-    free, f = np.eye(n), n
-    for level in range(ends.size - 1):
-        if f == 0:
-            break
-        own = cost[ends[level] : ends[level + 1]]
-        right = target[ends[level] : ends[level + 1]] - np.dot(own, x)
-        rows = np.dot(own, np.ascontiguousarray(free[:, :f]))
-        for i in range(rows.shape[0]):
-            if np.dot(rows[i], rows[i]) <= RANK * RANK * np.dot(own[i], own[i]):
-                rows[i] = 0.0
-        k = _triangular(rows, free, f)
-        z = _least_squares(rows, k, right)
-        for i in range(n):
-            x[i] += np.dot(free[i, :k], z)
-        value = np.dot(limits, x)
-        for i in range(value.size):
-            if not lower[i] <= value[i] <= upper[i]:
-                return HELD
-        f -= k
-        left = free[:, k : k + f].copy()
-        free[:, :f] = left
-    return FOUND if f == 0 else LEFT
+    (cost, target), (limits, lower, upper) = level, sides
+    x, free = begin.copy(), basis.copy()
+    right, rows = target - np.dot(cost, x), np.dot(cost, free)
+    inside = bool(np.isfinite(rows.sum() + right.sum()))
+    for i in range(rows.shape[0]):
+        if np.dot(rows[i], rows[i]) <= RANK * RANK * np.dot(cost[i], cost[i]):
+            rows[i] = 0.0
+    k = _triangular(rows, free, free.shape[1])
+    z = _least_squares(rows, k, right)
+    for i in range(x.size):
+        x[i] += np.dot(free[i, :k], z)
+    value = np.dot(limits, x)
+    for i in range(value.size):
+        inside = inside and lower[i] <= value[i] <= upper[i]
+    return inside, x, free[:, k:].copy()

@@ -110,9 +110,7 @@ class Quadprog:
             rows, sides = np.zeros((problem.gradient.size, 1)), np.full(1, -1.0)
         try:
             x, _, _, iterations, dual, _ = self._quadprog(problem.hessian, -problem.gradient, rows, sides, equal.size)
-        except (
-            ValueError
-        ) as error:  # "constraints are inconsistent" or "matrix G is not positive definite"
+        except ValueError as error:  # "constraints are inconsistent" or "matrix G is not positive definite"
             return unsolved(problem, Outcome.INFEASIBLE if "inconsistent" in str(error) else Outcome.FAILED)
         multipliers = np.zeros(problem.lower.size)
         multipliers[equal] = -dual[: equal.size]
