@@ -11,11 +11,20 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import Demultiplexer, Multiplexer, Selector, SelectorParams
+from pydrake.systems.primitives import (
+    Adder,
+    Demultiplexer,
+    DiscreteTimeDelay,
+    MatrixGain,
+    Multiplexer,
+    Selector,
+    SelectorParams,
+)
 
 from drake_tc.errors import ParamsError
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.sensing.suite import Readings
+from drake_tc.types import FloatArray
 
 
 def picked(
@@ -49,6 +58,34 @@ def split(builder: DiagramBuilder, name: str, source: OutputPort, sizes: Sequenc
     blocks: Any = builder.AddNamedSystem(name, Demultiplexer(list(sizes)))
     builder.Connect(source, blocks.get_input_port())
     return [blocks.get_output_port(i) for i in range(len(sizes))]
+
+
+def product(builder: DiagramBuilder, name: str, matrix: FloatArray, port: OutputPort) -> OutputPort:
+    """A matrix times a port, by a block of Drake's own."""
+    gain: Any = matrix
+    system = builder.AddNamedSystem(name, MatrixGain(D=gain))
+    builder.Connect(port, system.get_input_port())
+    output: OutputPort = system.get_output_port()
+    return output
+
+
+def total(builder: DiagramBuilder, name: str, *ports: OutputPort) -> OutputPort:
+    """The sum of ports of one size, by a block of Drake's own."""
+    system = builder.AddNamedSystem(name, Adder(len(ports), ports[0].size()))
+    for number, port in enumerate(ports):
+        builder.Connect(port, system.get_input_port(number))
+    output: OutputPort = system.get_output_port()
+    return output
+
+
+def late(builder: DiagramBuilder, voltage: OutputPort, period: float, ticks: int) -> OutputPort:
+    """The voltages of tick k, which act from tick k + `ticks` on: a system `loop_delay` where there is a delay."""
+    if not ticks:
+        return voltage
+    delay = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(period, ticks - 1, voltage.size()))
+    builder.Connect(voltage, delay.get_input_port())
+    output: OutputPort = delay.get_output_port()
+    return output
 
 
 def first_imu(builder: DiagramBuilder, reading: OutputPort) -> OutputPort:

@@ -10,12 +10,12 @@ wired by `add_series_elastic_control`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import DiscreteTimeDelay, MatrixGain, TrajectorySource
+from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_effects import Models, model_list
@@ -24,7 +24,7 @@ from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.actuation.wiring import actuated_joints, add_actuators
 from drake_tc.control.series_elastic import SeriesElasticControl
 from drake_tc.loops.built_loop import ControlledJoints, Controller, WiredLoop, add_input
-from drake_tc.loops.loop_builder import LoopBuilder
+from drake_tc.loops.loop_builder import LoopBuilder, late, product
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance
 from drake_tc.sensing.sensor import Sensor
@@ -104,7 +104,8 @@ def add_series_elastic_loop(
     }
     _add_sensors(loop, len(assumed))
     voltage = add_series_elastic_control(loop, assumed, reference_torque, reference_acceleration)
-    builder.Connect(_delayed(loop, voltage), actuators.GetInputPort("command"))
+    ticks = round(spec.delay / spec.dt)
+    builder.Connect(late(builder, voltage, spec.dt, ticks), actuators.GetInputPort("command"))
     loop.signals["friction_torque"] = actuators.GetOutputPort("friction_torque")
     flags = tuple(f"torque_control/{joint}" for joint in joints) if "flags" in loop.signals else ()
     return SeriesElasticLoop(
@@ -160,7 +161,6 @@ def add_series_elastic_control(
 def _add_sensors(loop: LoopBuilder[SeriesElasticLoopSpec], n: int) -> None:
     """Encoders before and after the springs and the gauges of n joints."""
     spec, builder = loop.scenario, loop.builder
-    first: Any = np.eye(n, 2 * n)
     for name, source, sensor in (
         ("motor_encoder", "motor_state", spec.sensors.motor_encoder),
         ("link_encoder", "link_state", spec.sensors.link_encoder),
@@ -168,9 +168,7 @@ def _add_sensors(loop: LoopBuilder[SeriesElasticLoopSpec], n: int) -> None:
     ):
         port = loop.signals[source]
         if port.size() == 2 * n:
-            pick = builder.AddNamedSystem(f"{name}_angle", MatrixGain(first))
-            builder.Connect(port, pick.get_input_port())
-            port = pick.get_output_port()
+            port = product(builder, f"{name}_angle", np.eye(n, 2 * n), port)
         loop.add(name, Sensor(n, sensor, spec.dt, (), sensor_seed(spec.seed, name)), truth=port)
         loop.signals[name] = loop.output(name, "reading")
 
@@ -178,23 +176,8 @@ def _add_sensors(loop: LoopBuilder[SeriesElasticLoopSpec], n: int) -> None:
 def _deflection_torque(loop: LoopBuilder[SeriesElasticLoopSpec], models: list[ActuatorModel]) -> OutputPort:
     """(n) torques of the springs by the encoders before and behind them [N m]."""
     stiffness = np.diag([1.0 / spring_compliance(model) for model in models])
-    spring: Any = np.hstack((stiffness, -stiffness))
-    deflection = loop.builder.AddNamedSystem("deflection_torque", MatrixGain(spring))
     encoders = loop.join("encoders", [loop.signals["motor_encoder"], loop.signals["link_encoder"]])
-    loop.builder.Connect(encoders, deflection.get_input_port())
-    port: OutputPort = deflection.get_output_port()
-    return port
-
-
-def _delayed(loop: LoopBuilder[SeriesElasticLoopSpec], voltage: OutputPort) -> OutputPort:
-    """The voltages of tick k, which act from tick k + delay/dt on."""
-    ticks = round(loop.scenario.delay / loop.scenario.dt)
-    if not ticks:
-        return voltage
-    late = loop.builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(loop.scenario.dt, ticks - 1, voltage.size()))
-    loop.builder.Connect(voltage, late.get_input_port())
-    port: OutputPort = late.get_output_port()
-    return port
+    return product(loop.builder, "deflection_torque", np.hstack((stiffness, -stiffness)), encoders)
 
 
 INPUTS = {"motor_encoder": "motor_position", "torque_sensor": "spring_torque", "link_encoder": "position"}

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource, Demultiplexer, MatrixGain
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import models_of_joints, save_models
@@ -36,7 +36,7 @@ from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import BaseSource, TorqueModel
 from drake_tc.estimation.wrench_tare import WrenchTare
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
-from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked
+from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, product, total
 from drake_tc.loops.scenarios import ModelFactors
 from drake_tc.loops.torque.references import posture
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source, sensor_suite
@@ -83,14 +83,9 @@ def zeroed(parts: TorqueLoopBuilder, name: str, wrench: OutputPort) -> OutputPor
     """F/T readings less the bias that the tare has found, by blocks of Drake's own: no call into Python."""
     builder, size = parts.builder, wrench.size()
     if not builder.HasSubsystemNamed("wrench_correction"):
-        less: Any = -np.eye(size, size + 1)  # of the tare's [bias; count]
-        gain = builder.AddNamedSystem("wrench_correction", MatrixGain(less))
-        builder.Connect(builder.GetSubsystemByName("wrench_tare").GetOutputPort("memory"), gain.get_input_port())
-    total = builder.AddNamedSystem(name, Adder(2, size))
-    builder.Connect(wrench, total.get_input_port(0))
-    builder.Connect(builder.GetSubsystemByName("wrench_correction").get_output_port(0), total.get_input_port(1))
-    port: OutputPort = total.get_output_port()
-    return port
+        memory = builder.GetSubsystemByName("wrench_tare").GetOutputPort("memory")  # [bias; count]
+        product(builder, "wrench_correction", -np.eye(size, size + 1), memory)
+    return total(builder, name, wrench, builder.GetSubsystemByName("wrench_correction").get_output_port(0))
 
 
 def base_now(parts: TorqueLoopBuilder) -> OutputPort:

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pydrake.systems.framework import OutputPort, System
-from pydrake.systems.primitives import Adder, TrajectorySource
+from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from drake_tc.control.reference_source import StoppingReference
 from drake_tc.loops.built_loop import Start
+from drake_tc.loops.loop_builder import total
 from drake_tc.loops.whole_body.drives import TorqueNoise, control_drives
 from drake_tc.loops.whole_body.sensor_validation import ValidatedSensors, add_flags, add_sensor_validation, stopped
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, base_state, estimated_state
@@ -144,7 +145,4 @@ def _with_error(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
     if spec is None:
         return torque
     noise = builder.AddNamedSystem("torque_noise", TorqueNoise(law.error, spec.hold, wiring.scenario.seed, spec.scale))
-    total = builder.AddNamedSystem("erring_torque", Adder(2, law.model.n))
-    for number, port in enumerate((torque, noise.get_output_port())):
-        builder.Connect(port, total.get_input_port(number))
-    return total.get_output_port()
+    return total(builder, "erring_torque", torque, noise.get_output_port())

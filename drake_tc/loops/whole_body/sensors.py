@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource
+from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.wiring import apply_rotor_inertia
@@ -22,7 +22,7 @@ from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked
+from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, total
 from drake_tc.loops.whole_body.scenario import WholeBodySpec
 from drake_tc.robot.plant import add_robot, check_joint_types
 from drake_tc.robot.robot import Robot
@@ -282,8 +282,4 @@ def _held_off(wiring: WholeBodyBuilder, contacts: OutputPort) -> OutputPort:
     k, builder = contacts.size(), wiring.builder
     less: Any = -np.ones(k)
     one = builder.AddNamedSystem("minus_one", ConstantVectorSource(less))
-    total: Any = builder.AddNamedSystem("contact_switch", Adder(2, k))
-    builder.Connect(contacts, total.get_input_port(0))
-    builder.Connect(one.get_output_port(), total.get_input_port(1))
-    port: OutputPort = total.get_output_port()
-    return port
+    return total(builder, "contact_switch", contacts, one.get_output_port())

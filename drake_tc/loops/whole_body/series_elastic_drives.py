@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, LinearSystem, MatrixGain
+from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import models_of_joints
@@ -24,7 +24,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.link_position import LinkPosition, spring_times
 from drake_tc.loops.built_loop import Start
 from drake_tc.loops.fused import StageValues
-from drake_tc.loops.loop_builder import picked
+from drake_tc.loops.loop_builder import late, picked, product, total
 from drake_tc.loops.whole_body.scenario import TsidScenario
 from drake_tc.loops.whole_body.sensors import WholeBodyBuilder, required_models
 from drake_tc.robot.robot import Robot
@@ -134,12 +134,10 @@ def add_spring_drives(wiring: WholeBodyBuilder, plant: MultibodyPlant) -> tuple[
     check_springs(models)
     actuators = add_actuators(builder, plant, models, plant.time_step() or wiring.law.period)
     wiring.systems["actuators"] = actuators
-    angle: Any = np.eye(n, 2 * n)
-    pick = builder.AddNamedSystem("motor_angle", MatrixGain(angle))
-    builder.Connect(actuators.GetOutputPort("motor_state"), pick.get_input_port())
+    angle = product(builder, "motor_angle", np.eye(n, 2 * n), actuators.GetOutputPort("motor_state"))
     readings = []
     for name, truth, sensor in (
-        ("motor_encoder", pick.get_output_port(), spec.motor_encoder),
+        ("motor_encoder", angle, spec.motor_encoder),
         ("torque_gauge", actuators.GetOutputPort("transmitted_torque"), spec.gauge),
     ):
         seed = sensor_seed(wiring.scenario.seed, name)
@@ -211,11 +209,9 @@ def drive_springs(wiring: WholeBodyBuilder, actuators: ActuatorPlant, command: S
         ParamsError: times that are no whole number of the controller's periods.
     """
     spec, law, builder = wiring.scenario.series_elastic, wiring.law, wiring.builder
-    ticks, late, voltage = spec.ticks(law.period), None, command.voltage
-    if ticks:
-        late = builder.AddNamedSystem("loop_delay", DiscreteTimeDelay(law.period, ticks - 1, law.model.n))
-        builder.Connect(voltage, late.get_input_port())
-        voltage = late.get_output_port()
+    ticks = spec.ticks(law.period)
+    voltage = late(builder, command.voltage, law.period, ticks)
+    delay: Any = voltage.get_system()
     builder.Connect(voltage, actuators.GetInputPort("command"))
     wiring.signals["applied_torque"] = actuators.GetOutputPort("transmitted_torque")
     gains = np.array([model.drive.gain for model in required_models(wiring, "models").values()])
@@ -223,8 +219,8 @@ def drive_springs(wiring: WholeBodyBuilder, actuators: ActuatorPlant, command: S
     def start(values: StageValues) -> None:
         first = values.output(command.torque)
         rest = gains * first
-        if late is not None:
-            values.set_state(late, np.tile(rest, ticks))
+        if ticks:
+            values.set_state(delay, np.tile(rest, ticks))
         _wind(actuators, values, first, rest)
         if command.held is not None:
             angle = values.output(actuators.GetOutputPort("motor_state"))
@@ -269,16 +265,11 @@ def _damped(wiring: WholeBodyBuilder, torque: OutputPort) -> OutputPort:
         raise ParamsError(f"series_elastic.damped_joints: no joint {strange[0]!r}; there: {', '.join(joints)}")
     chosen = np.array([not spec.damped_joints or joint in spec.damped_joints for joint in joints])
     state = wiring.signals["estimated_state" if "estimated_state" in wiring.signals else "state"]
-    against: Any = np.zeros((model.n, state.size()))
+    against = np.zeros((model.n, state.size()))
     against[np.arange(model.n), model.nq + model.actuated] = np.where(chosen, -spec.joint_damping, 0.0)
-    gain = builder.AddNamedSystem("joint_damping", MatrixGain(against))
-    builder.Connect(state, gain.get_input_port())
-    total: Any = builder.AddNamedSystem("damped_torque", Adder(2, model.n))
-    for number, part in enumerate((torque, gain.get_output_port())):
-        builder.Connect(part, total.get_input_port(number))
-    port: OutputPort = total.get_output_port()
-    wiring.signals["damped_torque"] = port
-    return port
+    damped = total(builder, "damped_torque", torque, product(builder, "joint_damping", against, state))
+    wiring.signals["damped_torque"] = damped
+    return damped
 
 
 def _desired_acceleration(wiring: WholeBodyBuilder, bandwidth: float) -> OutputPort:

@@ -19,7 +19,6 @@ from typing import Any, Literal
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import MatrixGain
 from pydrake.trajectories import Trajectory
 
 from drake_tc.actuation.joint_effects import Models, model_list
@@ -28,6 +27,7 @@ from drake_tc.actuation.wiring import add_actuators
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import CONTACTS, ControlledJoints, Controller, Start, WiredLoop, add_input
 from drake_tc.loops.fused import FusedStages, StageValues
+from drake_tc.loops.loop_builder import product
 from drake_tc.loops.plant import require_live_ports
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
 from drake_tc.loops.whole_body.drives import drive_models, known_drives
@@ -125,7 +125,7 @@ def add_whole_body_loop(
     if robot.followers:
         known, moved = _without_followers(plant, law)
         state, touched = (
-            _product(builder, *each) for each in (("known_state", known, state), ("known_contact", moved, touched))
+            product(builder, *each) for each in (("known_state", known, state), ("known_contact", moved, touched))
         )
     named = [None if m is None else by_joint(m, law) for m in (models, controller_models or models)]
     check_rotors(law, named[1])
@@ -180,14 +180,6 @@ def _without_followers(plant: MultibodyPlant, law: Law) -> tuple[FloatArray, Flo
         row = model.actuated[robot.joints.index(follows.of)]
         moved[row, whole.GetJointByName(name).velocity_start()] = follows.multiplier
     return known, moved
-
-
-def _product(builder: DiagramBuilder, name: str, matrix: FloatArray, port: OutputPort) -> OutputPort:
-    gain: Any = matrix
-    system = builder.AddNamedSystem(name, MatrixGain(D=gain))
-    builder.Connect(port, system.get_input_port())
-    product: OutputPort = system.get_output_port()
-    return product
 
 
 def by_joint(models: Models, law: Law) -> dict[str, Any]:
