@@ -14,16 +14,14 @@ Neither its pose nor its linear velocity enters, as in the torque estimate.
 from typing import Any, Literal
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable
+from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import Kernel
-from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.tree import tree_of
-from drake_tc.types import FloatArray
+from drake_tc.types import GRAVITY, FloatArray
 
 _JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
 
@@ -49,38 +47,23 @@ class DynamicsTerms:
                 f"robot {robot.name!r}: expected a welded base (fixed_base: true); it floats: `FloatingTerms` takes"
                 " the base's motion from an IMU"
             )
-        plant = MultibodyPlant(0.0)
-        add_robot(plant, robot, rotors=False, followers="free")
-        frames = []
-        for mount in robot.force_torque:
-            body = plant.GetBodyByName(mount.contact.link)
-            offset = FixedOffsetFrame(f"{mount.name}_contact", body.body_frame(), mount.contact.pose.transform)
-            frames.append(plant.AddFrame(offset))
-        plant.Finalize()
-        self._plant = plant
-        self._frames = tuple(frames)
-        self._base = plant.GetBodyByName(robot.base).body_frame()
-        joints = [plant.GetJointByName(name) for name in robot.joints]
-        positions = np.array([joint.position_start() for joint in joints])
-        self.size, self.wrenches = len(joints), 6 * len(frames)
-        if plant.num_velocities() != self.size + len(robot.followers):
-            raise ParamsError(
-                f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {plant.num_velocities()}"
-            )
-        self._moves, self._offset = np.zeros((plant.num_velocities(), self.size)), np.zeros(plant.num_velocities())
-        self._moves[positions, np.arange(self.size)] = 1.0  # plant's joints from ours; one velocity a joint
-        for name, law in robot.followers.items():
-            at = plant.GetJointByName(name).position_start()
-            self._moves[at, robot.joints.index(law.of)], self._offset[at] = law.multiplier, law.offset
+        self._build(robot)
+        pose = robot.base_pose.transform
+        self._still = np.array([*pose.rotation().ToQuaternion().wxyz(), *np.zeros(14), GRAVITY])
+
+    def _build(self, robot: Robot) -> None:
+        self._model = model = build_plant(robot, cuts=False)
+        self._plant: Any = model.plant
+        self._frames = tuple(self._plant.GetFrameByName(mount.name + CONTACT_SUFFIX) for mount in robot.force_torque)
+        self.size, self.wrenches = len(robot.joints), 6 * len(self._frames)
+        movable = self._plant.num_velocities() - 6
+        if movable != self.size + len(robot.followers):
+            raise ParamsError(f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {movable}")
+        order = np.arange(self.size)
+        tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {}, followers=robot.followers)
+        self.tree = (tree.places, tree.constants, tree.trunk)
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])
-        order, pose = np.arange(self.size), robot.base_pose.transform
-        tree = tree_of(
-            plant, plant.GetBodyByName(robot.base), robot.joints, order, order, {}, {}, followers=robot.followers
-        )
-        gravity: FloatArray = np.array(plant.gravity_field().gravity_vector())
-        still = [*pose.rotation().ToQuaternion().wxyz(), *np.zeros(12), *(-gravity)]
-        self.tree, self._still = (tree.places, tree.constants, tree.trunk), np.array(still)
 
     def create_scratch(self) -> "Scratch":
         """Scratch memory for the other methods."""
@@ -93,7 +76,7 @@ class DynamicsTerms:
     def forces(self, scratch: "Scratch", vdot: FloatArray) -> FloatArray:
         """(n,) M vdot + h [N m] for vdot (n,) [rad/s^2], by one recursion; h = C(q, v) v - tau_g(q)."""
         out = np.empty(self.size)
-        _JOINT_FORCES((scratch.q, scratch.v, vdot), self.tree, self._still, out)
+        _JOINT_FORCES((scratch.q, scratch.v, vdot), self.tree, self.base(scratch), out)
         return out
 
     def base(self, scratch: "Scratch") -> FloatArray:
@@ -102,26 +85,26 @@ class DynamicsTerms:
 
     def jacobian(self, scratch: "Scratch") -> FloatArray:
         """(6k, n) J."""
-        state: Any = np.concatenate((self._moves @ scratch.q + self._offset, self._moves @ scratch.v))
+        base, state = self._model.base, self._model.state_of(scratch.q, scratch.v)
         self._plant.SetPositionsAndVelocities(scratch.context, state)
-        with_respect_to, base = JacobianWrtVariable.kV, self._base
         rows: Any = [
-            self._plant.CalcJacobianSpatialVelocity(scratch.context, with_respect_to, frame, self._origin, base, base)[
-                self._force_first
-            ]
+            self._plant.CalcJacobianSpatialVelocity(
+                scratch.context, JacobianWrtVariable.kV, frame, self._origin, base, base
+            )[self._force_first]
+            @ self._model.moves
             for frame in self._frames
         ]
-        jacobian = np.concatenate(rows) if rows else np.zeros((0, self._plant.num_velocities()))
-        return np.asarray(jacobian @ self._moves)
+        return np.concatenate(rows) if rows else np.zeros((0, self.size))
 
 
 class Scratch:
-    """Where a DynamicsTerms stands; a copy is a new one, for another Context."""
+    """Where the terms stand and how their base moves; a copy is a new one, for another Context."""
 
     def __init__(self, plant: Any) -> None:
         self._plant = plant
         self.context = plant.CreateDefaultContext()
-        self.q = self.v = np.zeros(plant.num_positions())
+        self.q = self.v = np.zeros(0)
+        self.rate, self.acceleration = np.zeros(3), np.zeros(6)
 
     def __deepcopy__(self, memo: object) -> "Scratch":
         return Scratch(self._plant)
@@ -130,11 +113,8 @@ class Scratch:
 BaseRotation = Literal["gyro", "neglected"]
 
 
-class FloatingTerms:
-    """M vdot + h (n) and J (6k, n) as `DynamicsTerms` has them, of a base that is carried along: `carry`, then `place`.
-
-    The rows of J are [linear; angular] of each contact frame relative to the base, in the axes of the base.
-    """
+class FloatingTerms(DynamicsTerms):
+    """The torques above and J as `DynamicsTerms` has it, of a base that is carried: `carry`, then `place`."""
 
     def __init__(self, robot: Robot, angular_acceleration: BaseRotation = "gyro") -> None:
         """Build the model.
@@ -150,29 +130,11 @@ class FloatingTerms:
             raise ParamsError(
                 f"robot {robot.name!r}: expected an IMU, as its base floats and its motion must be known; it has none"
             )
-        self._model = model = build_plant(robot, cuts=False)
-        self._plant: Any = model.plant
-        self._motion = BaseMotion(model, self._plant.GetFrameByName(robot.imu[0].name + IMU_SUFFIX))
+        self._build(robot)
+        self._motion = BaseMotion(self._model, self._plant.GetFrameByName(robot.imu[0].name + IMU_SUFFIX))
         self._rotates = angular_acceleration == "gyro"
-        self._frames = tuple(self._plant.GetFrameByName(mount.name + CONTACT_SUFFIX) for mount in robot.force_torque)
-        self.size, self.wrenches = len(robot.joints), 6 * len(self._frames)
-        nq, self._nv = self._plant.num_positions(), self._plant.num_velocities()
-        if self._nv != self.size + len(robot.followers) + 6:
-            raise ParamsError(
-                f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {self._nv - 6}"
-            )
-        self._first = nq
-        order = np.arange(self.size)
-        tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {}, followers=robot.followers)
-        self.tree = (tree.places, tree.constants, tree.trunk)
-        self._origin: Any = np.zeros(3)
-        self._force_first = np.array([3, 4, 5, 0, 1, 2])
 
-    def create_scratch(self) -> "FloatingScratch":
-        """Scratch memory for the other methods."""
-        return FloatingScratch(self._plant)
-
-    def carry(self, scratch: "FloatingScratch", imu: FloatArray, joints: FloatArray) -> None:
+    def carry(self, scratch: Scratch, imu: FloatArray, joints: FloatArray) -> None:
         """Take the base's motion from its IMU.
 
         Args:
@@ -184,47 +146,11 @@ class FloatingTerms:
         state = self._model.state_of(joints[:n], joints[n : 2 * n])
         rate = imu[6:9] if self._rotates else np.zeros(3)
         scratch.acceleration = self._motion.solve(scratch.context, state, joints[2 * n :], imu[:6], rate)
-        scratch.rate = state[self._first : self._first + 3].copy()
+        first = self._plant.num_positions()
+        scratch.rate = state[first : first + 3].copy()
 
-    def place(self, scratch: "FloatingScratch", q: FloatArray, v: FloatArray) -> None:
-        """Go to q, v (n,) [rad, rad/s], where the terms are taken, with the base as `carry` had it."""
-        scratch.q, scratch.v = q.copy(), v.copy()
-
-    def forces(self, scratch: "FloatingScratch", vdot: FloatArray) -> FloatArray:
-        """(n,) tau of the module's docstring [N m] for vdot (n,) [rad/s^2]."""
-        out = np.empty(self.size)
-        _JOINT_FORCES((scratch.q, scratch.v, vdot), self.tree, self.base(scratch), out)
-        return out
-
-    def base(self, scratch: "FloatingScratch") -> FloatArray:
+    def base(self, scratch: Scratch) -> FloatArray:
         """(19,) how the base moves as `carry` had it, see `drake_tc.kernels.inverse_dynamics.joint_forces`."""
         base = np.zeros(19)
         base[0], base[7:10], base[13:] = 1.0, scratch.rate, scratch.acceleration
         return base
-
-    def jacobian(self, scratch: "FloatingScratch") -> FloatArray:
-        """(6k, n) J."""
-        base, state = self._model.base, self._model.state_of(scratch.q, scratch.v)
-        self._plant.SetPositionsAndVelocities(scratch.context, state)
-        rows: Any = [
-            self._plant.CalcJacobianSpatialVelocity(
-                scratch.context, JacobianWrtVariable.kV, frame, self._origin, base, base
-            )[self._force_first]
-            @ self._model.moves
-            for frame in self._frames
-        ]
-        return np.concatenate(rows) if rows else np.zeros((0, self.size))
-
-
-class FloatingScratch:
-    """Where a FloatingTerms stands and how its base moves; a copy is a new one, for another Context."""
-
-    def __init__(self, plant: Any) -> None:
-        self._plant = plant
-        self.context = plant.CreateDefaultContext()
-        self.q = self.v = np.zeros(0)
-        self.rate = np.zeros(3)
-        self.acceleration = np.zeros(6)
-
-    def __deepcopy__(self, memo: object) -> "FloatingScratch":
-        return FloatingScratch(self._plant)

@@ -37,7 +37,6 @@ from daqp import solve  # type: ignore[import-not-found, import-untyped, unused-
 from drake_tc.estimation.base.kinematics import (
     BaseKinematics,
     BaseState,
-    Readings,
     Sample,
     initial_state,
     packed,
@@ -258,16 +257,11 @@ class OnKinematics(ABC):
             after: (s,).
         """
 
-    def step(self, state: BaseState, readings: Readings) -> BaseState:
-        """The state after one sample; never raises.
-
-        Args:
-            state: Before it.
-            readings: The sample.
-        """
+    def step(self, state: BaseState, sample: Sample) -> BaseState:
+        """The state after one sample; never raises."""
         before = packed(state)
         after = np.empty_like(before)
-        self.advance(before, readings.sample(), after)
+        self.advance(before, sample, after)
         return unpacked(after, self.num_joints, self.num_contacts)
 
     def initial_state(self, position: FloatArray, yaw: float) -> BaseState:

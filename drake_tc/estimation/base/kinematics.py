@@ -181,7 +181,6 @@ __all__ = [
     "FLAGS",
     "SCALARS",
     "BaseState",
-    "Readings",
     "Sample",
     "initial_state",
     "packed",
@@ -208,25 +207,6 @@ class Sample(NamedTuple):
     tilt: FloatArray
     wrench: FloatArray
     switch: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Readings:
-    """A `Sample` of a log, with gyro (3,) and accel (3,) apart, and wrench (k, 6)."""
-
-    q: FloatArray
-    qd: FloatArray
-    gyro: FloatArray
-    accel: FloatArray
-    tilt: FloatArray
-    wrench: FloatArray
-    switch: FloatArray
-
-    def sample(self) -> Sample:
-        """The same as a tick takes it."""
-        imu, wrench = np.concatenate((self.gyro, self.accel)), np.ravel(self.wrench)
-        parts = (self.q, self.qd, imu, self.tilt, wrench, self.switch)
-        return Sample(*(np.ascontiguousarray(part, dtype=float) for part in parts))
 
 
 class BaseState(Memory):

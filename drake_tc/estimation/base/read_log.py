@@ -8,13 +8,13 @@ Does a log make sense in SI units? What cannot be is refused, with the unit that
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
-from drake_tc.estimation.base.kinematics import BaseState, Readings
+from drake_tc.estimation.base.estimator import OnKinematics
+from drake_tc.estimation.base.kinematics import Sample
 from drake_tc.estimation.base.rig import BaseRig
 from drake_tc.logs.checks.plausible import DEGREES, derivative
 from drake_tc.logs.files.array_files import read_arrays
@@ -22,21 +22,6 @@ from drake_tc.logs.files.readers import read_table
 from drake_tc.robot.robot import position_range
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import GRAVITY, FloatArray
-
-
-class Estimator(Protocol):
-    """`CopEstimator` or `FootCentreEstimator`."""
-
-    num_joints: int
-    num_contacts: int
-
-    def initial_state(self, position: FloatArray, yaw: float) -> BaseState:
-        """Before the first tick."""
-        ...
-
-    def step(self, state: BaseState, readings: Readings) -> BaseState:
-        """After one sample."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +43,11 @@ class SensorLog:
     wrench: FloatArray
     switch: FloatArray
 
-    def readings(self, i: int) -> Readings:
-        """Sample i."""
-        return Readings(
-            self.q[i], self.qd[i], self.gyro[i], self.accel[i], self.tilt[i], self.wrench[i], self.switch[i]
-        )
+    def sample(self, i: int) -> Sample:
+        """Sample i, as a tick takes it."""
+        imu, wrench = np.concatenate((self.gyro[i], self.accel[i])), np.ravel(self.wrench[i])
+        parts = (self.q[i], self.qd[i], imu, self.tilt[i], wrench, self.switch[i])
+        return Sample(*(np.ascontiguousarray(part, dtype=float) for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +76,7 @@ def rpy_of(R: FloatArray) -> FloatArray:
 
 
 def run_log(
-    estimator: Estimator,
+    estimator: OnKinematics,
     log: SensorLog,
     position: FloatArray,
     yaw: float,
@@ -109,7 +94,7 @@ def run_log(
     state = estimator.initial_state(position, yaw)
     positions, angles, velocities, flags, contact_flags, pressures = [], [], [], [], [], []
     for i in range(len(log.time)):
-        state = estimator.step(state, log.readings(i))
+        state = estimator.step(state, log.sample(i))
         positions.append(state.position)
         angles.append(rpy_of(state.rotation))
         velocities.append(state.rotation @ state.velocity)

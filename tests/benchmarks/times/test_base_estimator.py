@@ -22,7 +22,7 @@ def made():
 
 def ticks(estimator, log):
     state = estimator.initial_state(np.array(walker().base_pose.xyz), 0.0)
-    samples = [log.readings(i) for i in range(len(log.time))]
+    samples = [log.sample(i) for i in range(len(log.time))]
     seconds, limited = [], []
     for sample in samples:
         begin = time.perf_counter()

@@ -108,7 +108,7 @@ def test_slow_rocking_is_no_rest_and_rest_is():
         estimator = CopEstimator(walker(), spec(PERIOD, still_rate=0.05))
         state = estimator.initial_state(made.truth.position[0], 0.0)
         for i in range(len(each.time)):
-            state = estimator.step(state, each.readings(i))
+            state = estimator.step(state, each.sample(i))
         learnt[name] = state
     assert_allclose(learnt["resting"].bias, bias, atol=1e-3)
     assert learnt["resting"].scalar("rested") > 150

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_tc.estimation.base.estimator import CopEstimator
-from drake_tc.estimation.base.kinematics import CONTACT_FLAGS, FLAGS, SCALARS, Readings
+from drake_tc.estimation.base.kinematics import CONTACT_FLAGS, FLAGS, SCALARS, Sample
 from drake_tc.estimation.base.read_log import run_log, track_error
 
 from .constructed import REAL, Motion, construct, spec, walker
@@ -182,10 +182,8 @@ def test_whatever_comes_in_nothing_raises_and_nothing_but_numbers_comes_out(valu
         def draw(*shape):
             return rng.choice(values, size=shape)
 
-        readings = Readings(
-            draw(n), draw(n), draw(3), draw(3), draw(2), draw(k, 6), rng.choice([0.0, 1.0, -1.0], size=k)
-        )
-        state = estimator.step(state, readings)
+        sample = Sample(draw(n), draw(n), draw(6), draw(2), draw(6 * k), rng.choice([0.0, 1.0, -1.0], size=k))
+        state = estimator.step(state, sample)
         for name, part in state._asdict().items():
             known = np.delete(part, SCALARS.index("ground")) if name == "scalars" else part
             assert np.isfinite(known).all(), name

@@ -289,7 +289,7 @@ def test_hands_are_points_and_carry_too(made):
     touch[:, 2, 0] = 25.0  # across the hand: the length of the force counts
     wide = replace(wide, wrench=touch)
     for i in range(10):
-        state = estimator.step(state, wide.readings(i))
+        state = estimator.step(state, wide.sample(i))
     assert state.contacts[:, 0].tolist() == [1.0, 1.0, 1.0, 0.0]
     assert_allclose(state.pressure[2:], 0.0, atol=0.0)
     assert np.linalg.norm(state.position - made.truth.position[9]) < 1e-3
