@@ -16,14 +16,13 @@ Source: the Smith predictor (1957), as a complementary filter; the delay is an o
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import PortMethods
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
+from drake_tc.kernels.calls import copying
+from drake_tc.types import Call
 
 LARGEST = 1e9
 """No input in SI units is as large; one that is counts as not finite."""
@@ -47,7 +46,7 @@ class PredictorSpec:
             raise ParamsError(f"predictor.bandwidth: expected a positive number [rad/s], got {self.bandwidth!r}")
 
 
-class DelayPredictor(PortMethods, LeafSystem):
+class DelayPredictor(StageSystem):
     """tau_now and the joints' motion now, or the delayed ones while the model cannot be trusted.
 
     Inputs:
@@ -84,65 +83,44 @@ class DelayPredictor(PortMethods, LeafSystem):
         if not (math.isfinite(dt) and dt > 0.0):
             raise ParamsError(f"dt: expected a positive period [s], got {dt!r}")
         n = self._size = size
-        self._blend = -math.expm1(-spec.bandwidth * dt)
+        self._blend, self._dt = -math.expm1(-spec.bandwidth * dt), float(dt)
         sizes = {"estimated_torque": n, "joint_estimate": 3 * n, "delayed_model_torque": n}
-        sizes |= {"link_torque": n, "motion": 3 * n, "fault": 1, "position": n}
-        ports: dict[str, Any] = {name: self.DeclareVectorInputPort(name, width) for name, width in sizes.items()}
-        self._torque, self._delayed = ports["estimated_torque"], ports["joint_estimate"]
-        self._old, self._link, self._motion = (ports[k] for k in ("delayed_model_torque", "link_torque", "motion"))
-        self._fault, self._position = ports["fault"], ports["position"]
-        state = self.DeclareDiscreteState(n)
-        self._state = int(state)
-        own = self.discrete_state_ticket(state)
-        inputs = {port.ticket() for port in ports.values()}
-        self._verdict: Any = self.DeclareCacheEntry(
-            "sound", ValueProducer(allocate=Value(()).Clone, calc=self._judge), inputs
-        )
-        everything = {own, self._verdict.ticket(), *inputs}
-        self.DeclareVectorOutputPort("estimated_torque", n, self._write_torque, everything)
-        self.DeclareVectorOutputPort("joint_estimate", 3 * n, self._write_motion, everything)
-        self.DeclareVectorOutputPort("position", n, self._write_position, everything)
-        self.DeclareStateOutputPort("model_torque", state)
-        self.DeclareVectorOutputPort("fault", 1, self._write_fault, everything)
-        self.DeclarePeriodicDiscreteUpdateEvent(float(dt), 0.0, self._update)
-
-    def _judge(self, context: Any, verdict: Any) -> None:
-        """Whether the model can be trusted, into the cache entry."""
-        if self._fault.Eval(context)[0] != 0.0:
-            verdict.set_value(False)
-            return
-        seen = (self._torque, self._old, self._link, self._motion, self._position, self._delayed)
-        verdict.set_value(bool(np.abs(np.concatenate([port.Eval(context) for port in seen])).max() < LARGEST))
-
-    def _sound(self, context: Any) -> bool:
-        return bool(self._verdict.Eval(context))
-
-    def _write_torque(self, context: Any, vector: Any) -> None:
-        torque = self._torque.Eval(context)
-        if self._sound(context):
-            torque = torque + context.get_discrete_state(self._state).value() - self._old.Eval(context)
-        vector.set_value(torque)
-
-    def _write_motion(self, context: Context, vector: Any) -> None:
-        vector.set_value((self._motion if self._sound(context) else self._delayed).Eval(context))
+        self._declare(sizes | {"link_torque": n, "motion": 3 * n, "fault": 1, "position": n})
 
     def coordinate_names(self) -> tuple[str, ...]:
         """Of the state, for linearisations: "model_torque[i]"."""
         return tuple(f"model_torque[{i}]" for i in range(self._size))
 
-    def _write_position(self, context: Context, vector: Any) -> None:
-        sound = self._sound(context)
-        vector.set_value(self._motion.Eval(context)[: self._size] if sound else self._position.Eval(context))
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        n = self._size
+        names = ("estimated_torque", "joint_estimate", "delayed_model_torque", "motion", "position")
 
-    def _write_fault(self, context: Context, vector: Any) -> None:
-        vector.set_value(np.array([0.0 if self._sound(context) else 1.0]))
+        def bind_early(arrays: Arrays) -> tuple[Call, None]:
+            return copying(arrays.before, arrays.out), None
 
-    def _update(self, context: Any, values: DiscreteValues) -> None:
-        torque = np.asarray(self._torque.Eval(context))
-        held = context.get_discrete_state(self._state).value()
-        if self._sound(context):
-            after = held + self._blend * (self._link.Eval(context) - held)
-        else:
-            after = np.where(np.abs(torque) < LARGEST, torque, 0.0)
-        target: Any = values
-        target.set_value(self._state, after)
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            given, held, after = arrays.inputs, arrays.before, arrays.after
+            torque, delayed, old, motion, position = seen = [given[name] for name in names]
+            link, faulty, out = given["link_torque"], given["fault"], arrays.out
+
+            def outputs(time: float) -> None:
+                sound = faulty[0] == 0.0 and np.abs(np.concatenate((*seen, link))).max() < LARGEST
+                out[:n] = torque + held - old if sound else torque
+                out[n : 4 * n] = motion if sound else delayed
+                out[4 * n : 5 * n] = motion[:n] if sound else position
+                out[-1] = not sound
+
+            def update(time: float) -> None:
+                if out[-1]:
+                    after[:] = np.where(np.abs(torque) < LARGEST, torque, 0.0)
+                else:
+                    after[:] = held + self._blend * (link - held)
+
+            return outputs, update
+
+        early = ArrayStage(n, places({"model_torque": slice(n)}), bind_early)
+        ports = places({"estimated_torque": slice(n), "joint_estimate": slice(n, 4 * n)})
+        ports |= places({"position": slice(4 * n, 5 * n), "fault": slice(5 * n, 5 * n + 1)})
+        reads = frozenset({*names, "link_torque", "fault"})
+        return ArrayStage(5 * n + 1, ports, bind, reads, start=np.zeros(n), period=self._dt, early=early)

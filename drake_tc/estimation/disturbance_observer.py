@@ -40,17 +40,16 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_tc.actuation.joint_effects import Models, model_list
 from drake_tc.actuation.model import split_parts
-from drake_tc.array_stage import PortMethods
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import as_slice
+from drake_tc.kernels.calls import copying
 from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.types import FloatArray
+from drake_tc.types import Call, FloatArray
 
 
 class JointInertia:
@@ -159,7 +158,7 @@ def observer_gains(bandwidth: float, dt: float) -> tuple[float, float, float]:
     return 1.0 - z**3, 1.5 * (1.0 - z) ** 2 * (1.0 + z) / dt, (1.0 - z) ** 3 / dt**2
 
 
-class DisturbanceObserver(PortMethods, LeafSystem):
+class DisturbanceObserver(StageSystem):
     """The observer of the module's docstring for all joints of a robot.
 
     Inputs:
@@ -223,79 +222,57 @@ class DisturbanceObserver(PortMethods, LeafSystem):
         self._limit = spec.limit * np.where(np.isfinite(effort), effort, 100.0)
         self._inertia, self._size, self._dt = JointInertia(robot), n, float(dt)
         self._gains = observer_gains(spec.bandwidth, dt)
-        self._declare(n)
+        self._declare_ports(n)
 
-    def _declare(self, n: int) -> None:
+    def _declare_ports(self, n: int) -> None:
         sizes = {"position": n, "commanded_torque": n, "command": n, "sent_command": n}
         sizes |= {"feedforward_torque": n, "reference": 3 * n, "delayed_reference": 2 * n}
         sizes |= {"joint_estimate": 3 * n, "estimated_torque": n, "compensated_motion": 3 * n}
-        self._ports: Any = tuple(self.DeclareVectorInputPort(name, size) for name, size in sizes.items())
-        self._reference: Any = self.GetInputPort("reference")
-        self._torque_fault: Any = self.DeclareVectorInputPort("torque_fault", 1)
-        start: Any = np.zeros(5 * n + 1)
-        start[-1] = 1.0
-        state = self.DeclareDiscreteState(start)
-        self._state = int(state)
-        ticket = self.discrete_state_ticket(state)
-        scratch = self._inertia.create_context
-        self._scratch: Any = self.DeclareCacheEntry(
-            "scratch",
-            ValueProducer(allocate=lambda: Value(Scratch(scratch)), calc=lambda context, value: None),
-            {self.nothing_ticket()},
-        )
-        self.DeclareVectorOutputPort("motion", 3 * n, self._write_motion, {ticket})
-        self.DeclareVectorOutputPort("disturbance", n, self._writer(3), {ticket})
-        self.DeclareVectorOutputPort("compensation", n, self._write_compensation, {ticket, self._reference.ticket()})
-        self.DeclareVectorOutputPort("link_torque", n, self._writer(4), {ticket})
-        self.DeclareVectorOutputPort("fault", 1, self._write_fault, {ticket})
-        self.DeclarePeriodicDiscreteUpdateEvent(self._dt, 0.0, self._update)
+        self._seen = tuple(sizes)
+        self._declare({**sizes, "torque_fault": 1})
 
     @property
     def rotor_inertia(self) -> FloatArray:
         """(n,) J [kg m^2]."""
         return self._rotor.copy()
 
-    def _held(self, context: Any) -> FloatArray:
-        return np.asarray(context.get_discrete_state(self._state).value())
-
     def coordinate_names(self) -> tuple[str, ...]:
         """Of the state, for linearisations: "joint/estimated_position" and the like, and "fault"."""
         parts = ("estimated_position", "estimated_velocity", "disturbance", "acceleration", "link_torque")
         return (*(f"{joint}/{part}" for part in parts for joint in self._joints), "fault")
 
-    def _write_motion(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._held(context)[: 3 * self._size])
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        n, start = self._size, np.zeros(5 * self._size + 1)
+        start[-1] = 1.0
 
-    def _writer(self, row: int) -> Any:
-        part = slice(row * self._size, (row + 1) * self._size)
+        def bind_early(arrays: Arrays) -> tuple[Call, None]:
+            return copying(arrays.before, arrays.out), None
 
-        def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._held(context)[part])
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            held, x, out, scratch = arrays.before, arrays.after, arrays.out, self._inertia.create_context()
+            seen = [arrays.inputs[name] for name in self._seen]
+            desired, fault = arrays.inputs["reference"][2 * n :], arrays.inputs.get("torque_fault", np.zeros(1))
 
-        return write
+            def outputs(time: float) -> None:
+                sound = held[-1] == 0.0 and np.abs(desired).max() < LARGEST
+                out[:] = held[3 * n : 4 * n] + self._missing * desired if sound else 0.0
 
-    def _write_compensation(self, context: Context, vector: Any) -> None:
-        n, held = self._size, self._held(context)
-        desired = self._reference.Eval(context)[2 * n :]
-        sound = held[-1] == 0.0 and np.abs(desired).max() < LARGEST
-        vector.set_value(held[3 * n : 4 * n] + self._missing * desired if sound else np.zeros(n))
+            def update(time: float) -> None:
+                if fault[0] != 0.0 or not np.abs(np.concatenate(seen)).max() < LARGEST:  # also where one is NaN
+                    x[:], x[-1] = 0.0, 1.0
+                    return
+                if x[-1]:
+                    x[:n], x[n : 2 * n], x[2 * n :] = seen[0], seen[7][n : 2 * n], 0.0
+                self._advance(scratch, x, seen)
 
-    def _write_fault(self, context: Context, vector: Any) -> None:
-        vector.set_value(self._held(context)[-1:])
+            return outputs, update
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        n, new = self._size, self._held(context).copy()
-        seen = [port.Eval(context) for port in self._ports]
-        lost = self._torque_fault.HasValue(context) and self._torque_fault.Eval(context)[0] != 0.0
-        if lost or not np.abs(np.concatenate(seen)).max() < LARGEST:  # also where one is NaN
-            new[:] = 0.0
-            new[-1] = 1.0
-        else:
-            if new[-1]:
-                new[:n], new[n : 2 * n], new[2 * n :] = seen[0], seen[7][n : 2 * n], 0.0
-            self._advance(self._scratch.Eval(context).context, new, seen)
-        target: Any = values
-        target.set_value(self._state, new)
+        parts = {"motion": slice(3 * n), "disturbance": slice(3 * n, 4 * n), "link_torque": slice(4 * n, 5 * n)}
+        early = ArrayStage(5 * n + 1, places(parts | {"fault": slice(5 * n, 5 * n + 1)}), bind_early)
+        ports, reads = places({"compensation": slice(n)}), frozenset({"reference"})
+        updates = frozenset({*self._seen, "torque_fault"})
+        return ArrayStage(n, ports, bind, reads, updates, start, self._dt, early)
 
     def _advance(self, scratch: Any, x: FloatArray, seen: list[FloatArray]) -> None:
         """One tick of the recursion, in place; x = [q^; v^; a; d^; link torque; fault]."""
@@ -320,14 +297,3 @@ class DisturbanceObserver(PortMethods, LeafSystem):
         x[2 * n : 3 * n] = rate
         x[3 * n : 4 * n] = lost
         x[4 * n : 5 * n] = u - self._rotor * rate - lost
-
-
-class Scratch:
-    """A Context that a cache entry owns; a copy is a new one, for another Context."""
-
-    def __init__(self, create: Any) -> None:
-        self._create = create
-        self.context = create()
-
-    def __deepcopy__(self, memo: object) -> "Scratch":
-        return Scratch(self._create)

@@ -1,19 +1,18 @@
 """`WrenchTare`: zero the force/torque sensors while nothing touches the robot."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.kernels.calls import copying
 from drake_tc.types import Call, FloatArray
 
 
-class WrenchTare(PortMethods, LeafSystem):
+class WrenchTare(StageSystem):
     """Readings less their bias, which is what they show of a robot that nothing touches beyond what its motion needs.
 
     Inputs:
@@ -55,28 +54,7 @@ class WrenchTare(PortMethods, LeafSystem):
             raise ParamsError(f"tare: {model.robot.name} has no force/torque sensor")
         self._model, self._begin, self._end = model, begin, end
         self._size, self._period, self._no_imu = 6 * model.num_sensors, float(period), np.zeros(12)
-        self._joint: Any = self.DeclareVectorInputPort("joint_estimate", 3 * model.size)
-        self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
-        self._wrench: Any = self.DeclareVectorInputPort("wrench", self._size)
-        state = self.DeclareDiscreteState(self._size + 1)
-        self._state = int(state)
-        self._scratch: Any = self.DeclareCacheEntry(
-            "scratch",
-            ValueProducer(allocate=lambda: Value(model.create_context()), calc=lambda context, value: None),
-            {self.nothing_ticket()},
-        )
-        tickets = {self._wrench.ticket(), self.discrete_state_ticket(state)}
-        self.DeclareVectorOutputPort(
-            "wrench",
-            self._size,
-            self._write,
-            tickets,
-        )
-        self.DeclareVectorOutputPort(
-            "correction", self._size, self._write_correction, {self.discrete_state_ticket(state)}
-        )
-        self.DeclareStateOutputPort("memory", state)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self._declare({"joint_estimate": 3 * model.size, "imu_estimate": 12, "wrench": self._size})
 
     def coordinate_names(self) -> tuple[str, ...]:
         """Of the state, for linearisations: "sensor/axis bias", and "samples" that the bias was measured from."""
@@ -85,39 +63,35 @@ class WrenchTare(PortMethods, LeafSystem):
         return (*(f"{sensor}/{axis} bias" for sensor in sensors for axis in axes), "samples")
 
     def on_arrays(self) -> ArrayStage:
-        """This stage without its ports, of which `memory` alone is on arrays."""
+        """This stage without its ports."""
         n = self._size
 
+        def bind_early(arrays: Arrays) -> tuple[Sequence[Call], None]:
+            memory, less = np.split(arrays.out, [n + 1])
+
+            def negate(time: float) -> None:
+                np.negative(memory[:n], out=less)
+
+            return (copying(arrays.before, memory), negate), None
+
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            given, before, after = arrays.inputs, arrays.before, arrays.after
+            given, before, after, out = arrays.inputs, arrays.before, arrays.after, arrays.out
             joint, wrench = given["joint_estimate"], given["wrench"]
             imu, scratch = given.get("imu_estimate", self._no_imu), self._model.create_context()
+
+            def outputs(time: float) -> None:
+                np.subtract(wrench, before[:n], out=out)
 
             def update(time: float) -> None:
                 if self._begin <= time <= self._end:
                     after[:] = self._next(scratch, before, joint, imu, wrench)
 
-            return copying(before, arrays.out), update
+            return outputs, update
 
-        inputs = frozenset({"joint_estimate", "imu_estimate", "wrench"})
-        memory = places({"memory": slice(n + 1)})
-        return ArrayStage(n + 1, memory, bind, updates=inputs, start=np.zeros(n + 1), period=self._period)
-
-    def _write_correction(self, context: Any, vector: BasicVector) -> None:
-        vector.set_value(-context.get_discrete_state(self._state).value()[: self._size])
-
-    def _write(self, context: Any, vector: BasicVector) -> None:
-        vector.set_value(self._wrench.Eval(context) - context.get_discrete_state(self._state).value()[: self._size])
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        if not self._begin <= context.get_time() <= self._end:
-            return
-        joint: FloatArray = self._joint.Eval(context)
-        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
-        wrench: FloatArray = self._wrench.Eval(context)
-        state: Any = values
-        old: Any = context.get_discrete_state(self._state).value()
-        state.set_value(self._state, self._next(self._scratch.Eval(context), old, joint, imu, wrench))
+        of_state = places({"memory": slice(n + 1), "correction": slice(n + 1, 2 * n + 1)})
+        early, ports = ArrayStage(2 * n + 1, of_state, bind_early), places({"wrench": slice(n)})
+        updates = frozenset({"joint_estimate", "imu_estimate"})
+        return ArrayStage(n, ports, bind, frozenset({"wrench"}), updates, np.zeros(n + 1), self._period, early)
 
     def _next(
         self, scratch: Any, old: FloatArray, joint: FloatArray, imu: FloatArray, wrench: FloatArray
