@@ -39,6 +39,8 @@ from drake_tc.robot.robot import load_robot
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 
 LEG = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_leg.yaml"
+ROBOT = load_robot(LEG)
+MODELS = load_models(ROBOT.actuators)
 N, DT = 6, 1e-3
 SPEC = CSpec(name="leg", kp=2.0, ki=1.5)
 EFFECTS = [e for e in (*LIBRARY, *UNCOMMON) if not isinstance(e, SensorEffect)]
@@ -72,20 +74,17 @@ class Compiled:
 
 @pytest.fixture(scope="module")
 def leg(tmp_path_factory):
-    robot = load_robot(LEG)
-    return Compiled(to_c(load_models(robot.actuators), robot, SPEC), tmp_path_factory.mktemp("leg"))
+    return Compiled(to_c(MODELS, ROBOT, SPEC), tmp_path_factory.mktemp("leg"))
 
 
 @pytest.fixture(scope="module")
 def run():
     """A recorded run of the leg's simulated loop."""
-    robot, builder = load_robot(LEG), DiagramBuilder()
-    models = load_models(robot.actuators)
-    plant = add_robot_plant(builder, robot)
-    motion = knot_trajectory(
-        [0.1, 0.5, 0.9], robot.posture + np.array([np.zeros(6), [0.2, 0.1, -0.4, 0.6, -0.2, 0.1], np.zeros(6)])
-    )
-    loop = add_torque_loop(builder, plant, robot, models, motion, TorqueLoopSpec(tare=0.0))
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, ROBOT)
+    turned = np.array([np.zeros(6), [0.2, 0.1, -0.4, 0.6, -0.2, 0.1], np.zeros(6)])
+    motion = knot_trajectory([0.1, 0.5, 0.9], ROBOT.posture + turned)
+    loop = add_torque_loop(builder, plant, ROBOT, MODELS, motion, TorqueLoopSpec(tare=0.0))
     names = ("joint_state", "encoder", "desired_torque", "estimated_torque", "joint_estimate", "reference", "actuation")
     log = loop.add_log(builder, *names)
     simulator = Simulator(builder.Build())
@@ -124,27 +123,21 @@ def test_the_filter_of_a_recorded_run(leg, run):
     "compensation", [CompensationSpec(), CompensationSpec("reference", "estimate", "none", 0.05, 1e-5)]
 )
 def test_the_torque_control_of_a_recorded_run(run, tmp_path, compensation):
-    robot = load_robot(LEG)
-    models = load_models(robot.actuators)
-    spec = replace(SPEC, compensation=compensation)
-    compiled = Compiled(to_c(models, robot, spec), tmp_path)
-    gains = TorqueGains.from_servo(models, kp=spec.kp, ki=spec.ki)
-    system = TorqueControl(models, gains, joint_limits(robot).effort, DT, compensation)
-    names = ["desired_torque", "estimated_torque", "position", "joint_estimate", "reference", "torque_terms"]
-    stage = alone(system, (names, ["command"]))
+    compiled = Compiled(to_c(MODELS, ROBOT, replace(SPEC, compensation=compensation)), tmp_path)
+    gains = TorqueGains.from_servo(MODELS, kp=SPEC.kp, ki=SPEC.ki)
+    system = TorqueControl(MODELS, gains, joint_limits(ROBOT).effort, DT, compensation)
+    order = {"desired_torque": "desired_torque", "estimated_torque": "estimated_torque", "position": "encoder"}
+    order |= {"joint_estimate": "joint_estimate", "reference": "reference"}
+    stage = alone(system, ([*order, "torque_terms"], ["command"]))
     compiled.call("init", state=True)
     commands = []
     for k in range(len(run["encoder"])):
-        given = {
-            name: run[name][k].copy() for name in ("desired_torque", "estimated_torque", "joint_estimate", "reference")
-        }
-        given |= {"position": run["encoder"][k].copy(), "torque_terms": np.zeros(6 * N)}
+        given = {name: run[source][k].copy() for name, source in order.items()} | {"torque_terms": np.zeros(6 * N)}
         if k == 300:
             given["estimated_torque"] += 1e4  # beyond the limits, for the integral to be held
         if k == 400:
             given["position"][1] = np.nan
         out = np.empty(N)
-        order = ("desired_torque", "estimated_torque", "position", "joint_estimate", "reference")
         sound = compiled.call("torque_control", *(given[name] for name in order), out, state=True)
         assert sound == (k != 400)
         commands.append((out, stage.tick(given)["command"]))
@@ -154,12 +147,16 @@ def test_the_torque_control_of_a_recorded_run(run, tmp_path, compensation):
     assert np.nanmax(np.abs(found - run["encoder"])) > 1e-3
 
 
+def in_drake(robot):
+    """Drake's plant, its context, and the places of the robot's joints."""
+    plant = make_plant(robot, 0.0)
+    places = [plant.GetJointByName(name).velocity_start() for name in robot.joints]
+    return plant, plant.CreateDefaultContext(), places
+
+
 def test_inverse_dynamics_and_gravity_are_drakes(leg):
     rng = np.random.default_rng(3)
-    robot = load_robot(LEG)
-    plant = make_plant(robot, 0.0)
-    context = plant.CreateDefaultContext()
-    places = [plant.GetJointByName(name).velocity_start() for name in robot.joints]
+    plant, context, places = in_drake(ROBOT)
     for _ in range(50):
         q, v, a = rng.normal(0.0, 1.0, (3, N))
         state = np.zeros((3, N))
@@ -204,9 +201,7 @@ def test_prismatic_joints_and_branches_are_drakes(tmp_path):
     robot = load_robot(tmp_path / "tree.yaml")
     drives = [ActuatorModel(name, Drive("current", 0.4)) for name in robot.joints]
     compiled = Compiled(to_c(drives, robot, CSpec(name="tree")), tmp_path)
-    plant = make_plant(robot, 0.0)
-    context = plant.CreateDefaultContext()
-    places = [plant.GetJointByName(name).velocity_start() for name in robot.joints]
+    plant, context, places = in_drake(robot)
     rng = np.random.default_rng(0)
     for q, v, a in rng.normal(0.0, 1.0, (20, 3, 4)):
         state = np.zeros((3, 4))
@@ -222,8 +217,7 @@ def test_prismatic_joints_and_branches_are_drakes(tmp_path):
 
 def test_external_torques_of_a_recorded_run(leg, run):
     """The residual of the C file holds after its call, that of the system at the next tick."""
-    robot = load_robot(LEG)
-    observer = MomentumResidual(TorqueModel(robot, base="fixed", angular_acceleration="zero"), SPEC.residual_gain, DT)
+    observer = MomentumResidual(TorqueModel(ROBOT, base="fixed", angular_acceleration="zero"), SPEC.residual_gain, DT)
     stage = alone(observer, (["joint_state", "torque"], ["residual"]))
     leg.call("init", state=True)
     found, expected = [], []
@@ -294,14 +288,13 @@ def played(rng, start):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_guard_is_that_of_python(tmp_path, seed):
     """Commands and modes over starts, holds, damps and returns; commands of servos are in the joints' ranges."""
-    robot, rng = load_robot(LEG), np.random.default_rng(seed)
-    models, limits = load_models(robot.actuators), joint_limits(robot)
+    rng, limits = np.random.default_rng(seed), joint_limits(ROBOT)
     spec = GuardSpec(start_time=0.05, hold_time=0.03, recover_time=0.02, blend_time=0.03, rate_limit=4.0)
-    compiled = Compiled(to_c(models, robot, replace(SPEC, guard=spec)), tmp_path)
+    compiled = Compiled(to_c(MODELS, ROBOT, replace(SPEC, guard=spec)), tmp_path)
     compiled.call("init", state=True)
-    law = GuardLaw(N, DT, rated_guard(spec, list(models.values()), limits.effort, limits.velocity))
+    law = GuardLaw(N, DT, rated_guard(spec, list(MODELS.values()), limits.effort, limits.velocity))
     state, after, seen = law.initial(), law.initial(), set()
-    for command, position, fault in played(rng, robot.posture):
+    for command, position, fault in played(rng, ROBOT.posture):
         sent = np.empty(N)
         mode = compiled.call("guard", command, position, fault, sent, state=True)
         within = np.where(np.isfinite(command), np.clip(command, limits.lower, limits.upper), command)
@@ -354,8 +347,7 @@ int main(void)
 
 def test_a_tick_takes_less_than_a_microsecond_a_joint(tmp_path):
     """The best of 20 rounds: filter, gravity, torque control and external torques."""
-    robot = load_robot(LEG)
-    to_c(load_models(robot.actuators), robot, SPEC).write(tmp_path)
+    to_c(MODELS, ROBOT, SPEC).write(tmp_path)
     (tmp_path / "main.c").write_text(BENCH)
     subprocess.run(["cc", *FLAGS, "main.c", "leg.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
     done = subprocess.run(["./main"], cwd=tmp_path, check=True, capture_output=True, text=True)
@@ -365,16 +357,14 @@ def test_a_tick_takes_less_than_a_microsecond_a_joint(tmp_path):
 
 
 def test_what_has_no_c_is_refused():
-    robot = load_robot(LEG)
-    models = load_models(robot.actuators)
-    with pytest.raises(ParamsError, match="expected a fixed base"):
-        to_c(models, replace(robot, fixed_base=False))
-    with pytest.raises(ParamsError, match="name: expected an identifier of C"):
-        CSpec(name="My Arm")
-    with pytest.raises(ParamsError, match="kp: expected a number >= 0"):
-        CSpec(kp=-1.0)
-    with pytest.raises(ParamsError, match="has no counterpart in C"):
-        c_function(looping)
+    for refused, said in (
+        (lambda: to_c(MODELS, replace(ROBOT, fixed_base=False)), "expected a fixed base"),
+        (lambda: CSpec(name="My Arm"), "name: expected an identifier of C"),
+        (lambda: CSpec(kp=-1.0), "kp: expected a number >= 0"),
+        (lambda: c_function(looping), "has no counterpart in C"),
+    ):
+        with pytest.raises(ParamsError, match=said):
+            refused()
     assert [number(x) for x in (1.0, 1e-7, -3.25, np.inf)] == ["1.0", "1e-07", "-3.25", "HUGE_VAL"]
 
 

@@ -11,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import save_models
+from drake_tc.cli.main import run
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.actuator_configs import to_isaaclab
 from drake_tc.exchange.bam import to_bam
@@ -39,6 +40,19 @@ MODEL = ActuatorModel(
 
 def exported(target: str):
     return [project(MODEL, TARGETS[target])]
+
+
+def in_drake(text, kind):
+    """Drake's joint of the knee, and its actuator if it has one."""
+    plant = MultibodyPlant(1e-3)
+    Parser(plant).AddModelsFromString(text, kind)
+    plant.Finalize()
+    indices = plant.GetJointActuatorIndices()
+    return plant.GetJointByName("knee"), plant.get_joint_actuator(indices[0]) if indices else None, plant
+
+
+def reflected_inertia(actuator):
+    return actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
 
 
 def test_mjcf_gives_the_terms_back(tmp_path):
@@ -98,26 +112,19 @@ def test_backlash_becomes_a_free_hinge(tmp_path):
 
 
 def test_drake_reads_what_its_urdf_says():
-    plant = MultibodyPlant(1e-3)
-    Parser(plant).AddModelsFromString(to_urdf(exported("drake-urdf"), drake=True), "urdf")
-    plant.Finalize()
-    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
-    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
-    assert reflected == pytest.approx(0.31) and actuator.get_controller_gains().p == pytest.approx(5000.0)
-    assert plant.GetJointByName("knee").default_damping_vector()[0] == pytest.approx(
-        exported("drake-urdf")[0].terms.damping, rel=1e-9
-    )
-    assert 32.5 < exported("drake-urdf")[0].terms.damping < 32.5 + 2.0 * 1.5  # the quadratic part, up to 2 rad/s
+    (projection,) = exported("drake-urdf")
+    knee, actuator, _plant = in_drake(to_urdf([projection], drake=True), "urdf")
+    assert reflected_inertia(actuator) == pytest.approx(0.31)
+    assert actuator.get_controller_gains().p == pytest.approx(5000.0)
+    assert knee.default_damping_vector()[0] == pytest.approx(projection.terms.damping, rel=1e-9)
+    assert 32.5 < projection.terms.damping < 32.5 + 2.0 * 1.5  # the quadratic part, up to 2 rad/s
     assert actuator.effort_limit() == pytest.approx(50.0)
-    losses = {loss.effect for loss in exported("drake-urdf")[0].losses}
-    assert {"coulomb", "delay.command", "deadzone"} <= losses
+    assert {"coulomb", "delay.command", "deadzone"} <= {loss.effect for loss in projection.losses}
 
 
 def test_drake_reads_the_sdf():
-    plant = MultibodyPlant(1e-3)
-    Parser(plant).AddModelsFromString(to_sdf(exported("sdf")), "sdf")
-    plant.Finalize()
-    assert plant.GetJointByName("knee").default_damping_vector()[0] > 30.0
+    knee, _actuator, _plant = in_drake(to_sdf(exported("sdf")), "sdf")
+    assert knee.default_damping_vector()[0] > 30.0
     assert "rotor_inertia" in {loss.effect for loss in exported("sdf")[0].losses}
 
 
@@ -183,11 +190,8 @@ def test_a_urdf_whose_prefixes_are_not_declared_keeps_the_rest(tmp_path, target,
     text = to_urdf(exported(target), mine, drake=target == "drake-urdf")
     pairs = list(zip(text.splitlines(), before.splitlines(), strict=True))
     assert {old.split()[0].strip("<>") for new, old in pairs if new != old} == changed
-    plant = MultibodyPlant(1e-3)
-    Parser(plant).AddModelsFromString(text, "urdf")
-    plant.Finalize()
-    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
-    reflected = actuator.default_rotor_inertia() * actuator.default_gear_ratio() ** 2
+    _knee, actuator, _plant = in_drake(text, "urdf")
+    reflected = reflected_inertia(actuator)
     assert reflected == pytest.approx(0.31 if target == "drake-urdf" else 4.0)
     assert actuator.effort_limit() == 50.0
     mine.write_text(text, encoding="utf-8")
@@ -367,8 +371,6 @@ def test_bam_keeps_a_stribeck_peak_while_the_rest_is_refitted():
 
 
 def test_the_command(tmp_path, capsys):
-    from drake_tc.cli.main import run
-
     path, out = tmp_path / "model.yaml", tmp_path / "out.xml"
     save_models({"knee": MODEL}, path)
     assert run(["export", str(path), "--to", "mjcf", "--out", str(out), "--json"]) == 0

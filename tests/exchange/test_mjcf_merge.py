@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
+from drake_tc.actuation.model_file import save_models
+from drake_tc.cli.main import run as drake_tc
 from drake_tc.errors import ParamsError
 from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
 from drake_tc.exchange.projection import TARGETS, project
@@ -50,20 +52,40 @@ FILES = {
 }
 
 
-def merged(tmp_path, kind, model):
-    default, tag = FILES[kind]
+SERVO_OF_THE_KNEE = [project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])]
+
+
+def own_file(tmp_path, actuator, default="", before=""):
+    """A file of the user's, with `before` in front of its world."""
     path = tmp_path / "robot.xml"
-    path.write_text(FILE.format(default=default, actuator=f'<{tag} class="arm" name="k" joint="knee"/>'))
+    path.write_text(FILE.format(default=default, actuator=actuator).replace("<worldbody>", f"{before}<worldbody>", 1))
+    return path
+
+
+def with_class(tmp_path, kind):
+    default, tag = FILES[kind]
+    return own_file(tmp_path, f'<{tag} class="arm" name="k" joint="knee"/>', default)
+
+
+def merged(tmp_path, kind, model):
+    path = with_class(tmp_path, kind)
     return to_mjcf([project(model, TARGETS["mjcf"])], path), path
+
+
+def forward(text, command=(), position=0.0, velocity=0.0):
+    """MuJoCo's model and its forces without gravity; the numbers are of the first joint."""
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
+    data.ctrl[: len(command)] = command
+    data.qpos[0], data.qvel[0] = position, velocity
+    mujoco.mj_forward(model, data)
+    return model, data
 
 
 def torques(text, command, position, velocity):
     """Torque of the actuator, and of everything passive but gravity, at the joint [N m]."""
-    model = mujoco.MjModel.from_xml_string(text)
-    model.opt.gravity[:] = 0.0
-    data = mujoco.MjData(model)
-    data.ctrl[0], data.qpos[0], data.qvel[0] = command, position, velocity
-    mujoco.mj_forward(model, data)
+    data = forward(text, [command], position, velocity)[1]
     return data.qfrc_actuator[0], data.qfrc_passive[0]
 
 
@@ -110,11 +132,10 @@ def test_what_is_merged_is_read_again(tmp_path):
 
 def test_the_play_of_a_gear_is_free(tmp_path):
     text, _ = merged(tmp_path, "motor", ActuatorModel("knee", MOTOR, (EffectValue("backlash", {"backlash": 0.02}),)))
-    model = mujoco.MjModel.from_xml_string(text)
+    model, data = forward(text)
     play = model.joint("knee_backlash")
     dof = play.dofadr[0]
     assert model.dof_frictionloss[dof] == model.dof_armature[dof] == model.jnt_stiffness[play.id] == 0.0
-    data = mujoco.MjData(model)
     data.qvel[dof] = 1.0
     mujoco.mj_forward(model, data)
     assert data.qfrc_passive[dof] == 0.0
@@ -123,12 +144,10 @@ def test_the_play_of_a_gear_is_free(tmp_path):
 @pytest.mark.parametrize("kind", ["servo with a damping ratio", "general servo", "motor"])
 def test_a_drive_on_a_voltage_is_a_dc_motor(tmp_path, kind):
     """1.25 V on 4 N m/V, 32.5 N m s/rad of which 1.5 N m/A make 6; with a limit of force in the file it is a motor."""
-    default, tag = FILES[kind]
-    path = tmp_path / "robot.xml"
-    path.write_text(FILE.format(default=default, actuator=f'<{tag} class="arm" name="k" joint="knee"/>'))
     limited = (*FRICTION, EffectValue("saturation", {"limit": 2.0}))
     model = ActuatorModel("knee", Drive("voltage", 0.25), limited)
-    text = to_mjcf([with_torque_constant(project(model, TARGETS["mjcf"]), 1.5, TARGETS["mjcf"])], path)
+    projection = with_torque_constant(project(model, TARGETS["mjcf"]), 1.5, TARGETS["mjcf"])
+    text = to_mjcf([projection], with_class(tmp_path, kind))
     back_emf = 0.0 if kind == "motor" else 6.0
     assert ("<dcmotor " in text) is (kind != "motor")
     np.testing.assert_allclose(
@@ -139,80 +158,51 @@ def test_a_drive_on_a_voltage_is_a_dc_motor(tmp_path, kind):
 
 def test_a_second_actuator_that_brakes_is_switched_off(tmp_path):
     """It would act beside the identified model; one that only takes a command of its own stays."""
-    path = tmp_path / "robot.xml"
     both = '<position name="a" joint="knee"/> <velocity name="b" joint="knee"/> <motor name="c" joint="knee"/>'
-    path.write_text(FILE.format(default="", actuator=both))
-    model = ActuatorModel("knee", SERVO, FRICTION)
-    projections = [project(model, TARGETS["mjcf"])]
-    text = to_mjcf(projections, path)
-    compiled = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(compiled)
-    data.qvel[0] = 1.0
-    data.ctrl[:] = [0.0, 5.0, 2.0]
-    mujoco.mj_forward(compiled, data)
-    assert data.qfrc_actuator[0] == 2.0
-    (removed, kept) = changes(text, projections, path)
+    path = own_file(tmp_path, both)
+    text = to_mjcf(SERVO_OF_THE_KNEE, path)
+    assert forward(text, [0.0, 5.0, 2.0], velocity=1.0)[1].qfrc_actuator[0] == 2.0
+    (removed, kept) = changes(text, SERVO_OF_THE_KNEE, path)
     assert "the command of <velocity name='b'>" in removed and "its actuator <motor name='c'>" in kept
 
 
 @pytest.mark.parametrize("group", ["", "group='3'"])
 def test_damping_and_inertia_of_a_second_actuator_are_not_added_to_the_models(tmp_path, group):
     """In MuJoCo they act at the joint whatever drives the actuator, also in a group that is switched off."""
-    path = tmp_path / "robot.xml"
+    first = '<position name="a" joint="knee"/>'
     second = f"<motor name='b' joint='knee' gear='5' damping='0.9' armature='0.01' {group}/>"
-    text = FILE.format(default="", actuator=f'<position name="a" joint="knee"/>{second}')
-    path.write_text(text.replace("<worldbody>", "<option actuatorgroupdisable='3'/><worldbody>", 1))
-    written = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
-    path.write_text(FILE.format(default="", actuator='<position name="a" joint="knee"/>'))
-    alone = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
     accelerations = []
-    for each in (written, alone):
-        model = mujoco.MjModel.from_xml_string(each)
-        data = mujoco.MjData(model)
-        data.qvel[0], data.ctrl[0] = 1.0, 0.5
-        mujoco.mj_forward(model, data)
-        accelerations.append(data.qacc[0])
+    for actuators, option in ((first + second, "<option actuatorgroupdisable='3'/>"), (first, "")):
+        written = to_mjcf(SERVO_OF_THE_KNEE, own_file(tmp_path, actuators, before=option))
+        accelerations.append(forward(written, [0.5], velocity=1.0)[1].qacc[0])
     assert accelerations[0] == pytest.approx(accelerations[1], rel=1e-12)
 
 
 @pytest.mark.parametrize("group", [0, 2])
 def test_a_drive_whose_group_is_switched_off_is_switched_on(tmp_path, group):
-    path = tmp_path / "robot.xml"
-    text = FILE.format(default="", actuator=f'<position name="a" joint="knee" group="{group}"/>')
-    path.write_text(text.replace("<worldbody>", f"<option actuatorgroupdisable='{group}'/><worldbody>", 1))
-    written = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
-    model = mujoco.MjModel.from_xml_string(written)
-    data = mujoco.MjData(model)
-    data.ctrl[0] = 0.5
-    mujoco.mj_forward(model, data)
-    assert data.qfrc_actuator[0] == pytest.approx(0.5 / SERVO.gain, rel=1e-9)
+    option = f"<option actuatorgroupdisable='{group}'/>"
+    path = own_file(tmp_path, f'<position name="a" joint="knee" group="{group}"/>', before=option)
+    assert torques(to_mjcf(SERVO_OF_THE_KNEE, path), 0.5, 0.0, 0.0)[0] == pytest.approx(0.5 / SERVO.gain, rel=1e-9)
 
 
 def test_where_every_group_is_switched_off_there_is_one_line(tmp_path):
-    path = tmp_path / "robot.xml"
-    text = FILE.format(default="", actuator='<position name="a" joint="knee"/>')
-    every = " ".join(map(str, range(31)))
-    path.write_text(text.replace("<worldbody>", f"<option actuatorgroupdisable='{every}'/><worldbody>", 1))
+    option = f"<option actuatorgroupdisable='{' '.join(map(str, range(31)))}'/>"
+    path = own_file(tmp_path, '<position name="a" joint="knee"/>', before=option)
     with pytest.raises(ParamsError, match="knee: expected a group of actuators that is switched on"):
-        to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+        to_mjcf(SERVO_OF_THE_KNEE, path)
 
 
 def test_an_actuator_that_names_its_joint_in_the_parents_frame_is_the_drive(tmp_path):
-    path = tmp_path / "robot.xml"
-    path.write_text(FILE.format(default="", actuator='<position name="a" jointinparent="knee" kp="3"/>'))
-    written = to_mjcf([project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])], path)
+    written = to_mjcf(SERVO_OF_THE_KNEE, own_file(tmp_path, '<position name="a" jointinparent="knee" kp="3"/>'))
     model = mujoco.MjModel.from_xml_string(written)
     assert model.nu == 1
     assert model.actuator_gainprm[0][0] == pytest.approx(1.0 / SERVO.gain)
 
 
 def test_forces_that_the_file_disables_are_named(tmp_path):
-    path = tmp_path / "robot.xml"
-    text = FILE.format(default="", actuator='<position name="a" joint="knee"/>')
     flag = "<option><flag damper='disable'/></option>"
-    path.write_text(text.replace("<worldbody>", f"{flag}<worldbody>", 1))
-    projections = [project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])]
-    told = changes(to_mjcf(projections, path), projections, path)
+    path = own_file(tmp_path, '<position name="a" joint="knee"/>', before=flag)
+    told = changes(to_mjcf(SERVO_OF_THE_KNEE, path), SERVO_OF_THE_KNEE, path)
     assert any("its damping, which <flag> disables" in each for each in told)
 
 
@@ -237,20 +227,18 @@ LEFT = {
 def test_what_the_model_lacks_goes_and_is_named(tmp_path, kind):
     """The file that was written moves as a file that never had it."""
     joint, actuator, told = LEFT[kind]
-    path = tmp_path / "robot.xml"
-    model = ActuatorModel("knee", SERVO, FRICTION)
-    projections, moved = [project(model, TARGETS["mjcf"])], []
+    moved = []
     for has in (joint, ""), ("", "<position joint='knee' kp='5'/>"):
-        text = FILE.format(default="", actuator=actuator if has[0] or not has[1] else has[1])
-        path.write_text(text.replace('stiffness="0"', has[0] or 'stiffness="0"'))
-        written = to_mjcf(projections, path)
+        path = own_file(tmp_path, actuator if has[0] or not has[1] else has[1])
+        path.write_text(path.read_text().replace('stiffness="0"', has[0] or 'stiffness="0"'))
+        written = to_mjcf(SERVO_OF_THE_KNEE, path)
         compiled = mujoco.MjModel.from_xml_string(written)
         data = mujoco.MjData(compiled)
         data.ctrl[:1] = 0.3
         mujoco.mj_step(compiled, data, 300)
         moved.append(data.qpos[0])
         if not has[1]:
-            (line,) = changes(written, projections, path)
+            (line,) = changes(written, SERVO_OF_THE_KNEE, path)
             assert told in line and "removed from your file" in line
     assert moved[0] == moved[1] != 0.0
 
@@ -259,24 +247,17 @@ def test_the_content_of_includes_is_written_with_the_rest(tmp_path):
     (tmp_path / "drives.xml").write_text(
         "<mujoco><actuator><position name='k' class='arm' joint='knee'/></actuator></mujoco>"
     )
-    path = tmp_path / "robot.xml"
-    text = FILE.format(default=FILES["servo"][0], actuator="").replace(
-        "</mujoco>", "<include file='drives.xml'/></mujoco>"
-    )
-    path.write_text(text)
-    projections = [project(ActuatorModel("knee", SERVO, FRICTION), TARGETS["mjcf"])]
-    compiled = mujoco.MjModel.from_xml_string(to_mjcf(projections, path))
+    path = own_file(tmp_path, "", FILES["servo"][0])
+    path.write_text(path.read_text().replace("</mujoco>", "<include file='drives.xml'/></mujoco>"))
+    written = to_mjcf(SERVO_OF_THE_KNEE, path)
+    compiled = mujoco.MjModel.from_xml_string(written)
     assert compiled.nu == 1 and compiled.actuator_gear[0][0] == 1.0 and compiled.actuator_biasprm[0][2] == 0.0
     assert compiled.actuator_gainprm[0][0] == pytest.approx(1.0 / 2e-4)
-    assert "The files that your file includes were merged into the written file: drives.xml." in changes(
-        to_mjcf(projections, path), projections, path
-    )
+    told = "The files that your file includes were merged into the written file: drives.xml."
+    assert told in changes(written, SERVO_OF_THE_KNEE, path)
 
 
 def test_a_file_that_mujoco_does_not_load_is_written_and_its_run_named(tmp_path, capsys):
-    from drake_tc.actuation.model_file import save_models
-    from drake_tc.cli.main import run as drake_tc
-
     time = np.arange(400) * 2e-3
     wave = np.sin(9.0 * time)
     table = np.column_stack([time, 0.1 * wave, 0.11 * wave + 0.01, 2.0 * np.cos(9.0 * time)])
@@ -284,9 +265,9 @@ def test_a_file_that_mujoco_does_not_load_is_written_and_its_run_named(tmp_path,
     np.savetxt(tmp_path / "held.csv", table, delimiter=",", header=names, comments="")
     (tmp_path / "rig.yaml").write_text("{joint: knee, drive: position_servo, load: torque}\n")
     save_models({"knee": ActuatorModel("knee", SERVO, FRICTION)}, tmp_path / "model.yaml")
-    mesh = "<asset><mesh name='gone' file='gone.stl'/></asset><worldbody>"
-    text = FILE.format(default="", actuator="<position joint='knee'/>").replace("<worldbody>", mesh)
-    (tmp_path / "robot.xml").write_text(text.replace('<geom size="0.1"', '<geom type="mesh" mesh="gone"'))
+    mesh = "<asset><mesh name='gone' file='gone.stl'/></asset>"
+    path = own_file(tmp_path, "<position joint='knee'/>", before=mesh)
+    path.write_text(path.read_text().replace('<geom size="0.1"', '<geom type="mesh" mesh="gone"'))
     command = ["export", str(tmp_path / "model.yaml"), "--to", "mjcf", "--into", str(tmp_path / "robot.xml")]
     command += ["--rig", str(tmp_path / "rig.yaml"), "--holdout", str(tmp_path / "held.csv")]
     assert drake_tc([*command, "--out", str(tmp_path / "out.xml")]) == 0

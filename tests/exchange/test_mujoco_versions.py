@@ -11,7 +11,6 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.main import run as drake_tc
 from drake_tc.errors import ParamsError
 from drake_tc.exchange import mujoco_run
-from drake_tc.exchange import mujoco_run as mujoco_versions
 from drake_tc.exchange.mjcf import to_mjcf, with_torque_constant
 from drake_tc.exchange.mujoco_run import (
     SINCE,
@@ -46,6 +45,7 @@ def written(*effects, drive=POSITION, torque_constant=None, into=None):
 VOLTAGE = {"drive": Drive("voltage", 0.25), "torque_constant": 1.5}
 CASES = {
     "plain": ((), {}, ""),
+    "play": ((PLAY,), {}, ""),
     "delay": ((DELAY,), {}, "3.5 or newer for the delay of an actuator (knee)"),
     "polynomial": ((QUADRATIC,), {}, "3.7 or newer for damping as a polynomial of the speed (knee)"),
     "dcmotor": ((), VOLTAGE, "3.7 or newer for the actuator dcmotor (knee)"),
@@ -66,7 +66,8 @@ def test_the_file_needs_the_version_of_its_newest_term(case):
     for installed in (None, "3.17.0", "3.7.0"):
         assert version_sentence(text, ["knee"], installed=installed) == expected
         assert too_old(text, ["knee"], installed=installed) == ""
-    assert version_sentence(text, ["hip"], installed="3.4.0") == ""  # of joints that were not written nothing is said
+    for joint in ["hip"] if needed else ["hip", "knee"]:  # of joints that were not written nothing is said
+        assert version_sentence(text, [joint], installed="3.0.0") == ""
 
 
 def test_an_installed_version_that_refuses_the_file_is_named():
@@ -91,7 +92,7 @@ def test_the_installed_version_loads_what_it_is_said_to_load(case):
     text, _ = written(*effects, **drive)
     assert installed_mujoco() == mujoco.__version__
     if not too_old(text, ["knee"], installed=mujoco.__version__):
-        assert mujoco.MjModel.from_xml_string(text).nv == 1
+        assert mujoco.MjModel.from_xml_string(text).nv == 1 + (case == "play")
 
 
 FILE = """<mujoco>
@@ -103,7 +104,7 @@ FILE = """<mujoco>
 
 @pytest.mark.parametrize("limit", ["", ' forcerange="-1 1"'])
 def test_a_file_that_cannot_have_a_dcmotor_says_so(tmp_path: Path, monkeypatch, limit):
-    monkeypatch.setattr(mujoco_versions, "installed_mujoco", lambda: None)
+    monkeypatch.setattr(mujoco_run, "installed_mujoco", lambda: None)
     path = tmp_path / "robot.xml"
     path.write_text(FILE.format(limit=limit), encoding="utf-8")
     notes = file_notes(*written(**VOLTAGE, into=path))
@@ -122,16 +123,10 @@ def test_the_page_has_the_same_versions():
         assert f"| {name} | {major}.{minor} or newer |" in page
 
 
-def test_the_play_of_a_gear_needs_no_version():
-    text, _ = written(PLAY)
-    assert version_sentence(text, ["knee"], installed="3.0.0") == ""
-
-
 @pytest.fixture
 def old(monkeypatch):
     """MuJoCo 3.6.0 is taken for the installed version."""
-    for module in (mujoco_run, mujoco_versions):
-        monkeypatch.setattr(module, "installed_mujoco", lambda: "3.6.0")
+    monkeypatch.setattr(mujoco_run, "installed_mujoco", lambda: "3.6.0")
 
 
 def test_a_run_that_the_installed_version_cannot_do_is_refused(old):

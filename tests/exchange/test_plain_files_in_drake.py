@@ -5,24 +5,21 @@ import logging
 import re
 
 import numpy as np
-import pandas as pd
 import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
-from drake_tc.actuation.model_file import save_models
 from drake_tc.actuation.recorded_run import Link
 from drake_tc.cli.main import run as drake_tc
 from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake, simulate_urdf_in_drake
 from drake_tc.exchange.projection import TARGETS, project
-from drake_tc.exchange.target_run import RunInput
 from drake_tc.exchange.trial import try_export
 from drake_tc.exchange.urdf import to_urdf
 from drake_tc.simulator_files.terms import Terms
 
-from .test_target_runs import COULOMB, NONE, SERVO, H, T, alone, recorded
+from .test_target_runs import COULOMB, SERVO, T, alone, command_into_the_users_file, recorded
 
 INERTIA = 0.3
 URDF = """<robot name="r">
@@ -118,34 +115,6 @@ def test_friction_in_the_file_is_not_in_the_run_and_drake_does_not_warn(simulate
 
 
 @BOTH
-def test_damping_and_the_inertia_of_the_link_are_at_the_joint(simulate):
-    given = RunInput(NONE, NONE, (0.0, 1.0), H, substeps=10)
-    found = simulate(Terms("torque", 1.0, damping=2.0), Link(0.3, 0.0, 0.0), given)
-    np.testing.assert_allclose(found, 0.15 * (1.0 - np.exp(-2.0 * T / 0.3)), rtol=0, atol=1.55 * given.step)
-
-
-@BOTH
-def test_a_pendulum_swings_with_its_frequency_about_its_zero(simulate):
-    found = simulate(Terms("torque", 1.0), Link(0.5, 9.0, 0.3), alone(start=(0.31, 0.0)))
-    np.testing.assert_allclose(found, 0.3 + 0.01 * np.cos(np.sqrt(9.0 / 0.5) * T), rtol=0, atol=2e-4)
-
-
-@BOTH
-def test_the_users_controller_has_the_gain(simulate):
-    terms = Terms("position_servo", 50.0, damping=10.0)
-    found = simulate(terms, None, alone(np.full(T.size, 0.5), np.full(T.size, 5.0)))
-    assert found[-1] == pytest.approx(0.5 - 5.0 / 50.0, abs=2e-3)
-
-
-@BOTH
-@pytest.mark.parametrize("kind", ["position_servo", "current"])
-def test_the_limit_of_effort_holds(simulate, kind):
-    terms = Terms(kind, 1e4, torque_limit=0.6)
-    found = simulate(terms, Link(0.3, 0.0, 0.0), alone(np.full(T.size, 100.0)))
-    np.testing.assert_allclose(found, 0.5 * T**2 * 0.6 / 0.3, rtol=0, atol=2e-2)
-
-
-@BOTH
 def test_with_the_inertia_of_drakes_tags_the_run_is_that_of_such_a_file(simulate):
     terms = Terms("position_servo", 500.0, armature=0.3, damping=20.0)
     given = alone(0.3 * np.sin(4.0 * T))
@@ -159,15 +128,14 @@ def test_a_joint_without_inertia_and_damping_is_unstable(simulate):
     assert np.isnan(simulate(Terms("torque", 1.0), None, alone(np.ones(T.size)))[-1])
 
 
-@pytest.mark.parametrize("kind", ["sdf"])
-def test_the_error_is_that_of_what_the_format_lacks(kind):
+def test_the_error_is_that_of_what_the_format_lacks():
     """The rotor of 0.3 kg m^2, then the dry friction too, which the format has and Drake does not use."""
     errors = []
     for effects in (SERVO, (*SERVO, COULOMB)):
         model = ActuatorModel("joint", Drive("position_servo", 2e-3), effects)
-        assert {loss.effect for loss in project(model, TARGETS[kind]).losses} == {"drive gain", "rotor_inertia"}
+        assert {loss.effect for loss in project(model, TARGETS["sdf"]).losses} == {"drive gain", "rotor_inertia"}
         rig, run = recorded(model)
-        trial = try_export({"joint": model}, "model_after.yaml", kind, rig, ([run], [run]), None)
+        trial = try_export({"joint": model}, "model_after.yaml", "sdf", rig, ([run], [run]), None)
         (row,) = trial.rows
         errors.append(row.export)
         assert row.export > 5.0 * row.model and row.original is None and trial.runner == "Drake's plant"
@@ -177,37 +145,9 @@ def test_the_error_is_that_of_what_the_format_lacks(kind):
     assert errors[1] > 1.3 * errors[0]
 
 
-TAGS = {
-    "urdf": (
-        '<actuator name="joint"/>',
-        '<actuator name="joint"><drake:rotor_inertia value="3e-3"/><drake:gear_ratio value="10"/></actuator>',
-        ("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '),
-    ),
-    "sdf": (
-        "</joint>",
-        "<drake:rotor_inertia>3e-3</drake:rotor_inertia><drake:gear_ratio>10</drake:gear_ratio></joint>",
-        ("<sdf ", '<sdf xmlns:drake="http://drake.mit.edu" '),
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", ["urdf"])
-def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys, kind):
-    """The user's file has three times the damping; its rotor inertia in Drake's tags stays as it is."""
-    model = ActuatorModel("joint", Drive("position_servo", 2e-3), SERVO)
-    _, log = recorded(model)
-    columns = {name: values for name, values in log.columns.items() if name.startswith("joint/")}
-    pd.DataFrame({"time": log.time, **columns})[:2000].to_csv(tmp_path / "held.csv", index=False)
-    (tmp_path / "rig.yaml").write_text("{joint: joint, drive: position_servo, load: torque}\n")
-    save_models({"joint": model}, tmp_path / "model.yaml")
-    stiff = ActuatorModel("joint", model.drive, (SERVO[0], EffectValue("viscous", {"viscous": 60.0})))
-    save_models({"joint": stiff}, tmp_path / "mine.yaml")
-    mine = tmp_path / f"mine.{kind}"
-    assert drake_tc(["export", str(tmp_path / "mine.yaml"), "--to", kind, "--out", str(mine)]) == 0
-    capsys.readouterr()
-    command = ["export", str(tmp_path / "model.yaml"), "--to", kind, "--into", str(mine)]
-    command += ["--rig", str(tmp_path / "rig.yaml"), "--holdout", str(tmp_path / "held.csv")]
-    command += ["--page", str(tmp_path / "export.html"), "--force", "--json"]
+def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys):
+    """The rotor inertia in Drake's tags of the user's file stays as it is."""
+    command = [*command_into_the_users_file(tmp_path, capsys, "urdf"), "--force", "--json"]
     assert drake_tc(command) == 0
     document = json.loads(capsys.readouterr().out)
     (light,) = document["free_runs"]
@@ -215,10 +155,11 @@ def test_the_command_runs_the_export_beside_the_users_own_file(tmp_path, capsys,
     assert any("has no inertia" in note for note in document["notes"])
     assert "has no inertia" in (tmp_path / "export.html").read_text(encoding="utf-8")
 
-    place, tags, (root, namespace) = TAGS[kind]
-    text = mine.read_text(encoding="utf-8")
+    mine, place = tmp_path / "mine.urdf", '<actuator name="joint"/>'
+    tags = '<actuator name="joint"><drake:rotor_inertia value="3e-3"/><drake:gear_ratio value="10"/></actuator>'
+    text = mine.read_text(encoding="utf-8").replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" ', 1)
     assert place in text
-    mine.write_text(text.replace(root, namespace, 1).replace(place, tags, 1), encoding="utf-8")
+    mine.write_text(text.replace(place, tags, 1), encoding="utf-8")
     assert drake_tc(command) == 0
     document = json.loads(capsys.readouterr().out)
     (geared,) = document["free_runs"]

@@ -39,35 +39,30 @@ def test_what_is_lost_is_told_in_newtons_and_metres():
     assert "# efforts are forces: 100 N for one unit" in to_isaaclab(projected("isaaclab"))
 
 
-def test_a_file_in_which_the_joint_turns_is_refused(tmp_path):
-    urdf, mjcf = tmp_path / "own.urdf", tmp_path / "own.xml"
-    turning = '<robot name="r"><link name="a"/><link name="b"/><joint name="z" type="revolute"><parent link="a"/>'
-    urdf.write_text(turning + '<child link="b"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>')
-    mjcf.write_text('<mujoco><worldbody><body><joint name="z" type="hinge"/></body></worldbody></mujoco>')
-    with pytest.raises(ParamsError, match="joint 'z' is revolute, and the model's is prismatic"):
-        to_urdf(projected("urdf"), urdf)
-    with pytest.raises(ParamsError, match="joint 'z' is a hinge, and the model's is a slide"):
-        to_mjcf(projected("mjcf"), mjcf)
+URDF = """<robot name="r"><link name="a"/><link name="b"/><joint name="z" type="{}"><parent link="a"/><child link="b"/>
+<limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>"""
+SDF = '<sdf version="1.9"><model name="m"><joint name="z" type="{}"><axis/></joint></model></sdf>'
+MJCF = '<mujoco>{}<worldbody><body><joint name="z"{}/></body></worldbody></mujoco>'
+SLIDES = '<default><joint type="slide"/></default>'
 
 
-def test_an_sdf_file_in_which_the_joint_turns_is_refused(tmp_path):
-    own = tmp_path / "own.sdf"
-    model = '<sdf version="1.9"><model name="m"><joint name="z" type="{}"><axis/></joint></model></sdf>'
-    own.write_text(model.format("revolute"))
-    with pytest.raises(ParamsError, match="joint 'z' is revolute, and the model's is prismatic"):
-        to_sdf(projected("sdf"), own)
-    own.write_text(model.format("prismatic"))
-    assert "<friction>" in to_sdf(projected("sdf"), own)
-
-
-def test_a_joint_without_a_type_is_a_hinge_unless_a_class_of_defaults_states_another_one(tmp_path):
+@pytest.mark.parametrize(
+    ("target", "write", "turns", "is_said", "slides", "has"),
+    [
+        ("urdf", to_urdf, URDF.format("revolute"), "is revolute", URDF.format("prismatic"), "<dynamics "),
+        ("sdf", to_sdf, SDF.format("revolute"), "is revolute", SDF.format("prismatic"), "<friction>"),
+        ("mjcf", to_mjcf, MJCF.format("", ' type="hinge"'), "is a hinge", MJCF.format(SLIDES, ""), 'gear="100"'),
+        ("mjcf", to_mjcf, MJCF.format("", ""), "is a hinge", MJCF.format(SLIDES, ""), 'joint="z" gear="100"'),
+    ],
+)
+def test_a_file_in_which_the_joint_turns_is_refused(tmp_path, target, write, turns, is_said, slides, has):
+    """A joint of MuJoCo without a type is a hinge, unless a class of defaults states another one."""
     own = tmp_path / "own.xml"
-    text = '<mujoco>{}<worldbody><body><joint name="z"/></body></worldbody></mujoco>'
-    own.write_text(text.format(""))
-    with pytest.raises(ParamsError, match="joint 'z' is a hinge, and the model's is a slide"):
-        to_mjcf(projected("mjcf"), own)
-    own.write_text(text.format('<default><joint type="slide"/></default>'))
-    assert 'joint="z" gear="100"' in to_mjcf(projected("mjcf"), own)
+    own.write_text(turns)
+    with pytest.raises(ParamsError, match=f"joint 'z' {is_said}, and the model's is a? ?(prismatic|slide)"):
+        write(projected(target), own)
+    own.write_text(slides)
+    assert has in write(projected(target), own)
 
 
 def test_free_runs_of_an_export_are_told_in_metres():

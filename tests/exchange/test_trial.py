@@ -15,15 +15,6 @@ from drake_tc.logs.rig import parse_rig
 from .test_target_runs import COULOMB, SERVO, recorded
 
 
-def test_what_drake_lacks_is_said_and_seen_in_the_error():
-    model = ActuatorModel("joint", Drive("position_servo", 2e-3), (*SERVO, COULOMB))
-    rig, run = recorded(model)
-    trial = try_export({"joint": model}, "model_after.yaml", "drake-urdf", rig, ([run], [run]), None)
-    (row,) = trial.rows
-    assert row.export > 5.0 * row.model and row.original is None
-    assert trial.runner == "Drake's plant" and any("Coulomb friction" in loss for loss in trial.losses)
-
-
 def test_speeds_are_those_of_usable_rows():
     time = np.arange(2000) * 1e-3
     segment = np.where(time < 1.0, 0, -1)
@@ -39,8 +30,12 @@ def test_loads_of_a_robots_model_are_refused():
         require_runner("drake-urdf", SimpleNamespace(robot=Path("leg.yaml")))
 
 
-def test_an_effect_without_a_place_is_named_by_its_title():
-    model = ActuatorModel("joint", Drive("position_servo", 2e-3), (*SERVO, EffectValue("deadzone", {"deadzone": 1e-3})))
+def test_effects_without_a_place_are_named_by_their_titles_and_seen_in_the_error():
+    lost = (COULOMB, EffectValue("deadzone", {"deadzone": 1e-3}))
+    model = ActuatorModel("joint", Drive("position_servo", 2e-3), (*SERVO, *lost))
     rig, run = recorded(model)
     trial = try_export({"joint": model}, "model_after.yaml", "drake-urdf", rig, ([run], [run]), None)
+    (row,) = trial.rows
+    assert row.export > 5.0 * row.model and row.original is None and trial.runner == "Drake's plant"
+    assert any("Coulomb friction" in loss for loss in trial.losses)
     assert any(loss.startswith("joint: Drake (URDF) has no dead zone of the drive: ") for loss in trial.losses)
