@@ -37,12 +37,14 @@ class Arrays:
         out: (width,) outputs y[n] of this tick.
         before: (S,) state x[n], read-only.
         after: (S,) state x[n+1]; equal to x[n] when an update begins.
+        notes: What the stage keeps in this Context beside numbers, such as an exception; a clone has it too.
     """
 
     inputs: Mapping[str, Any]
     out: FloatArray
     before: FloatArray
     after: FloatArray
+    notes: dict[str, Any] = field(default_factory=dict)
 
 
 class Bind(Protocol):
@@ -243,11 +245,13 @@ class _BoundStage:
         self._stage, self._ports, self._memory = stage, ports, memory
         self._parts = (stage,) if stage.early is None else (stage, stage.early)
         self._absent: frozenset[str] = frozenset()
-        self._solved = False
+        self._solved, self.notes = False, dict[str, Any]()
         self._bind()
 
     def __deepcopy__(self, memo: object) -> "_BoundStage":
-        return _BoundStage(self._stage, self._ports, self._memory)
+        other = _BoundStage(self._stage, self._ports, self._memory)
+        other.notes |= self.notes
+        return other
 
     def outputs(self, context: Any, number: int) -> FloatArray:
         """(width,) outputs of a part."""
@@ -286,7 +290,7 @@ class _BoundStage:
         self._before, self._after = np.zeros(size), np.zeros(size)
         self._out = [np.zeros(part.width) for part in self._parts]
         bound = [
-            part.bind(Arrays(self._inputs, out, self._before, self._after))
+            part.bind(Arrays(self._inputs, out, self._before, self._after, self.notes))
             for part, out in zip(self._parts, self._out, strict=True)
         ]
         self._calls = [*(outputs for outputs, _ in bound), bound[0][1]]

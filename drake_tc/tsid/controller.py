@@ -4,20 +4,18 @@ What a tick of robust TSID computes, stage by stage, for block graphs.
 """
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy, deepcopy
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import SimulationError
 from drake_tc.inner_stages import InnerStage
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.tick import TickInput, advance_tick, keep_tick, lost_tick
-from drake_tc.types import Call, FloatArray
+from drake_tc.types import Call
 
 
 def inner_blocks(law: Law, references: Mapping[str, str], outputs: Sequence[str]) -> tuple[InnerStage, ...]:
@@ -55,11 +53,9 @@ def inner_blocks(law: Law, references: Mapping[str, str], outputs: Sequence[str]
 _LOG = logging.getLogger(__name__)
 TASK_PORT = "{}_reference"
 """Name of a task's port."""
-_Given = tuple[FloatArray, Sequence[FloatArray], tuple[bool, ...] | None]
-"""State, references, and which contacts carry."""
 
 
-class RobustTsid(PortMethods, LeafSystem):
+class RobustTsid(StageSystem):
     """Torques by robust TSID, every `period`; between its ticks the outputs are held.
 
     Inputs:
@@ -96,36 +92,11 @@ class RobustTsid(PortMethods, LeafSystem):
         super().__init__()
         self._law, self._strict = law, strict
         self._constraints = law.constraints
-        memory: Any = np.zeros(1 + law.memory.size)
-        memory[0] = -np.inf
-        self._first: FloatArray = memory
-        index = self.DeclareDiscreteState(memory)
-        self._memory = int(index)
-        self._declare_inputs()
-        self._solution: Any = self.DeclareCacheEntry(
-            "solution",
-            ValueProducer(allocate=lambda: Value(_Solution(law)), calc=self._solve),
-            {
-                *(port.ticket() for port in (self._state, self._active, *self._references)),
-                self.discrete_state_ticket(index),
-                self.time_ticket(),
-            },
-        )
-        for name, place in law.memory.places.items():
-            size = place.stop - place.start
-            self.DeclareVectorOutputPort(name, size, self._writer(place), {self._solution.ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(law.period, 0.0, self._update)
-
-    def _declare_inputs(self) -> None:
-        model, terms = self._law.model, self._law.starting_terms()
-        self._state: Any = self.DeclareVectorInputPort("estimated_state", model.nq + model.nv)
-        self._active: Any = self.DeclareVectorInputPort("active_contacts", len(model.contacts))
-        self._all = (True,) * len(model.contacts)
-        self._references: list[Any] = []
-        self._rest: list[FloatArray] = []
-        for task in self._law.tasks:
-            self._references.append(self.DeclareVectorInputPort(reference_port(task.name), task.reference_size))
-            self._rest.append(task.rest(terms))
+        model, terms = law.model, law.starting_terms()
+        self._rest = {reference_port(task.name): task.rest(terms) for task in law.tasks}
+        sizes = {"estimated_state": model.nq + model.nv, "active_contacts": len(model.contacts)}
+        sizes |= {reference_port(task.name): task.reference_size for task in law.tasks}
+        self._declare(sizes, timed=True)
 
     @property
     def law(self) -> Law:
@@ -153,113 +124,54 @@ class RobustTsid(PortMethods, LeafSystem):
             RuntimeError: `context` is not this system's, for example because `fuse` has removed the system.
         """
         self.ValidateContext(context)
-        solution: _Solution = self._solution.Eval(context)
-        return solution.error
+        self._stage_outputs[0].Eval(context)
+        error: Exception | None = self._stage_arrays.Eval(context).notes.get("error")
+        return error
 
     def on_arrays(self) -> ArrayStage:
-        """This stage without its ports."""
-        state, active, *references = (port.get_name() for port in (self._state, self._active, *self._references))
-        width = self._law.memory.width
+        """This stage without its ports; the state is [time of the last tick; what it leaves]."""
+        law, memory = self._law, self._law.memory
+        start = np.append(-np.inf, np.zeros(memory.size))
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
-            given, held, after = arrays.inputs, arrays.before, arrays.after
-            solution, out = _Solution(self._law), arrays.out
-            now = [given.get(name, rest) for name, rest in zip(references, self._rest, strict=True)]
-            known, carrying = given[state], given.get(active)
+            given, held, after, out = arrays.inputs, arrays.before, arrays.after, arrays.out
+            now, state = [given.get(name, rest) for name, rest in self._rest.items()], given["estimated_state"]
+            carrying = given.get("active_contacts", np.ones(len(law.model.contacts)))
+            scratch, found = law.model.create_scratch(), np.zeros(memory.size)
+
+            def ticks(time: float) -> bool:
+                return not 0.0 <= time - held[0] <= 0.99 * law.period
 
             def outputs(time: float) -> None:
-                self._solved(solution, held, time, lambda: (known, now, self._switches(carrying)))
-                out[:] = solution.memory[:width]
+                before = held[1:]
+                if not ticks(time):
+                    found[:] = before
+                elif not np.isfinite(carrying).all():
+                    keep_tick(law, lost_tick(law, memory.previous(before)), found)
+                else:
+                    now_at = TickInput(state, now, tuple((carrying > 0.5).tolist()))
+                    error = advance_tick(law, scratch, now_at, before, found)
+                    if error is not None:
+                        self._report(arrays.notes, error, time)
+                out[:] = found[: memory.width]
 
             def update(time: float) -> None:
-                self._remember(solution, time, after)
+                if ticks(time):
+                    after[0], after[1:] = time, found
 
             return outputs, update
 
-        shown, reads = places(self._law.memory.places), frozenset({state, active, *references})
-        return ArrayStage(width, shown, bind, reads, start=self._first, period=self._law.period)
+        reads = frozenset({"estimated_state", "active_contacts", *self._rest})
+        return ArrayStage(memory.width, places(memory.places), bind, reads, start=start, period=law.period)
 
-    def _solve(self, context: Any, value: Any) -> None:
-        """This tick's answer, or what is held, into the cache entry."""
-
-        def given() -> _Given:
-            references = [
-                port.Eval(context) if port.HasValue(context) else rest
-                for port, rest in zip(self._references, self._rest, strict=True)
-            ]
-            carrying = self._active.Eval(context) if self._active.HasValue(context) else None
-            return self._state.Eval(context), references, self._switches(carrying)
-
-        held = context.get_discrete_state(self._memory).value()
-        self._solved(value.get_mutable_value(), held, context.get_time(), given)
-
-    def _solved(self, solution: "_Solution", held: FloatArray, time: float, given: Callable[[], _Given]) -> None:
-        """The answer of a tick, or what the state x[n] = `held` holds between ticks, into the solution."""
-        before, solution.ticks = held[1:], not 0.0 <= time - held[0] <= 0.99 * self._law.period
-        if not solution.ticks:
-            solution.memory[:] = before
-            return
-        state, references, active = given()
-        if active is None:
-            keep_tick(self._law, lost_tick(self._law, self._law.memory.previous(before)), solution.memory)
-            return
-        error = advance_tick(self._law, solution.scratch, TickInput(state, references, active), before, solution.memory)
-        if error is not None:
-            self._report(solution, error, time)
-
-    def _report(self, solution: "_Solution", error: Exception, time: float) -> None:
+    def _report(self, notes: dict[str, Any], error: Exception, time: float) -> None:
         """Keep an exception, and log the first one or raise it."""
-        first, solution.error = solution.error is None, error
+        first, notes["error"] = "error" not in notes, error
         text = f"tsid: a task or limit failed at t = {time:g} s: {type(error).__name__}: {error}"
         if self._strict:
             raise SimulationError(text) from error
         if first:
             _LOG.error("%s; the torque fades out", text, exc_info=error)
-
-    def _switches(self, given: FloatArray | None) -> tuple[bool, ...] | None:
-        """Which contacts carry; all of them where nothing is given, None where that is not a number."""
-        if given is None:
-            return self._all
-        return tuple((given > 0.5).tolist()) if np.isfinite(given).all() else None
-
-    def _writer(self, place: slice) -> Callable[[Context, Any], None]:
-        def write(context: Context, vector: Any) -> None:
-            vector.set_value(self._solution.Eval(context).memory[place])
-
-        return write
-
-    def _update(self, context: Any, values: Any) -> None:
-        """x[n+1]."""
-        after = values.get_mutable_value(self._memory)
-        self._remember(self._solution.Eval(context), context.get_time(), after)
-
-    @staticmethod
-    def _remember(solution: "_Solution", time: float, after: FloatArray) -> None:
-        """x[n+1] of a tick."""
-        if solution.ticks:
-            after[0], after[1:] = time, solution.memory
-
-
-class _Solution:
-    """What the cache entry holds.
-
-    Attributes:
-        scratch: Of the model.
-        memory: (S,) the last tick, as `Law.memory` lays it out.
-        ticks: Whether it is one of this instant.
-        error: The last exception.
-    """
-
-    def __init__(self, law: Law) -> None:
-        self.scratch, self.memory = law.model.create_scratch(), np.zeros(law.memory.size)
-        self.ticks = False
-        self.error: Exception | None = None
-
-    def __deepcopy__(self, memo: object) -> "_Solution":
-        """For a cloned context: own memory; exceptions are never changed, so they are shared."""
-        other = copy(self)
-        other.scratch, other.memory = deepcopy(self.scratch), self.memory.copy()
-        return other
 
 
 def reference_port(task: str) -> str:

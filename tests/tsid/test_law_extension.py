@@ -1,7 +1,6 @@
 """A law with tasks and limits of one's own: what is checked when it is built, and what happens when one fails later."""
 
 import logging
-from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -217,15 +216,6 @@ def test_a_lost_state_is_no_exception(law):
     system.GetInputPort("estimated_state").FixValue(context, np.full(73, np.nan))
     assert_array_equal(system.GetOutputPort("torque").Eval(context), np.zeros(30))
     assert system.last_error(context) is None
-
-
-def test_a_copied_solution_shares_what_never_changes(failing):
-    system = RobustTsid(failing)
-    context, _ = moving(system)
-    error = system.last_error(context)
-    solution = system._solution.Eval(context)
-    other = deepcopy(solution)
-    assert other.error is error and other.scratch is not solution.scratch
 
 
 class NotANumberInMotion(Still):
