@@ -127,7 +127,7 @@ class PointMass:
 
 
 def target_free_run(
-    runner: Runner, model: ActuatorModel, what: Terms | WrittenFile, rig: Rig, run: Run, longest: float = LONGEST
+    runner: Runner, model: ActuatorModel, what: Terms | WrittenFile, rig: Rig, run: Run
 ) -> tuple[FloatArray, FloatArray] | None:
     """(recorded, simulated) position (T,) [rad] over the longest usable stretch of a run; None where nothing can run.
 
@@ -137,12 +137,11 @@ def target_free_run(
         what: Terms that the target is given on a bench, or a file that was written.
         rig: Of the run.
         run: Whose command drives it.
-        longest: At most so much of it [s].
 
     Raises:
         ParamsError: the target is not installed, or refuses the model.
     """
-    stretch = longest_stretch(run, longest)
+    stretch = longest_stretch(run, LONGEST)
     if stretch is None:
         return None
     recording = recording_of(rig, model.joint, run, stretch)

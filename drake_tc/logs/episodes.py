@@ -77,16 +77,16 @@ def _span(numbers: Sequence[int]) -> str:
     return f"{numbers[0]} to {numbers[-1]}" if whole else ", ".join(map(str, numbers[:20]))
 
 
-def require_two_runs(runs: Sequence[Run | Path | str], what: str = "runs") -> None:
+def require_two_runs(runs: Sequence[str]) -> None:
     """Refuse fewer than two runs: one to fit, one held out.
 
     Raises:
         LogError: Fewer than two.
     """
     if len(runs) < 2:
-        came = ", ".join(str(run.source or run.name) if isinstance(run, Run) else str(run) for run in runs) or "none"
+        came = ", ".join(runs) or "none"
         raise LogError(
-            f"expected at least two {what}, one to fit and one held out, got {len(runs)} ({came}); record another run"
+            f"expected at least two runs, one to fit and one held out, got {len(runs)} ({came}); record another run"
         )
 
 

@@ -8,8 +8,9 @@ import pytest
 import scipy.io
 from numpy.testing import assert_allclose
 
-from drake_tc.errors import LogError
-from drake_tc.logs.files.readers import READERS, read_table, run_name
+from drake_tc.logs.files.readers import read_table, run_name
+
+from .conftest import unreadable
 
 VALUES = {"time": np.arange(40) * 0.01, "joint/position": np.sin(np.arange(40.0))}
 
@@ -51,53 +52,36 @@ def test_other_separators_spaces_and_surplus_values(tmp_path, text):
     assert_allclose(table.to_numpy(dtype=float), [[1, 2], [3, 4]], rtol=0)
 
 
-def test_registry_can_be_extended(tmp_path):
-    (tmp_path / "run.log").write_text("x")
-    readers = {**READERS, ".log": lambda path: pd.DataFrame({"time": [0.0, 1.0]})}
-    assert len(read_table(tmp_path / "run.log", readers)) == 2
-
-
-def _refusal(path) -> str:
-    with pytest.raises(LogError) as caught:
-        read_table(path)
-    message = str(caught.value)
-    assert str(path) in message and "\n" not in message
-    return message
-
-
 def test_refusals_name_the_file_and_what_is_possible(tmp_path):
-    assert "no such log file" in _refusal(tmp_path / "absent.csv")
-    assert "no such log file" in _refusal(tmp_path / ("x" * 5000 + ".csv"))
+    assert "no such log file" in unreadable(tmp_path / "absent.csv")
+    assert "no such log file" in unreadable(tmp_path / ("x" * 5000 + ".csv"))
     (tmp_path / "run.docx").write_text("x")
-    assert ".parquet" in _refusal(tmp_path / "run.docx")
-    for name, content in {"run.parquet": b"not parquet", "run.npz": b"zip?", "run.mat": b"MATLAB?" * 30}.items():
-        (tmp_path / name).write_bytes(content)
-        assert "cannot be read" in _refusal(tmp_path / name)
-    (tmp_path / "cut.csv.gz").write_bytes(gzip.compress(b"time,q\n" + b"1,2\n" * 5000)[:30])
-    assert "cannot be read" in _refusal(tmp_path / "cut.csv.gz")
+    assert ".parquet" in unreadable(tmp_path / "run.docx")
 
 
-def test_empty_files_have_no_rows(tmp_path):
-    (tmp_path / "empty.csv").write_text("")
-    assert "no rows" in _refusal(tmp_path / "empty.csv")
-    (tmp_path / "header.csv").write_text("time,joint/position\n")
-    assert "no rows" in _refusal(tmp_path / "header.csv")
-
-
-def test_a_column_that_stands_twice_is_refused(tmp_path):
-    (tmp_path / "run.csv").write_text("time,q ,q\n" + "1,2,3\n" * 30)
-    assert "column 'q' stands more than once" in _refusal(tmp_path / "run.csv")
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("run.parquet", b"not parquet", "cannot be read"),
+        ("run.npz", b"zip?", "cannot be read"),
+        ("run.mat", b"MATLAB?" * 30, "cannot be read"),
+        ("cut.csv.gz", gzip.compress(b"time,q\n" + b"1,2\n" * 5000)[:30], "cannot be read"),
+        ("empty.csv", b"", "no rows"),
+        ("header.csv", b"time,joint/position\n", "no rows"),
+        ("twice.csv", b"time,q,q\n" + b"1,2,3\n" * 30, "column 'q' stands more than once"),
+        ("twice.csv.gz", gzip.compress(b"time,q ,q\n" + b"1,2,3\n" * 30), "column 'q' stands more than once"),
+        ("first.csv", b"0.0,0.0,1e-3\n0.1,0.2,0.3\n", "names of the columns in line 1, got numbers ('0.0' first)"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused(tmp_path, name, content, says):
+    (tmp_path / name).write_bytes(content)
+    assert says in unreadable(tmp_path / name)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
 def test_csv_in_another_encoding_is_refused(tmp_path, encoding):
     (tmp_path / "run.csv").write_bytes(("time,q\n" + "1,2\n" * 30).encode(encoding))
-    assert "expected text in UTF-8" in _refusal(tmp_path / "run.csv")
-
-
-def test_csv_without_a_header_is_refused(tmp_path):
-    (tmp_path / "run.csv").write_text("0.0,0.0,1e-3\n0.1,0.2,0.3\n")
-    assert "expected the names of the columns in line 1, got numbers ('0.0' first)" in _refusal(tmp_path / "run.csv")
+    assert "expected text in UTF-8" in unreadable(tmp_path / "run.csv")
 
 
 def test_texts_beside_the_samples_are_left_out(tmp_path):
@@ -109,7 +93,7 @@ def test_texts_beside_the_samples_are_left_out(tmp_path):
 
 def test_arrays_of_different_length_are_refused(tmp_path):
     np.savez(tmp_path / "run.npz", time=np.arange(30.0), q=np.arange(29.0))
-    assert "'q' has 29 rows" in _refusal(tmp_path / "run.npz")
+    assert "'q' has 29 rows" in unreadable(tmp_path / "run.npz")
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])

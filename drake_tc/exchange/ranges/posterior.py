@@ -166,7 +166,7 @@ def with_values(model: ActuatorModel, values: dict[tuple[str, str], float]) -> A
     return replace(model, drive=replace(model.drive, gain=gain), effects=tuple(effects))
 
 
-def fitted(samples: FloatArray, median: float, lower: float = 0.0, upper: float = np.inf) -> Distribution:
+def fitted(samples: FloatArray, median: float, lower: float = 0.0) -> Distribution:
     """The distribution of a quantity of which samples (N,) are known; their central 95 % gives its deviation."""
     low, high = np.quantile(samples, [0.025, 0.975])
-    return distribution(median, float(high - low) / (2.0 * CRITICAL), lower, upper)
+    return distribution(median, float(high - low) / (2.0 * CRITICAL), lower)

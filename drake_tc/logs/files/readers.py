@@ -182,23 +182,21 @@ OF_EPISODES: Mapping[Reader, Callable[[Path, int], pd.DataFrame]] = MappingProxy
 """Readers of files that may hold several episodes."""
 
 
-def run_name(path: Path, readers: Mapping[str, Reader] = READERS) -> str:
+def run_name(path: Path) -> str:
     """The file's name without the ending that names its format; what is not UTF-8 in it is replaced by U+FFFD."""
     path, episode = source_of(path)
-    suffix = _suffix(path, readers)
+    suffix = _suffix(path)
     name = path.name[: -len(suffix)] if suffix else path.stem
     return utf8_text(name if episode is None else f"{name}#{episode}")
 
 
-def _suffix(path: Path, readers: Mapping[str, Reader]) -> str:
+def _suffix(path: Path) -> str:
     """The longest known ending of the file's name, or an empty string."""
     name = path.name.lower()
-    return max((suffix for suffix in readers if name.endswith(suffix)), key=len, default="")
+    return max((suffix for suffix in READERS if name.endswith(suffix)), key=len, default="")
 
 
-def read_table(
-    path: Path | str | LogTable, readers: Mapping[str, Reader] = READERS, needed: Collection[str] = ()
-) -> pd.DataFrame:
+def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.DataFrame:
     """Read a log as it is: names, units and gaps untouched; one row a sample.
 
     Args:
@@ -207,7 +205,6 @@ def read_table(
             every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
             `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
             a JSON log.
-        readers: Readers by file suffix; pass `{**READERS, ".log": mine}` to add a format.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.
 
     Raises:
@@ -219,7 +216,7 @@ def read_table(
         table.attrs = {}  # those of the owner are not those of the readers
     else:
         source = source_of(Path(path))
-        where, table = source.path, _table_of(source, readers, needed)
+        where, table = source.path, _table_of(source, needed)
     if len(table) == 0:
         raise LogError(f"{where}: no rows; record at least a few seconds of motion")
     names = [str(name).strip() for name in table.columns]
@@ -228,7 +225,7 @@ def read_table(
     return table
 
 
-def _table_of(source: Source, readers: Mapping[str, Reader], needed: Collection[str]) -> pd.DataFrame:
+def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
     """The table of a file or folder, by what it is."""
     path, episode = source
     if is_data_set(path):
@@ -244,11 +241,11 @@ def _table_of(source: Source, readers: Mapping[str, Reader], needed: Collection[
         )
     if not is_file(path):
         raise LogError(f"{path}: no such log file")
-    suffix = _suffix(path, readers)
+    suffix = _suffix(path)
     if not suffix:
         ending = "".join(path.suffixes[-2:]) or "no ending"
-        raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(readers))}")
-    read = readers[suffix]
+        raise LogError(f"{path}: unknown kind of log file ({ending}); readable: {', '.join(sorted(READERS))}")
+    read = READERS[suffix]
     with _refused(path, suffix):
         if read is read_bag:
             return read_bag(path, needed)

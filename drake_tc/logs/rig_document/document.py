@@ -37,10 +37,10 @@ def joints_of(info: ValidationInfo) -> tuple[str, ...]:
     return (joint,) if joint is not None else tuple(info.data.get("joints") or ())
 
 
-def values_by_joint(value: Any, joints: tuple[str, ...], absent: Any = None) -> dict[str, Any]:
-    """The value of each joint: `absent` for a joint that a mapping by joint leaves out; empty where there is none."""
+def values_by_joint(value: Any, joints: tuple[str, ...]) -> dict[str, Any]:
+    """The value of each joint: None for a joint that a mapping by joint leaves out; empty where there is none."""
     if isinstance(value, ByJoint):
-        return {joint: value.get(joint, absent) for joint in joints}
+        return {joint: value.get(joint) for joint in joints}
     return dict.fromkeys(joints, value)
 
 

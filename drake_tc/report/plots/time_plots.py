@@ -177,17 +177,17 @@ def _largest(values: FloatArray) -> float:
     return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
 
 
-def worst_window(trace: Trace, seconds: float = WORST_S) -> tuple[float, float]:
+def worst_window(trace: Trace) -> tuple[float, float]:
     """Begin and end [s] of the stretch in which the model after errs most (the model before, if that is all)."""
     time, error = trace.time, trace.errors.get("after", trace.errors.get("before"))
-    full = time + seconds <= time[-1]
+    full = time + WORST_S <= time[-1]
     if error is None or not full.any():
         return float(time[0]), float(time[-1])
     total = np.concatenate([[0.0], np.cumsum(np.abs(np.nan_to_num(error)))])
-    last = np.searchsorted(time, time + seconds, side="right")
+    last = np.searchsorted(time, time + WORST_S, side="right")
     sums = np.where(full, total[last] - total[np.arange(time.size)], -1.0)
     start = float(time[int(np.argmax(sums))])
-    return start, start + seconds
+    return start, start + WORST_S
 
 
 def _packed(trace: Trace, value: Scale, error: Scale, worst: tuple[float, float]) -> dict[str, Any]:
