@@ -1,11 +1,18 @@
 """A small bench whose balance is known in closed form, and where the public data sets lie."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import ArrayLike
 
+from drake_tc.errors import LogError
+from drake_tc.logs.files.readers import read_table
+from drake_tc.logs.inspection.inspect import Inspection, inspect_log
+from drake_tc.logs.prepare import load_run
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, parse_rig
 
 GAIN = 2e-3  # rad/(N m)
@@ -46,3 +53,34 @@ def table() -> pd.DataFrame:
 def write(table: pd.DataFrame, path: Path) -> Path:
     table.to_csv(path, index=False)
     return path
+
+
+def inspected(folder: Path, columns: Mapping[str, ArrayLike]) -> Inspection:
+    return inspect_log(write(pd.DataFrame(columns), folder / "run.csv"))
+
+
+def load(table: pd.DataFrame, folder: Path, **rig: object) -> Run:
+    return load_run(write(table, folder / "run.csv"), servo_rig(**rig))
+
+
+def noted(run: Run, text: str) -> bool:
+    return any(text in note for note in run.notes)
+
+
+def _one_line_about(path: Path, act: Callable[[], object]) -> str:
+    with pytest.raises(LogError) as caught:
+        act()
+    message = str(caught.value)
+    assert message.startswith(str(path)) and "\n" not in message and len(message.replace(str(path), "")) < 500
+    return message
+
+
+def refusal(table: pd.DataFrame, path: Path, rig: Rig | None = None) -> str:
+    """What the refusal of this log says: one line that begins with its file."""
+    write(table, path)
+    return _one_line_about(path, lambda: load_run(path, rig or servo_rig()))
+
+
+def unreadable(path: Path) -> str:
+    """What the refusal of this file says, before any column is looked at."""
+    return _one_line_about(path, lambda: read_table(path))

@@ -8,7 +8,6 @@ import yaml
 from drake_tc.errors import LogError, RigError
 from drake_tc.logs.columns import column_hints, same_but_misspelt
 from drake_tc.logs.prepare import load_run
-from drake_tc.logs.record import distinct_notes, of_joint
 from drake_tc.logs.rig import load_rig, parse_rig
 
 from .conftest import bench, servo_rig, write
@@ -117,19 +116,3 @@ def test_the_switch_of_one_of_several_joints():
     rig = parse_rig({"joints": ["hip", "knee"], "drive": "current"})
     (note,) = hints(rig, ["knee_torque_enable"])
     assert "`columns: {knee/enabled: knee_torque_enable}`" in note
-
-
-def test_notes_are_told_once_for_each_kind_and_name_their_logs():
-    same = [(f"run{n}", "Column 'temp' looks like a temperature.") for n in range(40)]
-    counted = [("a", "3 rows were left out."), ("b", "17 rows were left out.")]
-    assert distinct_notes([*same[:1], *counted[:1], *same[1:], *counted[1:]]) == (
-        "run0, run1, run2 and 37 more logs: Column 'temp' looks like a temperature.",
-        "a: 3 rows were left out. The same, with other numbers, holds for b.",
-    )
-    assert distinct_notes([]) == ()
-
-
-def test_notes_of_other_joints_are_left_out():
-    notes = [("a", "Column knee/torque is frozen."), ("a", "Column left_knee/torque is frozen."), ("a", "A gap.")]
-    assert of_joint(notes, "knee", ["knee", "left_knee"]) == [notes[0], notes[2]]
-    assert np.shape(of_joint(notes, "left_knee", ["knee", "left_knee"])) == (2, 2)

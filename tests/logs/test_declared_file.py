@@ -43,6 +43,12 @@ def exported(tmp_path, target, model=MODEL):
     return path
 
 
+def rig_file(folder, **more):
+    path = folder / "rig.yaml"
+    path.write_text(yaml.safe_dump(RIG | more), encoding="utf-8")
+    return path
+
+
 def test_a_model_in_mjcf_gives_its_parameters_back(tmp_path):
     rig = with_declared_file(parse_rig(RIG), exported(tmp_path, "mjcf"))
     declared = dict(rig.declared["knee"])
@@ -109,9 +115,7 @@ def test_a_servo_in_bams_file_gives_its_parameters_back(tmp_path):
 
 def test_a_rig_file_names_the_file(tmp_path):
     exported(tmp_path, "mjcf")
-    path = tmp_path / "rig.yaml"
-    path.write_text(yaml.safe_dump(RIG | {"declared": "bench.xml", "drive_gain": 3e-4}), encoding="utf-8")
-    rig = load_rig(path)
+    rig = load_rig(rig_file(tmp_path, declared="bench.xml", drive_gain=3e-4))
     assert rig.declared["knee"]["rotor_inertia"] == pytest.approx(0.31)
     assert rig.drive_gain["knee"] == 3e-4  # what the rig says itself stays
     assert load_rig(save_rig(rig, tmp_path / "again.yaml")).declared == rig.declared
@@ -151,35 +155,30 @@ def test_what_is_taken_is_told_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["joint.xacro", "joint.urdf.xacro", "joint.urdf"])
-def test_a_xacro_file_that_is_not_expanded_is_refused_in_words(tmp_path, name):
-    path = tmp_path / name
-    path.write_text('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a"/></robot>')
-    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
-    refused = r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"
-    with pytest.raises(RigError, match=refused):
-        load_rig(tmp_path / "rig.yaml")
-    path.write_text('<robot name="r" xmlns:x="http://ros.org/wiki/xacro"><x:arg name="a"/></robot>')
-    with pytest.raises(RigError, match=refused):
-        load_rig(tmp_path / "rig.yaml")
-    path.write_text('<robot name="r"><xacro:arg name="a"/></robot>')
-    with pytest.raises(RigError, match=refused):
-        load_rig(tmp_path / "rig.yaml")
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a"/></robot>',
+        '<robot name="r" xmlns:x="http://ros.org/wiki/xacro"><x:arg name="a"/></robot>',
+        '<robot name="r"><xacro:arg name="a"/></robot>',
+    ],
+)
+def test_a_xacro_file_that_is_not_expanded_is_refused_in_words(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RigError, match=r"got a xacro file that is not expanded; `xacro FILE\.xacro > FILE\.urdf`"):
+        load_rig(rig_file(tmp_path, declared=name))
 
 
 @pytest.mark.parametrize("name", ["gone.urdf", "a\0.urdf"])
 def test_a_file_that_is_not_there_is_refused(tmp_path, name):
-    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(RIG | {"declared": name}))
-    with pytest.raises(
-        RigError, match="no such file; expected a URDF, an SDFormat file, an MJCF or a parameter file of BAM"
-    ):
-        load_rig(tmp_path / "rig.yaml")
+    expected = "no such file; expected a URDF, an SDFormat file, an MJCF or a parameter file of BAM"
+    with pytest.raises(RigError, match=expected):
+        load_rig(rig_file(tmp_path, declared=name))
 
 
 def test_a_rig_file_that_names_a_file_says_what_was_taken_and_what_not(tmp_path):
     exported(tmp_path, "mjcf")
-    path = tmp_path / "rig.yaml"
-    path.write_text(yaml.safe_dump(RIG | {"declared": "bench.xml", "drive": "current"}), encoding="utf-8")
-    (line,) = load_rig(path).declared_by_files
+    (line,) = load_rig(rig_file(tmp_path, declared="bench.xml", drive="current")).declared_by_files
     assert "bench.xml: knee: declared: rotor_inertia 0.31" in line and "not used: its drive (position_servo)" in line
 
 

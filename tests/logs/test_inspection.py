@@ -1,18 +1,22 @@
 """Names and ranges of unknown logs are read as an engineer would; what cannot be told is not guessed."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
+from drake_tc.cli.main import run
 from drake_tc.logs.inspection.inspect import inspect_log, trial
 from drake_tc.logs.inspection.names import meaning
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig, parse_rig
 
-from .conftest import bench, write
+from .conftest import bench, inspected, write
+
+TIME = np.arange(500) / 100.0
 
 
 @pytest.mark.parametrize(
@@ -26,7 +30,7 @@ from .conftest import bench, write
         ("target pos (3)", "joint_3", "position_command"),
         ("q1", "joint_1", "position"),
         ("joint1_vel", "joint1", "velocity"),
-        ("observation.state.elbow.pos", "observation_state_elbow", "position"),
+        ("observation.state.elbow.pos", "elbow", "position"),
         ("elbowJointTorque", "elbow", "torque"),
         ("actual_q_2", "joint_2", "position"),
         ("target_q_2", "joint_2", "position_command"),
@@ -38,10 +42,7 @@ from .conftest import bench, write
 )
 def test_names(name, joint, quantity):
     told = meaning(name)
-    assert told is not None and (told.joint.removeprefix("observation_state_"), told.quantity) == (
-        joint.removeprefix("observation_state_"),
-        quantity,
-    )
+    assert told is not None and told.joint.removeprefix("observation_state_") == joint and told.quantity == quantity
 
 
 @pytest.mark.parametrize(
@@ -75,8 +76,7 @@ def test_units_in_names(name, joint, quantity, unit):
 def test_a_name_tells_degrees_of_a_motion_that_could_be_in_rad(tmp_path):
     turn = 180.0 / np.pi
     table = renamed(q_meas=turn, q_ref=turn).rename(columns={"q_meas": "q_deg", "q_ref": "q_ref_deg"})
-    path = write(table.assign(q_deg=table["q_deg"] / 20.0, q_ref_deg=table["q_ref_deg"] / 20.0), tmp_path / "run.csv")
-    found = inspect_log(path)
+    found = inspected(tmp_path, table.assign(q_deg=table["q_deg"] / 20.0, q_ref_deg=table["q_ref_deg"] / 20.0))
     assert found.rig["units"] == {"joint/position": "deg", "joint/position_command": "deg"}
     assert next(column.why for column in found.columns if column.name == "q_deg") == "alias q; its name states deg"
 
@@ -97,8 +97,7 @@ def renamed(**units) -> pd.DataFrame:
 
 def test_a_rig_file_that_reads_the_log(tmp_path):
     turn = 180.0 / np.pi
-    path = write(renamed(timestamp=1e3, q_meas=20.0 * turn, q_ref=20.0 * turn), tmp_path / "run.csv")
-    found = inspect_log(path)
+    found = inspected(tmp_path, renamed(timestamp=1e3, q_meas=20.0 * turn, q_ref=20.0 * turn))
     assert found.rate == pytest.approx(1000.0) and found.gaps == 0 and found.rows == 6000
     assert dict(found.rig) == {
         "joint": "joint",
@@ -112,8 +111,7 @@ def test_a_rig_file_that_reads_the_log(tmp_path):
         },
         "units": {"time": "ms", "joint/position": "deg", "joint/position_command": "deg"},
     }
-    small = write(renamed(timestamp=1e3), tmp_path / "small.csv")
-    assert trial(inspect_log(small)) == ""
+    assert trial(inspected(tmp_path, renamed(timestamp=1e3))) == ""
 
 
 @pytest.mark.parametrize(
@@ -121,11 +119,9 @@ def test_a_rig_file_that_reads_the_log(tmp_path):
 )
 def test_a_position_and_its_command_are_taken_to_have_one_unit(tmp_path, reach, unit):
     """The command spans 2048 counts or more than two turns in rad, the position a little less."""
-    time = np.arange(500) / 100.0
-    position, goal = (np.round(size * np.sin(time), 0 if size > 100.0 else 3) for size in reach)
-    path = tmp_path / "run.csv"
-    pd.DataFrame({"time": time, "present_position": position, "goal_position": goal}).to_csv(path, index=False)
-    units = {column.canonical: column.unit for column in inspect_log(path).columns}
+    position, goal = (np.round(size * np.sin(TIME), 0 if size > 100.0 else 3) for size in reach)
+    found = inspected(tmp_path, {"time": TIME, "present_position": position, "goal_position": goal})
+    units = {column.canonical: column.unit for column in found.columns}
     assert units["joint/position"] == units["joint/position_command"] == unit
 
 
@@ -133,7 +129,7 @@ def test_counts_of_an_encoder(tmp_path):
     table = renamed()
     for name in ("q_meas", "q_ref"):
         table[name] = np.round(2048 + table[name] * 4096 / (2 * np.pi))
-    found = inspect_log(write(table, tmp_path / "run.csv"))
+    found = inspected(tmp_path, table)
     assert found.rig["units"]["joint/position"] == pytest.approx(2 * np.pi / 4096, rel=1e-9)
     (position,) = [column for column in found.columns if column.name == "q_meas"]
     assert "encoder counts, perhaps 4096 a turn" in position.why and position.step == pytest.approx(1.0)
@@ -141,7 +137,7 @@ def test_counts_of_an_encoder(tmp_path):
 
 def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):
     table = renamed().assign(angle=0.1, pos_elbow=np.linspace(0, 1, 6000))
-    found = inspect_log(write(table, tmp_path / "run.csv"))
+    found = inspected(tmp_path, table)
     told = " ".join(found.notes)
     assert "'q_meas' and 'angle' seem to be the same; 'q_meas' is used" in told
     assert "Joint elbow is left out of the rig file, because it lacks a command" in told
@@ -151,7 +147,7 @@ def test_the_same_quantity_twice_and_joints_without_commands(tmp_path):
 def test_an_effort_beside_the_position_command_is_pointed_out(tmp_path):
     """A rig file for a position servo would leave it unused; what is commanded is for the user to say."""
     table = bench().drop(columns="joint/torque").rename(columns={"joint/voltage": "joint/effort"})
-    found = inspect_log(write(table, tmp_path / "run.csv"))
+    found = inspected(tmp_path, table)
     assert found.rig["drive"] == "position_servo"
     (told,) = [note for note in found.notes if "also has" in note]
     assert "torque command of joint" in told
@@ -176,16 +172,16 @@ def test_a_velocity_stands_for_the_position_of_a_test_stand(tmp_path):
         "units": {"joint/velocity": "rpm"},
     }
     assert any("its velocity is integrated" in note for note in found.notes) and trial(found) == ""
-    run = load_run(path, parse_rig(dict(found.rig)))
-    assert run.speed_only == ("joint",)
+    read = load_run(path, parse_rig(dict(found.rig)))
+    assert read.speed_only == ("joint",)
     turned = bench()["joint/position"]
-    assert run.columns["joint/position"] == pytest.approx(turned - turned[0], abs=1e-5)
+    assert read.columns["joint/position"] == pytest.approx(turned - turned[0], abs=1e-5)
 
 
 @pytest.mark.parametrize(("without", "instead"), [("tau", {}), ("u", {"q_ref": 0.1})])
 def test_a_velocity_alone_is_not_enough_where_drive_or_load_depend_on_the_position(tmp_path, without, instead):
     table = of_a_test_stand().drop(columns=without).assign(**instead)
-    found = inspect_log(write(table, tmp_path / "run.csv"))
+    found = inspected(tmp_path, table)
     assert found.rig == {} and any("its velocity is enough only with" in note for note in found.notes)
 
 
@@ -210,10 +206,6 @@ def test_a_log_without_joints_lists_its_columns_and_writes_no_rig(invoke_inspect
 
 @pytest.fixture
 def invoke_inspect(capsys):
-    from types import SimpleNamespace
-
-    from drake_tc.cli.main import run
-
     def call(*arguments):
         code = run(["inspect", *map(str, arguments)])
         captured = capsys.readouterr()
@@ -223,17 +215,13 @@ def invoke_inspect(capsys):
 
 
 def test_a_load_cell_that_names_no_joint_belongs_to_the_only_one(tmp_path):
-    time = np.arange(500) / 100.0
-    axis = 0.1 * np.sin(time)
-    columns = {"t": time, "z_pos_mm": 1e3 * axis, "z_cmd_mm": 1e3 * axis + 1.0, "load_cell_N": 40.0 + axis}
-    path = tmp_path / "run.csv"
-    pd.DataFrame(columns).to_csv(path, index=False)
-    rig = inspect_log(path).rig
+    axis = 0.1 * np.sin(TIME)
+    columns = {"t": TIME, "z_pos_mm": 1e3 * axis, "z_cmd_mm": 1e3 * axis + 1.0, "load_cell_N": 40.0 + axis}
+    rig = inspected(tmp_path, columns).rig
     assert (rig["joint"], rig["load"]) == ("z", "torque")
     assert rig["columns"]["z/torque"] == "load_cell_N" and rig["units"]["z/torque"] == "N"
-    other = tmp_path / "other.csv"
-    pd.DataFrame(columns | {"x_pos_mm": 1e3 * axis, "x_cmd_mm": 1e3 * axis}).to_csv(other, index=False)
-    assert inspect_log(other).rig["load"] == "unknown"
+    other = inspected(tmp_path, columns | {"x_pos_mm": 1e3 * axis, "x_cmd_mm": 1e3 * axis})
+    assert other.rig["load"] == "unknown"
 
 
 @pytest.mark.parametrize(
@@ -246,11 +234,7 @@ def test_a_load_cell_that_names_no_joint_belongs_to_the_only_one(tmp_path):
 )
 def test_one_unit_of_length_or_force_tells_those_of_the_other_columns(tmp_path, names, units):
     """A rig file without them would take the joint for one that turns, and 180 mm for degrees."""
-    time = np.arange(500) / 100.0
-    columns = {"time": time, **{name: 180.0 * np.sin(time) for name in names}}
-    path = tmp_path / "run.csv"
-    pd.DataFrame(columns).to_csv(path, index=False)
-    rig = inspect_log(path).rig
+    rig = inspected(tmp_path, {"time": TIME, **{name: 180.0 * np.sin(TIME) for name in names}}).rig
     assert rig["units"] == {f"joint/{name}": unit for name, unit in units.items()}
     assert parse_rig(rig).joint_type("joint") == "prismatic"
 
@@ -269,30 +253,21 @@ def test_one_unit_of_length_or_force_tells_those_of_the_other_columns(tmp_path, 
 )
 def test_a_log_with_every_quantity_once_is_the_log_of_one_joint(tmp_path, names, joint, drive, load):
     """A single joint's columns name the motor, the sensor or the link, and these are no joints."""
-    time = np.arange(500) / 100.0
     scale = {"timestamp_ms": 1e3, "t_us": 1e6, "time_ms": 1e3}.get(names[0], 1.0)
-    path = tmp_path / "run.csv"
-    pd.DataFrame({names[0]: scale * time} | {name: np.sin(time + k) for k, name in enumerate(names[1:])}).to_csv(
-        path, index=False
-    )
-    rig = inspect_log(path).rig
+    columns = {names[0]: scale * TIME} | {name: np.sin(TIME + k) for k, name in enumerate(names[1:])}
+    rig = inspected(tmp_path, columns).rig
     assert (rig["joint"], rig["drive"], rig["load"]) == (joint, drive, load)
     assert {names[0], names[1]} <= set(rig["columns"].values())
 
 
 def test_names_before_a_slash_are_joints_even_where_every_quantity_is_there_once(tmp_path):
-    time = np.arange(500) / 100.0
-    path = tmp_path / "run.csv"
-    pd.DataFrame({"time": time, "hip/position": np.sin(time), "knee/current": np.cos(time)}).to_csv(path, index=False)
-    assert inspect_log(path).rig == {}
+    columns = {"time": TIME, "hip/position": np.sin(TIME), "knee/current": np.cos(TIME)}
+    assert inspected(tmp_path, columns).rig == {}
 
 
 def test_a_duty_cycle_is_a_voltage_whose_unit_only_the_user_knows(tmp_path):
     """100 % of an unknown supply voltage is no number of volts."""
-    time = np.arange(500) / 100.0
-    path = tmp_path / "run.csv"
-    pd.DataFrame({"t": time, "enc_rad": np.sin(time), "duty_pct": 60.0 * np.cos(time)}).to_csv(path, index=False)
-    found = inspect_log(path)
+    found = inspected(tmp_path, {"t": TIME, "enc_rad": np.sin(TIME), "duty_pct": 60.0 * np.cos(TIME)})
     assert (found.rig["drive"], found.rig["columns"]["joint/voltage"]) == ("voltage", "duty_pct")
     assert any("unit of 'duty_pct' is not clear" in note for note in found.notes)
     assert "0.12 for percent of 12 V" in next(column.why for column in found.columns if column.name == "duty_pct")

@@ -6,9 +6,11 @@ import pytest
 import yaml
 
 from drake_tc.cli.main import run
-from drake_tc.logs.inspection.inspect import inspect_log, trial
+from drake_tc.logs.inspection.inspect import trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import load_rig
+
+from .conftest import inspected
 
 TIME = np.arange(1500) / 250.0
 
@@ -35,9 +37,7 @@ def arm(effort: str, joints: int = 6, scale: float = 4.0, command: str = "{}/pos
     ],
 )
 def test_the_efforts_of_an_arm_are_those_of_its_drives(tmp_path, effort, drive, column):
-    path = tmp_path / "run.csv"
-    arm(effort).to_csv(path, index=False)
-    found = inspect_log(path)
+    found = inspected(tmp_path, arm(effort))
     assert (found.rig["drive"], len(found.rig["joints"])) == (drive, 6) and trial(found) == ""
     if column is not None:
         assert found.rig["columns"][column] == effort.format("joint3")
@@ -46,20 +46,16 @@ def test_the_efforts_of_an_arm_are_those_of_its_drives(tmp_path, effort, drive, 
 
 
 def test_efforts_without_position_commands_may_be_currents_and_inspect_says_so(tmp_path):
-    path = tmp_path / "run.csv"
     table = arm("{}/effort")
-    table[[name for name in table if not name.endswith("_command")]].to_csv(path, index=False)
-    found = inspect_log(path)
+    found = inspected(tmp_path, table[[name for name in table if not name.endswith("_command")]])
     assert found.rig["drive"] == "torque"
     assert any("many drivers publish currents there" in note and "drive: current" in note for note in found.notes)
 
 
 def test_a_motor_s_current_is_that_of_its_joint(tmp_path):
-    path = tmp_path / "run.csv"
     table = arm("{}_motor_current_A", command="{}_goal")
     table.columns = [name.replace("/position", "_angle_deg") for name in table]
-    table.to_csv(path, index=False)
-    found = inspect_log(path)
+    found = inspected(tmp_path, table)
     assert found.rig["columns"]["joint2/current"] == "joint2_motor_current_A"
     assert found.rig["joints"] == [f"joint{j}" for j in range(1, 7)] and trial(found) == ""
 
@@ -95,14 +91,10 @@ def test_what_is_no_effort_of_a_drive_leaves_a_servo(tmp_path, effort, change):
     table = arm(effort)
     for name in (effort.format(f"joint{j}") for j in range(1, 7)):
         table[name] = change(table[name])
-    path = tmp_path / "run.csv"
-    table.to_csv(path, index=False)
-    found = inspect_log(path)
+    found = inspected(tmp_path, table)
     assert found.rig["drive"] == "position_servo" and found.comment == ""
 
 
 def test_one_joint_without_an_effort_and_a_bench_of_two_joints_leave_servos(tmp_path):
-    for number, table in enumerate((arm("{}/current").drop(columns="joint4/current"), arm("{}/current", joints=2))):
-        path = tmp_path / f"{number}.csv"
-        table.to_csv(path, index=False)
-        assert inspect_log(path).rig["drive"] == "position_servo"
+    for table in (arm("{}/current").drop(columns="joint4/current"), arm("{}/current", joints=2)):
+        assert inspected(tmp_path, table).rig["drive"] == "position_servo"

@@ -45,6 +45,13 @@ def test_scatter_of_the_stamps_is_taken_away_and_that_of_the_clock_stays(period,
     assert kept.notes == () and np.array_equal(kept.time, unsteady)
 
 
+def read(path, stamps, position, current):
+    """The run of a file with these columns."""
+    table = pd.DataFrame({"time": stamps, "knee/position": position, "knee/current": current})
+    table.to_parquet(path)
+    return load_run(path, parse_rig({"joint": "knee", "drive": "current", "load": "unknown"}))
+
+
 def test_a_joint_at_rest_tells_nothing():
     rng = np.random.default_rng(1)
     stamps = np.sort(1e-3 * np.arange(4000) + 3e-4 * rng.normal(size=4000))
@@ -76,9 +83,7 @@ def test_a_run_with_scattering_stamps_is_that_of_a_steady_clock(tmp_path, resolu
     rng = np.random.default_rng(2)
     steady = 1e-3 * np.arange(6000)
     stamps = np.maximum.accumulate(np.floor((steady + 3e-4 * rng.normal(size=6000)) / resolution) * resolution)
-    table = pd.DataFrame({"time": stamps, "knee/position": motion(steady), "knee/current": np.cos(5.0 * steady)})
-    table.to_csv(tmp_path / "run.csv", index=False)
-    run = load_run(tmp_path / "run.csv", parse_rig({"joint": "knee", "drive": "current", "load": "unknown"}))
+    run = read(tmp_path / "run.parquet", stamps, motion(steady), np.cos(5.0 * steady))
     assert any("about a steady clock" in note for note in run.notes)
     assert run.period == pytest.approx(1e-3, rel=1e-3) and len(run) == pytest.approx(6000, abs=3)
     shift = 0.5 * resolution if resolution > 1e-4 else 0.0
@@ -91,10 +96,8 @@ def test_ten_minutes_at_a_kilohertz_take_seconds(tmp_path):
     rng = np.random.default_rng(3)
     steady = 1e-3 * np.arange(600_000)
     stamps = np.maximum.accumulate(steady + 3e-4 * rng.normal(size=steady.size))
-    table = pd.DataFrame({"time": stamps, "knee/position": motion(steady), "knee/current": np.cos(5.0 * steady)})
-    table.to_parquet(tmp_path / "run.parquet")
     begin = clock.process_time()
-    run = load_run(tmp_path / "run.parquet", parse_rig({"joint": "knee", "drive": "current", "load": "unknown"}))
+    run = read(tmp_path / "run.parquet", stamps, motion(steady), np.cos(5.0 * steady))
     assert clock.process_time() - begin < 20.0 and len(run) == pytest.approx(600_000, abs=10)
 
 
@@ -104,11 +107,7 @@ def test_noise_of_rows_at_true_scattered_instants_stays_as_it_is(tmp_path):
     steady = 1e-3 * np.arange(40_000)
     stamps = steady + rng.uniform(-3e-4, 3e-4, steady.size)
     noise = 0.01 * rng.normal(size=steady.size)
-    table = pd.DataFrame(
-        {"time": stamps, "knee/position": motion(stamps), "knee/current": np.cos(5.0 * stamps) + noise}
-    )
-    table.to_csv(tmp_path / "run.csv", index=False)
-    run = load_run(tmp_path / "run.csv", parse_rig({"joint": "knee", "drive": "current", "load": "unknown"}))
+    run = read(tmp_path / "run.parquet", stamps, motion(stamps), np.cos(5.0 * stamps) + noise)
     assert run.period == pytest.approx(1e-3, rel=1e-5)
     assert not any("lost rows" in note for note in run.notes)
     left = run.columns["knee/current"] - np.cos(5.0 * (run.time + stamps[0] - run.time[0]))

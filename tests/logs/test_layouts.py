@@ -180,27 +180,17 @@ def lerobot(path: Path, version: int) -> Path:
     return path
 
 
-LAYOUTS = {
-    "comments": lambda folder: comments(folder / "run.csv"),
-    "numpy.savetxt": lambda folder: savetxt(folder / "run.csv"),
-    "pairs": lambda folder: pairs(folder / "run.csv"),
-    "clocks": lambda folder: clocks(folder / "run.csv"),
-    "named times": lambda folder: named_times(folder / "run.csv"),
-    "units of pairs": lambda folder: units_of_pairs(folder / "run.csv"),
-    "device above": lambda folder: device_above(folder / "run.csv"),
-    "decimal commas": lambda folder: decimal_commas(folder / "run.csv"),
-    "two units of angles": lambda folder: two_units_of_angles(folder / "run.csv"),
-    "units below": lambda folder: units_below(folder / "run.csv"),
-    "units in names": lambda folder: units_in_names(folder / "run.csv"),
-    "units at the end": lambda folder: units_at_the_end(folder / "run.csv"),
-    "actual and desired": lambda folder: actual_and_desired(folder / "run.csv"),
-    "dotted": lambda folder: dotted(folder / "run.csv"),
-    "npz": lambda folder: arrays(folder / "run.npz"),
-    "mat": lambda folder: arrays(folder / "run.mat"),
-    "json columns": lambda folder: columns_of_json(folder / "run.json"),
-    "json records": lambda folder: records_of_json(folder / "run.json"),
-    "lerobot 2": lambda folder: lerobot(folder / "run", 2),
-    "lerobot 3": lambda folder: lerobot(folder / "run", 3),
+CSV = (
+    *(comments, savetxt, pairs, clocks, named_times, units_of_pairs, device_above, decimal_commas),
+    *(two_units_of_angles, units_below, units_in_names, units_at_the_end, actual_and_desired, dotted),
+)
+LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
+    "npz": (arrays, "run.npz"),
+    "mat": (arrays, "run.mat"),
+    "json columns": (columns_of_json, "run.json"),
+    "json records": (records_of_json, "run.json"),
+    "lerobot 2": (lambda path: lerobot(path, 2), "run"),
+    "lerobot 3": (lambda path: lerobot(path, 3), "run"),
 }
 
 
@@ -216,7 +206,8 @@ def same_signals(run, joint: str) -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_layout_goes_from_inspect_to_check(tmp_path, layout):
-    path = LAYOUTS[layout](tmp_path)
+    write, name = LAYOUTS[layout]
+    path = write(tmp_path / name)
     found = inspect_log(path)
     assert trial(found) == "" and len(found.rig.get("joints", [""])) <= 2, found.notes
     rig = save_rig(parse_rig(dict(found.rig)), tmp_path / "rig.yaml")

@@ -14,53 +14,13 @@ from drake_tc.logs.inspection.inspect import inspect_log, trial
 from drake_tc.logs.prepare import load_run
 from drake_tc.logs.rig import parse_rig
 
-TIME = np.arange(300) / 30.0
 MOTORS = ["shoulder_pan.pos", "elbow_flex.pos"]
 
 
-def data_set(folder, *, named: bool = True, episodes: int = 1):
-    (folder / "meta").mkdir(parents=True)
-    names = MOTORS if named else None
-    features = {"observation.state": {"dtype": "float32", "shape": [2], "names": names}, "action": {"names": names}}
-    (folder / "meta" / "info.json").write_text(json.dumps({"fps": 30, "features": features}))
-    path = folder / "data" / "chunk-000" / "episode_000000.parquet"
-    path.parent.mkdir(parents=True)
-    state = np.column_stack([40.0 * np.sin(TIME), 30.0 * np.cos(TIME)])
-    pd.DataFrame(
-        {
-            "observation.state": list(state),
-            "action": list(state + 1.0),
-            "timestamp": TIME,
-            "episode_index": np.arange(300) * episodes // 300,
-        }
-    ).to_parquet(path)
-    return path
-
-
-def test_members_are_named_by_the_data_set(tmp_path):
-    table = read_table(data_set(tmp_path))
-    assert list(table.columns[:2]) == ["shoulder_pan/pos", "elbow_flex/pos"]
-    np.testing.assert_allclose(table["elbow_flex/pos_command"], 30.0 * np.cos(TIME) + 1.0)
-
-
-def test_inspect_finds_the_joints(tmp_path):
-    rig = inspect_log(data_set(tmp_path)).rig
-    assert rig["joints"] == ["shoulder_pan", "elbow_flex"] and rig["drive"] == "position_servo"
-    assert rig["columns"]["elbow_flex/position_command"] == "elbow_flex/pos_command"
-    assert rig["units"]["elbow_flex/position"] == "deg"
-
-
-def test_without_names_members_are_numbered(tmp_path):
-    table = read_table(data_set(tmp_path, named=False))
-    assert {"joint_0/position", "joint_1/position_command"} <= set(table.columns)
-
-
-def written(folder, *, version: int, names, episodes=(200, 300, 250), velocity: bool = True):
+def written(folder, *, version=3, names=MOTORS, episodes=(200, 300, 250), beside=("effort",), scale=1.0):
     """A data set of version 2 or 3 as LeRobot writes it: pictures among the features, float32 lists, 50 frames/s."""
-    features = {key: {"dtype": "float32", "shape": [2], "names": names} for key in ("observation.state", "action")}
-    features |= {"observation.effort": features["action"]} | (
-        {"observation.velocity": features["action"]} if velocity else {}
-    )
+    lists = ["observation.state", "action", *(f"observation.{key}" for key in beside)]
+    features = {key: {"dtype": "float32", "shape": [2], "names": names} for key in lists}
     features |= {"observation.images.top": {"dtype": "video", "shape": [480, 640, 3], "names": ["h", "w", "c"]}}
     features |= {key: {"dtype": "int64", "shape": [1], "names": None} for key in ("episode_index", "index")}
     (folder / "meta").mkdir(parents=True)
@@ -69,11 +29,8 @@ def written(folder, *, version: int, names, episodes=(200, 300, 250), velocity: 
     tables = []
     for episode, count in enumerate(episodes):
         time = np.arange(count) / 50.0
-        state = np.column_stack([np.sin((2.0 + episode) * time), np.cos(3.0 * time)]).astype(np.float32)
-        columns = {"observation.state": list(state), "action": list(state + np.float32(0.1))}
-        columns |= {"observation.effort": list(2.0 * state)} | (
-            {"observation.velocity": list(state)} if velocity else {}
-        )
+        state = scale * np.column_stack([np.sin((2.0 + episode) * time), np.cos(3.0 * time)]).astype(np.float32)
+        columns = {key: list(state) for key in lists} | {"action": list(state + np.float32(0.1))}
         columns |= {"timestamp": time.astype(np.float32), "episode_index": episode, "index": np.arange(count)}
         tables.append(pd.DataFrame(columns))
     place = folder / "data" / "chunk-000"
@@ -85,6 +42,25 @@ def written(folder, *, version: int, names, episodes=(200, 300, 250), velocity: 
         for episode, table in enumerate(tables):
             table.to_parquet(place / f"episode_{episode:06d}.parquet", index=False)
     return folder
+
+
+def first_file(folder, **options):
+    return written(folder, version=2, episodes=(300,), beside=(), **options) / "data/chunk-000/episode_000000.parquet"
+
+
+def test_members_of_one_file_are_named_by_the_data_set(tmp_path):
+    table = read_table(first_file(tmp_path / "named"))
+    assert list(table.columns[:2]) == ["shoulder_pan/pos", "elbow_flex/pos"]
+    np.testing.assert_allclose(table["elbow_flex/pos_command"], np.cos(0.06 * np.arange(300)) + 0.1, atol=1e-6)
+    unnamed = read_table(first_file(tmp_path / "unnamed", names=None))
+    assert {"joint_0/position", "joint_1/position_command"} <= set(unnamed.columns)
+
+
+def test_inspect_finds_the_joints(tmp_path):
+    rig = inspect_log(first_file(tmp_path, scale=40.0)).rig
+    assert rig["joints"] == ["shoulder_pan", "elbow_flex"] and rig["drive"] == "position_servo"
+    assert rig["columns"]["elbow_flex/position_command"] == "elbow_flex/pos_command"
+    assert rig["units"]["elbow_flex/position"] == "deg"
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -99,7 +75,7 @@ def written(folder, *, version: int, names, episodes=(200, 300, 250), velocity: 
     ],
 )
 def test_a_folder_is_a_log_of_its_episodes(tmp_path, version, names):
-    folder = written(tmp_path / "set", version=version, names=names, velocity=False)
+    folder = written(tmp_path / "set", version=version, names=names)
     found = inspect_log(folder)
     assert trial(found) == "" and found.rig["joints"] == ["hip", "knee"] and found.gaps == 2
     rig = parse_rig(dict(found.rig))
@@ -115,13 +91,13 @@ def test_a_folder_is_a_log_of_its_episodes(tmp_path, version, names):
 
 
 def test_lists_beside_the_state_name_their_quantity(tmp_path):
-    table = read_table(written(tmp_path / "set", version=3, names=["hip", "knee"]))
+    table = read_table(written(tmp_path / "set", names=["hip", "knee"], beside=("effort", "velocity")))
     assert {"hip/position", "hip/position_command", "hip/velocity", "hip/effort"} <= set(table.columns)
     assert not any("image" in name for name in table.columns)
 
 
 def test_an_episode_that_is_not_there_and_one_given_twice(tmp_path):
-    folder = written(tmp_path / "set", version=3, names=["hip", "knee"])
+    folder = written(tmp_path / "set", names=["hip", "knee"])
     with pytest.raises(LogError, match=r"no episode 3; episodes here: 0 to 2"):
         read_table(Path(f"{folder}#3"))
     with pytest.raises(LogError, match=r"set#1: .*set is also given and has all episodes"):
@@ -131,7 +107,6 @@ def test_an_episode_that_is_not_there_and_one_given_twice(tmp_path):
 
 def test_positions_within_a_hundred_may_be_shares_of_a_range(tmp_path):
     """LeRobot normalises positions; positions in rad are no shares."""
-    path = data_set(tmp_path / "shares").parents[2]
-    assert any("share of each joint's calibrated range" in note for note in inspect_log(path).notes)
-    small = written(tmp_path / "rad", version=3, names=MOTORS)
-    assert not any("share of each joint" in note for note in inspect_log(small).notes)
+    for folder, scale in (("shares", 40.0), ("rad", 1.0)):
+        notes = inspect_log(written(tmp_path / folder, scale=scale)).notes
+        assert any("share of each joint's calibrated range" in note for note in notes) == (folder == "shares")

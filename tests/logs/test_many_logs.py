@@ -60,3 +60,19 @@ def test_numbers_in_names_are_no_numbers_and_signs_are():
     taken_off = "Sensor ft_foot: [{}] were taken off."
     told = distinct_notes([("a", taken_off.format("3, -2")), ("b", taken_off.format("1.5, 2"))])
     assert told == ("a: Sensor ft_foot: [3, -2] were taken off. The same, with other numbers, holds for b.",)
+
+
+def test_notes_with_other_numbers_are_told_once():
+    same = [(f"run{n}", "Column 'temp' looks like a temperature.") for n in range(40)]
+    counted = [("a", "3 rows were left out."), ("b", "17 rows were left out.")]
+    assert distinct_notes([*same[:1], *counted[:1], *same[1:], *counted[1:]]) == (
+        "run0, run1, run2 and 37 more logs: Column 'temp' looks like a temperature.",
+        "a: 3 rows were left out. The same, with other numbers, holds for b.",
+    )
+    assert distinct_notes([]) == ()
+
+
+def test_notes_of_other_joints_are_left_out():
+    notes = [("a", "Column knee/torque is frozen."), ("a", "Column left_knee/torque is frozen."), ("a", "A gap.")]
+    assert of_joint(notes, "knee", ["knee", "left_knee"]) == [notes[0], notes[2]]
+    assert np.shape(of_joint(notes, "left_knee", ["knee", "left_knee"])) == (2, 2)

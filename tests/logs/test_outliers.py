@@ -1,27 +1,18 @@
-"""Turns of encoders and spikes are mended and told; exchanged, dead and complex columns are refused."""
-
-import gzip
+"""Turns of encoders, lost zeros and spikes are mended and told; exchanged and complex columns are refused."""
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import LogError
+from drake_tc.logs.checks.jumps import jumps
 from drake_tc.logs.checks.mistaken_columns import leads_by
 from drake_tc.logs.checks.outliers import spikes, without_turns
 from drake_tc.logs.prepare import load_run, load_runs
 
-from .conftest import PERIOD, bench, servo_rig, write
+from .conftest import PERIOD, bench, load, noted, servo_rig, write
 
 TURN = 2.0 * np.pi
-
-
-def noted(run, text: str) -> bool:
-    return any(text in note for note in run.notes)
-
-
-def load(table, tmp_path, **rig):
-    return load_run(write(table, tmp_path / "run.csv"), servo_rig(**rig))
 
 
 @pytest.mark.parametrize("turns", [1, -1, 3])
@@ -138,38 +129,12 @@ def test_of_several_runs_the_majority_decides(tmp_path):
         load_runs(paths, servo_rig())
 
 
-def refusal(table, tmp_path, **rig) -> str:
-    with pytest.raises(LogError) as caught:
-        load(table, tmp_path, **rig)
-    return str(caught.value)
-
-
-def test_a_torque_that_is_zero_throughout(tmp_path, table):
-    line = refusal(table.assign(**{"joint/torque": 0.0}), tmp_path)
-    assert "'joint/torque' is 0 in all rows while joint moves" in line and "load:" in line
-
-
-def test_a_position_that_never_changes(tmp_path, table):
-    assert "'joint/position' is constant (0.3) in all rows" in refusal(
-        table.assign(**{"joint/position": 0.3}).drop(columns="joint/velocity"), tmp_path
-    )
-
-
 def test_complex_numbers_are_refused(tmp_path, table):
     columns = {name: table[name].to_numpy() for name in table}
     columns["joint/torque"] = columns["joint/torque"] + 1j
     np.savez(tmp_path / "run.npz", **columns)
     with pytest.raises(LogError, match=r"run\.npz: column 'joint/torque' .* holds complex numbers; expected real"):
         load_run(tmp_path / "run.npz", servo_rig())
-
-
-@pytest.mark.parametrize("packed", [False, True])
-def test_a_name_that_stands_twice_in_a_header(tmp_path, packed):
-    text = "time,q,q\n" + "".join(f"{i},1,2\n" for i in range(50))
-    path = tmp_path / ("run.csv.gz" if packed else "run.csv")
-    path.write_bytes(gzip.compress(text.encode()) if packed else text.encode())
-    with pytest.raises(LogError, match="column 'q' stands more than once"):
-        load_run(path, servo_rig())
 
 
 def test_cells_beyond_the_header(tmp_path, table):
@@ -181,3 +146,52 @@ def test_cells_beyond_the_header(tmp_path, table):
     lines[100] = lines[100].removesuffix("7")
     (tmp_path / "run.csv").write_text("\n".join(lines))
     assert len(load_run(tmp_path / "run.csv", servo_rig())) == len(table)
+
+
+def motion(rate: float, step: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """(time, angle) of 20 s, with an encoder of this step [rad]."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 20.0, 1.0 / rate)
+    angle = 0.8 * np.sin(2.0 * np.pi * 0.7 * time) + 0.1 * np.sin(2.0 * np.pi * 3.1 * time)
+    return time, np.round((angle + 1e-4 * rng.standard_normal(time.size)) / step) * step
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("step", [1e-6, 2.0 * np.pi / 4096])
+def test_a_lost_zero_is_found_at_its_row(rate: float, step: float) -> None:
+    time, angle = motion(rate, step)
+    row = time.size // 3
+    angle[row + 1 :] -= 0.4
+    assert_array_equal(jumps(time, angle), [row])
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
+@pytest.mark.parametrize("step", [1e-6, 2.0 * np.pi / 4096])
+def test_motion_has_no_jump(rate: float, step: float) -> None:
+    time, angle = motion(rate, step)
+    assert jumps(time, angle).size == 0
+
+
+def test_a_fast_step_of_a_servo_is_no_jump() -> None:
+    """A second-order step response of 20 Hz in an otherwise resting log."""
+    time = np.arange(0.0, 20.0, 0.005)
+    w, since = 2.0 * np.pi * 20.0, np.maximum(time - 8.0, 0.0)
+    angle = 0.5 * (1.0 - np.exp(-w * since) * (1.0 + w * since))
+    assert jumps(time, np.round(angle / 1e-3) * 1e-3).size == 0
+
+
+def test_rows_that_are_missing_in_time_are_no_jump() -> None:
+    time, angle = motion(500.0, 1e-6)
+    kept = np.r_[0:3000, 3100 : time.size]
+    assert jumps(time[kept], angle[kept]).size == 0
+
+
+def test_a_run_is_split_where_its_encoder_lost_its_zero(tmp_path) -> None:
+    whole = load_run(write(bench(), tmp_path / "whole.csv"), servo_rig())
+    table = bench()
+    table.loc[len(table) // 2 :, "joint/position"] += 0.5
+    run = load_run(write(table, tmp_path / "run.csv"), servo_rig())
+    assert len([hint for hint in run.hints if "joint/position jumps by 0.5" in hint]) == 1
+    assert set(run.hints) <= set(run.notes)
+    assert run.segment.max() == whole.segment.max() + 1
+    assert whole.hints == ()

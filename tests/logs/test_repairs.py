@@ -7,17 +7,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.errors import LogError
 from drake_tc.logs.channels import hold_period, release_hold, saturated_share
-from drake_tc.logs.prepare import load_run, load_runs
+from drake_tc.logs.prepare import load_runs
 
-from .conftest import PERIOD, bench, servo_rig, write
-
-
-def noted(run, text: str) -> bool:
-    return any(text in note for note in run.notes)
-
-
-def load(table, tmp_path, **rig):
-    return load_run(write(table, tmp_path / "run.csv"), servo_rig(**rig))
+from .conftest import PERIOD, bench, load, noted, servo_rig, write
 
 
 def test_a_sound_log_passes_through_unchanged(tmp_path, table):

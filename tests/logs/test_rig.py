@@ -6,11 +6,12 @@ import yaml
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import RigError
-from drake_tc.logs.loads import Pendulum
-from drake_tc.logs.rig import load_rig, parse_rig, save_rig
+from drake_tc.logs.loads import Pendulum, UnknownLoad, unknown_form
+from drake_tc.logs.rig import load_rig, parse_rig, rig_document, save_rig
 from drake_tc.logs.units import parse_unit, scale_of
 
 BASE = {"joint": "knee", "drive": "position_servo"}
+CURRENT = {"joint": "knee", "drive": "current"}
 LEG = {"joints": ["hip", "knee"], "drive": "current"}
 
 
@@ -136,6 +137,18 @@ def test_a_joint_may_be_called_pendulum():
         ({**BASE, "valid": "height > low"}, "and a number, got 'height > low'"),
         ({**BASE, "saturation": -1}, "positive number"),
         ({**BASE, "saturation": {"hip": 1}}, "'hip' is not a joint"),
+        ({**CURRENT, "torque_constant": 0.07}, "torque_constant: expected gear_ratio for knee too"),
+        ({**CURRENT, "gear_ratio": 100.0}, "gear_ratio: expected torque_constant for knee too"),
+        (
+            {**CURRENT, "torque_constant": 0.07, "gear_ratio": 100.0, "drive_gain": 0.1},
+            "torque_constant: knee has drive_gain too, and both state the drive's gain",
+        ),
+        ({**BASE, "torque_constant": 0.07, "gear_ratio": 9.0}, "it belongs to `drive: current`; the drive of knee is"),
+        ({**CURRENT, "proportional_gain": 20.0}, "proportional_gain: it belongs to `drive: position_servo`"),
+        ({**BASE, "derivative_gain": 1.5}, "derivative_gain: expected proportional_gain or drive_gain for knee too"),
+        ({**BASE, "proportional_gain": 9.0, "drive_gain": 0.1}, "proportional_gain: knee has drive_gain too"),
+        ({**BASE, "proportional_gain": -9.0}, "proportional_gain: expected a positive number, got -9.0"),
+        ({**LEG, "gear_ratio": {"hipp": 9.0}}, "'hipp' is not a joint of this rig; did you mean 'hip'?"),
     ],
 )
 def test_refusals(tmp_path, document, says):
@@ -188,6 +201,51 @@ def test_pendulum_torque_is_the_gradient_of_its_energy():
     slope = 0.7 * 9.81 * (height(q + h) - height(q - h)) / (2 * h)
     assert_allclose(pendulum.torque(q, np.zeros(11)), slope, rtol=0, atol=1e-8)  # central difference, O(h^2)
     assert_allclose(pendulum.torque(np.array([0.2]), np.ones(1)), 0.7 * 0.09, rtol=1e-12)
+
+
+def test_a_motors_constants_give_the_drive_gain():
+    rig = parse_rig({**CURRENT, "torque_constant": 0.07, "gear_ratio": 100.0})
+    assert_allclose(rig.drive_gain["knee"], 1.0 / 7.0, rtol=1e-12)  # 7 N m at the joint for 1 A
+    mixed = parse_rig(
+        {**LEG, "torque_constant": {"knee": 0.1}, "gear_ratio": {"knee": 50.0}, "drive_gain": {"hip": 0.3}}
+    )
+    assert mixed.drive_gain == {"hip": 0.3, "knee": 1.0 / 5.0}
+
+
+def test_a_servos_gains_give_the_drive_gain_and_its_damping():
+    rig = parse_rig({**BASE, "proportional_gain": 20.0, "derivative_gain": 1.5})
+    assert rig.drive_gain == {"knee": 0.05} and rig.derivative_gain == {"knee": 1.5}
+    assert parse_rig(rig_document(rig)) == rig
+
+
+def test_a_torque_drive_reads_its_own_column():
+    rig = parse_rig({"joint": "knee", "drive": "torque", "units": {"torque_command": "mN*m"}})
+    assert rig.command_column("knee") == "knee/torque_command" and not rig.drive_gain
+
+
+@pytest.mark.parametrize(
+    ("written", "load", "form"),
+    [
+        ("unknown", "unknown", "pendulum"),
+        ({"unknown": "pendulum"}, "unknown", "pendulum"),
+        ({"unknown": "smooth"}, UnknownLoad("smooth"), "smooth"),
+        ({"knee": {"unknown": "smooth"}}, UnknownLoad("smooth"), "smooth"),
+        ("torque", "torque", None),
+    ],
+)
+def test_the_forms_are_read_and_written_back(written, load, form):
+    rig = parse_rig({**CURRENT, "load": written}, "rig.yaml")
+    assert rig.load["knee"] == load and unknown_form(rig.load["knee"]) == form
+    assert parse_rig(rig_document(rig)) == rig
+
+
+@pytest.mark.parametrize("value", ["smoth", None, 3, ["smooth"], {"smooth": 4}])
+def test_another_form_is_refused_in_one_line(value):
+    with pytest.raises(RigError, match=r"^rig\.yaml: load.unknown: expected one of pendulum, smooth, got ") as refused:
+        parse_rig({**CURRENT, "load": {"unknown": value}}, "rig.yaml")
+    assert "\n" not in str(refused.value)
+    if value == "smoth":
+        assert "did you mean 'smooth'?" in str(refused.value)
 
 
 @pytest.mark.parametrize(

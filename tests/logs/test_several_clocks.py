@@ -1,11 +1,13 @@
-"""A table whose rows hold the columns of one sender each gives what each sender measured, at the position's times."""
+"""A table whose rows hold the columns of one sender each gives what each sender measured; runs come to one rate."""
 
 import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+from drake_tc.logs.channels import at_common_period
 from drake_tc.logs.prepare import load_run
+from drake_tc.logs.record import Run
 from drake_tc.logs.rig import parse_rig
 
 PERIOD = 5e-3
@@ -36,10 +38,15 @@ def parts(late):
     ]
 
 
+def mixed(folder, tables, **rig):
+    """The run of a table that has the rows of all these tables in the order of their times."""
+    pd.concat(tables).sort_values("time", kind="stable").to_csv(folder / "run.csv", index=False)
+    return load_run(folder / "run.csv", parse_rig(RIG | rig))
+
+
 @pytest.mark.parametrize("late", [0.0007, 0.0, 0.0024])
 def test_the_rows_of_the_position_are_the_samples(tmp_path, late):
-    pd.concat(parts(late)).sort_values("time", kind="stable").to_csv(tmp_path / "run.csv", index=False)
-    run = load_run(tmp_path / "run.csv", parse_rig(RIG))
+    run = mixed(tmp_path, parts(late))
     assert run.period == pytest.approx(PERIOD, rel=1e-6)
     assert run.steps["joint/position"] == pytest.approx(STEP, rel=1e-6)
     inside = (run.segment >= 0) & (run.time > 0.02)
@@ -59,8 +66,7 @@ def test_a_command_on_rows_of_its_own_is_held(tmp_path):
         pd.DataFrame({"time": T[slow] + 0.001, "joint/position_command": goal[slow]}),
         pd.DataFrame({"time": T + 0.001, "joint/torque": load(T + 0.001)}),
     ]
-    pd.concat(tables).sort_values("time", kind="stable").to_csv(tmp_path / "run.csv", index=False)
-    run = load_run(tmp_path / "run.csv", parse_rig({"joint": "joint", "drive": "position_servo"}))
+    run = mixed(tmp_path, tables, drive="position_servo")
     rows = np.flatnonzero(run.segment >= 0)
     row = np.round(run.time[rows] / PERIOD).astype(int)
     expected = goal[np.maximum((row - 1) // 4, 0) * 4]
@@ -70,8 +76,7 @@ def test_a_command_on_rows_of_its_own_is_held(tmp_path):
 def test_a_hole_is_not_filled(tmp_path):
     first, second, third = parts(0.0007)
     third = third[(third["time"] < 3.0) | (third["time"] > 4.0)]
-    pd.concat([first, second, third]).sort_values("time", kind="stable").to_csv(tmp_path / "run.csv", index=False)
-    run = load_run(tmp_path / "run.csv", parse_rig(RIG))
+    run = mixed(tmp_path, [first, second, third])
     hole = (run.time > 3.02) & (run.time < 3.98)
     assert (run.segment[hole] < 0).all()
 
@@ -80,6 +85,33 @@ def test_missing_values_of_one_clock_stay_missing_values(tmp_path):
     table = pd.DataFrame({"time": T, "joint/position": position(T), "joint/current": current(T)})
     table["joint/torque"] = load(T)
     table.loc[::3, "joint/position"] = np.nan
-    table.to_csv(tmp_path / "run.csv", index=False)
-    run = load_run(tmp_path / "run.csv", parse_rig(RIG))
+    run = mixed(tmp_path, [table])
     assert "are the samples" not in " ".join(run.notes) and "missing values were interpolated" in " ".join(run.notes)
+
+
+def run(period: float, gap: bool = False) -> Run:
+    time = np.arange(0.0, 4.0, period)
+    segment = np.zeros(time.size, dtype=np.int64)
+    if gap:
+        segment[(time > 1.0) & (time < 1.5)] = -1
+        segment[time >= 1.5] = 1
+    return Run(f"{period:g}", None, time, period, {"joint/position": np.sin(3.0 * time)}, segment)
+
+
+def test_runs_of_one_rate_are_left_alone() -> None:
+    runs = (run(0.002), run(0.002))
+    assert at_common_period(runs) == runs
+    assert at_common_period(()) == ()
+
+
+def test_the_slower_run_is_interpolated_to_the_faster_clock() -> None:
+    fast, slow = at_common_period((run(0.002), run(0.005, gap=True)))
+    assert fast.period == slow.period == 0.002
+    # linear interpolation of sin(3 t) at 5 ms: at most (3 h)^2 / 8
+    assert_allclose(slow.columns["joint/position"], np.sin(3.0 * slow.time), atol=(3.0 * 0.005) ** 2 / 8)
+    steps = [np.diff(slow.time[s]) for s in slow.segments()]
+    assert len(steps) == 2
+    for step in steps:
+        assert_allclose(step, 0.002, rtol=1e-9)
+    assert not ((slow.time > 1.001) & (slow.time < 1.499)).any()
+    assert "5 ms to 2 ms" in slow.notes[-1]

@@ -1,4 +1,4 @@
-"""From bags to a verdict in two commands, `inspect` and `close-loop`, without a column map written by hand."""
+"""From bags to a rig file and a verdict in two commands, without a column map written by hand."""
 
 import json
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from drake_tc.cli.main import run
+from drake_tc.logs.inspection.inspect import inspect_log, trial
 
 pytest.importorskip("rosbags")
-from .recorded import arrays, bag, imus, joint_states, wrenches
+from .recorded import T, arrays, bag, imus, joint_states, nanoseconds, wrenches
 
 NAME = "elbow_joint"
 GAIN, INERTIA, MOMENT = 2e-3, 0.4, 6.0
@@ -62,6 +63,44 @@ def with_imu_and_wrench(path, number):
         imus("/forearm/imu", "forearm", slow, 0.0 * still, 9.8 * still),
         wrenches("/hand/wrench", "hand", slow, still, still),
     )
+
+
+SERVO = {"drive": "position_servo"}
+TORQUE = {"drive": "torque", "columns": {f"{NAME}/torque_command": f"{NAME}/effort"}}
+"""The effort of the joint states is taken for the torque that the drive was commanded."""
+
+
+@pytest.mark.parametrize(
+    ("recorded", "rig"), [(states_only, TORQUE), (commands_and_states, SERVO), (with_imu_and_wrench, SERVO)]
+)
+def test_the_rig_file_of_a_bag(tmp_path, recorded, rig):
+    found = inspect_log(recorded(tmp_path / "run", 1))
+    assert dict(found.rig) == {"joint": NAME, "load": "unknown"} | rig
+    assert trial(found) == ""
+    units = {column.canonical: column.unit for column in found.columns}
+    sensors = {"imu_forearm/gyro_x": "rad/s", "imu_forearm/accel_z": "m/s^2", "ft_hand/fx": "N", "ft_hand/tz": "N*m"}
+    assert recorded is not with_imu_and_wrench or sensors.items() <= units.items()
+
+
+def test_topics_are_listed_also_those_that_are_not_read(tmp_path, capsys):
+    time, position, _, command, _ = motion(1)
+    slow = time[::50]
+    kind = "std_msgs/msg/String"
+    path = bag(
+        tmp_path / "run",
+        joint_states("/joint_states", time, {NAME: [position]}),
+        joint_states("/joint_commands", time, {NAME: [command]}),
+        [("/rosout", kind, nanoseconds(t), T[kind]("said")) for t in slow],
+    )
+    found = {topic.name: topic for topic in inspect_log(path).topics}
+    assert list(found) == ["/joint_commands", "/joint_states", "/rosout"]
+    assert found["/joint_states"].read and not found["/rosout"].read
+    assert (found["/rosout"].kind, found["/rosout"].messages) == (kind, slow.size)
+    assert found["/joint_states"].rate == pytest.approx(500.0, rel=0.01)
+    assert found["/rosout"].rate == pytest.approx(10.0, rel=0.03)
+    assert run(["inspect", str(path)]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("/rosout")]
+    assert line.split()[:3] == ["/rosout", kind, str(slow.size)] and line.rstrip().endswith("not read")
 
 
 def report_of_two_commands(folder, recorded):
