@@ -214,6 +214,11 @@ class StageSystem(PortMethods, LeafSystem):
         self._stage_outputs: list[Any] = []
         for number, part in enumerate((stage,) if stage.early is None else (stage, stage.early)):
             tickets = {*always, *(ports[name].ticket() for name in part.reads)} or {self.nothing_ticket()}
+            if [where.size for where in part.ports.values()] == [part.width]:  # the port itself holds what is solved
+                (name,) = part.ports
+                solved = self.DeclareVectorOutputPort(name, part.width, self._solver(number), tickets)
+                self._stage_outputs.append(solved)
+                continue
             allocate = Value(np.zeros(part.width)).Clone
             solved = self.DeclareCacheEntry(
                 f"solved_{number}", ValueProducer(allocate=allocate, calc=self._solver(number)), tickets
@@ -244,6 +249,7 @@ class _BoundStage:
     def __init__(self, stage: ArrayStage, ports: Mapping[str, Any], memory: int | None) -> None:
         self._stage, self._ports, self._memory = stage, ports, memory
         self._parts = (stage,) if stage.early is None else (stage, stage.early)
+        self._names = [*(part.reads for part in self._parts), stage.updates - stage.reads]
         self._absent: frozenset[str] = frozenset()
         self._solved, self.notes = False, dict[str, Any]()
         self._bind()
@@ -255,34 +261,51 @@ class _BoundStage:
 
     def outputs(self, context: Any, number: int) -> FloatArray:
         """(width,) outputs of a part."""
-        self._read(context, self._parts[number].reads)
-        _run(self._calls[number], context)
+        self._read(context, number)
+        if self._memory is not None:
+            self._before[:] = context.get_discrete_state(self._memory).value()
+        time = context.get_time()
+        for call in self._calls[number]:
+            call(time)
         self._solved |= not number
         return self._out[number]
 
     def update(self, context: Any) -> FloatArray:
-        """(S,) the next state; what the outputs have computed in these arrays is used."""
-        self._read(context, self._stage.reads | self._stage.updates)
+        """(S,) the next state; what the outputs have read and computed in these arrays is used."""
         if not self._solved:  # the outputs are up to date, but were computed in the Context that was cloned
             self.outputs(context, 0)
+        self._read(context, -1)
+        if not self._solved:  # bound to new arrays
+            self.outputs(context, 0)
         self._after[:] = self._before
-        _run(self._calls[-1], context)
+        time = context.get_time()
+        for call in self._calls[-1]:
+            call(time)
         return self._after
 
-    def _read(self, context: Any, names: frozenset[str]) -> None:
+    def _read(self, context: Any, number: int) -> None:
         """Read the state and inputs; an input that the outputs do not depend on counts as connected until an update."""
-        absent = frozenset(name for name in names if not self._ports[name].HasValue(context))
-        if absent != self._absent & names:
-            self._absent = self._absent - names | absent
-            try:
-                self._bind()
-            except KeyError as required:
-                self._ports[required.args[0]].Eval(context)  # which raises Drake's own error
-                raise
-        if self._memory is not None:
-            self._before[:] = context.get_discrete_state(self._memory).value()
-        for name in names - absent:
-            self._inputs[name][:] = self._ports[name].Eval(context)
+        present, absent = self._known[number]
+        try:
+            for port, held in present:
+                held[:] = port.Eval(context)
+            changed = any(port.HasValue(context) for port in absent)
+        except RuntimeError:  # an input is no longer connected
+            changed = True
+        if changed:
+            self._bind_again(context, number)
+
+    def _bind_again(self, context: Any, number: int) -> None:
+        """Bind to the inputs that are connected now, and read those that this needs."""
+        names = self._names[number]
+        self._absent = self._absent - names | {name for name in names if not self._ports[name].HasValue(context)}
+        try:
+            self._bind()
+        except KeyError as required:
+            self._ports[required.args[0]].Eval(context)  # which raises Drake's own error
+            raise
+        for port, held in self._known[number][0]:
+            held[:] = port.Eval(context)
 
     def _bind(self) -> None:
         size, self._solved = self._stage.start.size, False
@@ -293,13 +316,18 @@ class _BoundStage:
             part.bind(Arrays(self._inputs, out, self._before, self._after, self.notes))
             for part, out in zip(self._parts, self._out, strict=True)
         ]
-        self._calls = [*(outputs for outputs, _ in bound), bound[0][1]]
+        self._calls = [_in_turn(calls) for calls in (*(outputs for outputs, _ in bound), bound[0][1])]
+        self._known = [
+            (
+                [(self._ports[name], self._inputs[name]) for name in names - self._absent],
+                [self._ports[name] for name in names & self._absent],
+            )
+            for names in self._names
+        ]
 
 
-def _run(calls: Call | Sequence[Call] | None, context: Any) -> None:
-    time = context.get_time()
-    for call in () if calls is None else (calls,) if callable(calls) else calls:
-        call(time)
+def _in_turn(calls: Call | Sequence[Call] | None) -> Sequence[Call]:
+    return () if calls is None else (calls,) if callable(calls) else calls
 
 
 def _writer(solved: Any, where: IntArray) -> Callable[[Any, Any], None]:
