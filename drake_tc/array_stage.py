@@ -216,8 +216,8 @@ class StageSystem(PortMethods, LeafSystem):
             tickets = {*always, *(ports[name].ticket() for name in part.reads)} or {self.nothing_ticket()}
             if [where.size for where in part.ports.values()] == [part.width]:  # the port itself holds what is solved
                 (name,) = part.ports
-                solved = self.DeclareVectorOutputPort(name, part.width, self._solver(number), tickets)
-                self._stage_outputs.append(solved)
+                port = self.DeclareVectorOutputPort(name, part.width, self._solver(number), tickets)
+                self._stage_outputs.append(port)
                 continue
             allocate = Value(np.zeros(part.width)).Clone
             solved = self.DeclareCacheEntry(
