@@ -3,15 +3,12 @@
 `MomentumResidual`: the generalized-momentum observer of what pushes the robot beyond what is known.
 """
 
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, StageSystem, places
+from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.kernels.calls import ESTIMATE, KernelCall
@@ -92,7 +89,7 @@ def _parts(n: int, k: int) -> dict[str, slice]:
     return {name: slice(a, b) for name, (a, b) in zip(sizes, pairwise(ends), strict=True) if b > a}
 
 
-class MomentumResidual(PortMethods, LeafSystem):
+class MomentumResidual(StageSystem):
     r"""External generalized forces on n joints and the base, filtered by K, without joint accelerations.
 
     Inputs:
@@ -147,69 +144,49 @@ class MomentumResidual(PortMethods, LeafSystem):
         self._model, self._n, self._dt = model, n, float(dt)
         self._blend = float(-np.expm1(-gain * dt))
         self._rows = np.concatenate([np.arange(6), model.model.velocity_index])
-        self._joint: Any = self.DeclareVectorInputPort("joint_state", 2 * n)
-        self._torque: Any = self.DeclareVectorInputPort("torque", n)
-        self._imu: Any = self.DeclareVectorInputPort("imu_estimate", 12)
-        self._contact: Any = self.DeclareVectorInputPort("contact_wrench", 6 * k) if k else None
-        self._no_imu, self._no_contact = np.zeros(12), np.zeros(6 * k)
-        self._still = np.zeros(n)
-        rows = 6 + n
-        self._residual: Any = self.DeclareDiscreteState(rows)
-        self._inertia: Any = self.DeclareDiscreteState(rows * n)
-        self._rest: Any = self.DeclareDiscreteState(rows)
-        self._velocity: Any = self.DeclareDiscreteState(n)
-        self._started: Any = self.DeclareDiscreteState(1)
-        self._scratch: Any = self.DeclareCacheEntry(
-            "plant_context", ValueProducer(allocate=self._allocate, calc=_keep), {self.nothing_ticket()}
-        )
-        on_residual = {self.discrete_state_ticket(self._residual)}
-        self.DeclareVectorOutputPort("residual", n, self._writer(np.arange(6, rows)), on_residual)
-        self.DeclareVectorOutputPort("base_residual", 6, self._writer(np.array([3, 4, 5, 0, 1, 2])), on_residual)
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._update)
+        wrench = {"contact_wrench": 6 * k} if k else {}
+        self._declare({"joint_state": 2 * n, "torque": n, "imu_estimate": 12} | wrench)
 
-    def _allocate(self) -> Any:
-        return Value([self._model.create_context()])
+    def on_arrays(self) -> ArrayStage:
+        """This stage without its ports."""
+        n, rows = self._n, 6 + self._n
+        ends = np.cumsum([rows, rows * n, rows, n, 1])
 
-    def _writer(self, index: Any) -> Callable[[Context, BasicVector], None]:
-        def write(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(_value(context, self._residual)[index])
+        def bind(arrays: Arrays) -> tuple[Call, Call]:
+            residual, inertia, rest, before, started = np.split(arrays.before, ends[:-1])
+            after = np.split(arrays.after, ends[:-1])
+            given, plant_context = arrays.inputs, self._model.create_context()
+            joint, torque, imu = given["joint_state"], given["torque"], given.get("imu_estimate", np.zeros(12))
+            contact = given.get("contact_wrench")
+            readings = (joint, torque, imu) + (() if contact is None else (contact,))
 
-        return write
+            def outputs(time: float) -> None:
+                arrays.out[:n], arrays.out[n : n + 3], arrays.out[n + 3 :] = residual[6:], residual[3:6], residual[:3]
 
-    def _update(self, context: Any, values: DiscreteValues) -> None:
-        n = self._n
-        joint: FloatArray = self._joint.Eval(context)
-        torque: FloatArray = self._torque.Eval(context)
-        imu: FloatArray = self._imu.Eval(context) if self._imu.HasValue(context) else self._no_imu
-        known = self._contact is not None and self._contact.HasValue(context)
-        contact: FloatArray = self._contact.Eval(context) if known else self._no_contact
-        new: Any = values
-        if not np.abs(np.concatenate((joint, torque, imu, contact))).max() < LARGEST:  # also where one is NaN
-            new.set_value(self._started, np.zeros(1))
-            return
-        velocity = joint[n:]
-        if _value(context, self._started)[0] > 0.0:
-            residual = _value(context, self._residual)
-            inertia = _value(context, self._inertia).reshape(6 + n, n)
-            change = (velocity - _value(context, self._velocity)) / self._dt
-            seen = inertia @ change + _value(context, self._rest)
-            new.set_value(self._residual, residual + self._blend * (seen - residual))
-        (plant_context,) = self._scratch.Eval(context)
-        model = self._model
-        rest = model.motion_forces(plant_context, joint[:n], velocity, self._still, imu[:6], imu[6:9])
-        if known:
+            def update(time: float) -> None:
+                after[-1][:] = np.abs(np.concatenate(readings)).max() < LARGEST  # not where one is NaN either
+                if not after[-1][0]:
+                    return
+                if started[0] > 0.0:
+                    seen = inertia.reshape(rows, n) @ ((joint[n:] - before) / self._dt) + rest
+                    after[0][:] = residual + self._blend * (seen - residual)
+                after[1][:], after[2][:] = self._start_of_tick(plant_context, joint, torque, imu, contact)
+                after[3][:] = joint[n:]
+
+            return outputs, update
+
+        ports = places({"residual": slice(n), "base_residual": slice(n, n + 6)})
+        inputs = {"joint_state", "torque", "imu_estimate"} | ({"contact_wrench"} if self._model.num_sensors else set())
+        return ArrayStage(rows, ports, bind, updates=frozenset(inputs), start=np.zeros(int(ends[-1])), period=self._dt)
+
+    def _start_of_tick(
+        self, plant_context: Any, joint: FloatArray, torque: FloatArray, imu: FloatArray, contact: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """M, row by row, and b."""
+        model, n = self._model, self._n
+        rest = model.motion_forces(plant_context, joint[:n], joint[n:], np.zeros(n), imu[:6], imu[6:9])
+        if contact is not None:
             rest = rest - model.contact_forces(plant_context, contact)
         rest = rest[self._rows]
         rest[6:] -= torque
-        new.set_value(self._inertia, model.motion_inertia(plant_context)[self._rows].ravel())
-        new.set_value(self._rest, rest)
-        new.set_value(self._velocity, velocity)
-        new.set_value(self._started, np.ones(1))
-
-
-def _keep(context: Any, value: Any) -> None:
-    """The scratch Context stays as it was allocated."""
-
-
-def _value(context: Any, index: Any) -> FloatArray:
-    return np.asarray(context.get_discrete_state(index).value(), dtype=np.float64)
+        return model.motion_inertia(plant_context)[self._rows].ravel(), rest
