@@ -263,7 +263,7 @@ class _BoundStage:
         """(width,) outputs of a part."""
         self._read(context, number)
         if self._memory is not None:
-            self._before[:] = context.get_discrete_state(self._memory).value()
+            self._before[:] = context.get_discrete_state(self._memory).get_mutable_value()  # `value` copies
         time = context.get_time()
         for call in self._calls[number]:
             call(time)
