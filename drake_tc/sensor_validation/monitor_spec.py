@@ -130,3 +130,53 @@ class MonitorSpec:
         for name in ("time_constant", "hold", "encoder_timing"):
             if not np.isfinite(getattr(self, name)):
                 raise ParamsError(f"MonitorSpec: {name}: expected a finite time [s], got {getattr(self, name)!r}")
+
+
+def bias_deviation(duration: float, period: float, noise: float, turning_hz: float = 0.0) -> float:
+    """Least standard deviation of an unbiased estimate of a gyro's bias beside feet that may turn [rad/s].
+
+    Args:
+        duration: Of the window [s].
+        period: Of the samples [s].
+        noise: Standard deviation s of a sample of the angle [rad].
+        turning_hz: w/(2 pi), frequency at which the feet may turn [Hz]; 0: they stand.
+
+    Raises:
+        ParamsError: fewer samples than unknowns, or a number that is not positive.
+    """
+    if not (duration > 0.0 and period > 0.0 and noise > 0.0 and turning_hz >= 0.0):
+        raise ParamsError(
+            "bias_deviation: expected duration, period and noise > 0 and turning_hz >= 0,"
+            f" got {duration:g}, {period:g}, {noise:g} and {turning_hz:g}"
+        )
+    count = round(duration / period) + 1
+    half = 0.5 * (count - 1) * period
+    t = np.linspace(-half, half, count)
+    w = 2.0 * np.pi * turning_hz
+    others = np.stack([np.ones(count), np.cos(w * t), np.sin(w * t)] if w else [np.ones(count)], axis=1)
+    if count <= others.shape[1] + 1:
+        raise ParamsError(f"bias_deviation: expected at least {others.shape[1] + 2} samples, got {count}")
+    # [(X'X)^-1]_bb is one over the square of what the other columns leave of the column t
+    basis = np.linalg.qr(others / np.linalg.norm(others, axis=0))[0]
+    rest = t - basis @ (basis.T @ t)
+    rest -= basis @ (basis.T @ rest)  # once more, for rounding
+    return float(noise / np.linalg.norm(rest))
+
+
+def bias_resolved_after(
+    bias: float, period: float, noise: float, turning_hz: float = 0.0, *, deviations: float = 3.0, longest: float = 10.0
+) -> float:
+    """Shortest window in which a bias exceeds so many least standard deviations [s]; infinite beyond `longest`.
+
+    Args:
+        bias: |b| [rad/s].
+        period: Of the samples [s].
+        noise: Standard deviation of a sample of the angle [rad].
+        turning_hz: Frequency at which the feet may turn [Hz]; 0: they stand.
+        deviations: By which a check must exceed the noise so that it hardly ever gives a false alarm [-].
+        longest: Window up to which is looked [s].
+    """
+    for count in range(6, round(longest / period) + 1):
+        if deviations * bias_deviation(count * period, period, noise, turning_hz) <= bias:
+            return count * period
+    return float("inf")

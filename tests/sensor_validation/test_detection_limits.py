@@ -7,31 +7,18 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
+from drake_tc.errors import ParamsError
+from drake_tc.sensor_validation.monitor_spec import (
+    bias_deviation,
+    bias_resolved_after,
+)
+
 SCENARIOS = Path(__file__).resolve().parents[2] / "diagrams" / "coman.scenario.yaml"
 
 H, NOISE = 1e-3, 1.534e-5 / np.sqrt(12.0)
 """Period of the loop [s], and quantisation of the COMAN-like robot's motor encoders [rad]."""
 DRIFT = np.deg2rad(1.0)
 ASKED = 0.05
-
-
-def bias_deviation(duration, period, noise, turning_hz=0.0) -> float:
-    """Cramér-Rao bound of `drake_tc.sensor_validation.monitor_spec` [rad/s]; a frequency of 0: the feet stand."""
-    count = round(duration / period) + 1
-    t = period * (np.arange(count) - 0.5 * (count - 1))
-    w = 2.0 * np.pi * turning_hz
-    others = np.stack([np.ones(count), np.cos(w * t), np.sin(w * t)] if w else [np.ones(count)], axis=1)
-    # [(X'X)^-1]_bb is one over the square of what the other columns leave of the column t
-    basis = np.linalg.qr(others)[0]
-    rest = t - basis @ (basis.T @ t)
-    rest -= basis @ (basis.T @ rest)  # once more, for rounding
-    return float(noise / np.linalg.norm(rest))
-
-
-def bias_resolved_after(bias, period, noise, turning_hz=0.0) -> float:
-    """Shortest window in which a bias exceeds three least standard deviations, below which noise gives alarms [s]."""
-    windows = period * np.arange(6, 10_000)
-    return next(window for window in windows if 3.0 * bias_deviation(window, period, noise, turning_hz) <= bias)
 
 
 def test_beside_feet_that_stand_it_is_the_slope_of_a_straight_line():
@@ -68,6 +55,16 @@ def test_a_drift_of_one_degree_a_second_is_seen_in_50_ms_beside_feet_that_stand_
     assert bias_deviation(ASKED, H, NOISE, 1.0) > 2.0 * DRIFT
     assert bias_resolved_after(DRIFT, H, NOISE) < 0.01
     assert ASKED < bias_resolved_after(DRIFT, H, NOISE, 1.0) < 0.15
+
+
+def test_a_bias_that_is_too_small_is_never_resolved():
+    assert bias_resolved_after(1e-12, H, NOISE, 1.0, longest=0.1) == float("inf")
+
+
+@pytest.mark.parametrize("arguments", [(0.0, H, NOISE), (0.05, -H, NOISE), (0.05, H, 0.0), (0.003, H, NOISE, 1.0)])
+def test_windows_without_enough_samples_are_refused(arguments):
+    with pytest.raises(ParamsError, match="bias_deviation: expected"):
+        bias_deviation(*arguments)
 
 
 def lift():
