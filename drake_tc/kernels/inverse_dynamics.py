@@ -52,7 +52,7 @@ def motion_torque(given: tuple[FloatArray, ...], tree: tuple[Any, ...], base: Fl
             inputs of which only is asked whether they are finite; (2n,) or more, [Ks; Kd]; (2n,) or more, [q; qdot]
             where M and h are taken.
         tree: See `joint_forces.TREE`.
-        base: See `joint_forces.joint_forces`.
+        base: See `joint_forces`.
         out: (4n,) written.
 
     Returns:

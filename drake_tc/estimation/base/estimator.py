@@ -288,11 +288,11 @@ _TICK = Kernel("base.tick", "tick")
 class CopEstimator(OnKinematics):
     """Base position, velocity and yaw from the point of each contact that stands still, the centre of pressure.
 
-    Stage 1 (`drake_tc.kernels.base.velocity`), then stage 2 (`base_pose`), every tick; roll and pitch from the IMU, or
-    from gyro and accelerometer (`base_imu`). A contact that carries load holds its centre of pressure where it was: a
-    reference that follows the centre of pressure as it moves over the sole, and slowly adapts where contacts disagree.
-    What cannot be believed, or gives no numbers, gives way to what the last tick knew, and raises a flag
-    (`state.FLAGS`).
+    Stage 1 (`drake_tc.kernels.base.velocity`), then stage 2 (`drake_tc.kernels.base.pose`), every tick; roll and pitch
+    from the IMU, or from gyro and accelerometer (`base.attitude`). A contact that carries load holds its centre of
+    pressure where it was: a reference that follows the centre of pressure as it moves over the sole, and slowly adapts
+    where contacts disagree. What cannot be believed, or gives no numbers, gives way to what the last tick knew, and
+    raises a flag (`state.FLAGS`).
     """
 
     def __init__(self, robot: Robot, spec: BaseEstimatorSpec) -> None:

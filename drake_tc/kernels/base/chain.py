@@ -70,7 +70,7 @@ def tick(
     """The state after one sample.
 
     Args:
-        state: (s,) before it, see `base_state`.
+        state: (s,) before it, see `base.state`.
         readings: See `SAMPLE`.
         estimator: See `Estimator`.
         by_imu: Whether roll, pitch and angular velocity are the IMU's.

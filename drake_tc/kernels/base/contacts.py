@@ -180,7 +180,7 @@ def shape_of(sole: FloatArray, table: FloatArray, x: float, y: float) -> float:
     """G at a centre of pressure [m]; outside the sole, that of the nearest node.
 
     Args:
-        sole: Row of the contact, see `base_sample`.
+        sole: Row of the contact, see `base.sample`.
         table: (m m,) g at the nodes, first index along x.
         x: Of the centre of pressure [m].
         y: The same across [m].

@@ -13,7 +13,7 @@ def outputs(state: FloatArray, n: int, k: int, order: IntArray, out: FloatArray)
     """[base pose (7); q (n); base velocity (6); qd (n); 0], then the same in the plant's order, into `out`.
 
     Args:
-        state: (s,) see `base_state`.
+        state: (s,) see `base.state`.
         n: Joints.
         k: Contacts.
         order: (nq + nv,) where each of the plant's [q; v] is in the first part.

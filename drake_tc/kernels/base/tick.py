@@ -187,7 +187,7 @@ def tick(
     """The state after one sample; it never holds a NaN but an unknown ground.
 
     Args:
-        state: (s,) before it, see `base_state`.
+        state: (s,) before it, see `base.state`.
         readings: See `SAMPLE`.
         estimator: See `Estimator`.
         edge: (4 + 3k,) solution of the program at a sole's edge, see `solve_velocity`, and (5 + 13k,) that program, see

@@ -2,7 +2,7 @@
 
     problem -> minimum of J + w R, or of J - w s, from the last torque and the rows that held it -> status, vdot, f
 
-The entry calls those of the single stages (`problem`, `searches`, `scaling`, `reduction`), so that its numbers are
+The entry calls those of the single stages (`problem`, `newton`, `scaling`, `reduction`), so that its numbers are
 theirs. It solves the trade-offs by one program each; that of a rectangle goes on from the last rectangle. Where it does
 not end with a torque it says which stage gave none, and `drake_tc.tsid.tick` goes through the stages one by one.
 """
