@@ -75,9 +75,9 @@ class FigureRow:
         """Whether the value is as expected; one that is not finite is not. None where nothing is expected of it."""
         if self.expected is None:
             return None
-        beyond = self.value - self.expected
-        missed_by = {"min": -beyond, "max": beyond, "within": abs(beyond)}[self.how]
-        return bool(np.isfinite(self.value) and missed_by <= self.tolerance)
+        low, high = self.expected - self.tolerance, self.expected + self.tolerance
+        enough, few = self.how == "max" or self.value >= low, self.how == "min" or self.value <= high
+        return bool(np.isfinite(self.value) and enough and few)
 
     @property
     def highest(self) -> float:
