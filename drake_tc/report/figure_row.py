@@ -94,7 +94,9 @@ class FigureRow:
         return f"{'>=' if self.how == 'min' else '<='} {self.shown(self.expected)}"
 
     def shown(self, value: float) -> str:
-        """A value in the figure's unit, for people; a share in percent."""
+        """A value in the figure's unit, for people; a share in percent, and a dash where there is none."""
+        if np.isnan(value):
+            return "–"
         unit = "%" if self.unit == SHARE else "" if self.unit in ("-", "1") else self.unit
         return f"{self._number(value)} {unit}".strip()
 

@@ -48,6 +48,11 @@ def test_a_share_is_of_1_for_programs_and_in_percent_for_people():
     assert FigureRow.share("found", [], "min", 0.9).met is False
 
 
+def test_a_figure_of_no_values_is_a_dash_and_not_a_number_with_a_unit():
+    row = FigureRow.of_values("delay", "s", [])
+    assert row.shown(row.value) == "–"
+
+
 def test_what_programs_read():
     document = rows_json(
         "x", [FigureRow("a", float("nan"), "s", n=0), FigureRow("b", 2.0, "s", 1.0, "max", note="why")]
