@@ -243,9 +243,9 @@ def test_what_is_imported_is_declared():
     installed = modules_of_distributions() | {module: {name} for module, name in DISTRIBUTIONS.items()}
     ours = {"drake_tc", "tests", *(path.stem for folder in ("tests", "docs") for path in (ROOT / folder).iterdir())}
     ours |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
-    missing = {}
+    missing, in_library = {}, set(sources())
     for path in every_source():
-        declared = library if path in sources() else everything
+        declared = library if path in in_library else everything
         for line, dotted in imported(path):
             module = dotted.split(".")[0]
             if module in ours or module in sys.stdlib_module_names:

@@ -9,6 +9,10 @@ import pytest
 
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.cli.main import run
+from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.experiments.check import effects
+from drake_tc.experiments.design import known
+from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 
 SHORT = DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
 
@@ -50,6 +54,25 @@ class Outcome:
 def bench(tmp_path_factory) -> Bench:
     rig, logs, holdout = record_demo(tmp_path_factory.mktemp("bench"), 0, SHORT, jobs=1)
     return Bench(rig, tuple(logs), holdout[0])
+
+
+@pytest.fixture(scope="session")
+def fits() -> dict[bytes, FittedJoint]:
+    """Fits of a joint by the efforts and loads of its runs."""
+    return {}
+
+
+@pytest.fixture
+def fitted_once(fits, monkeypatch) -> None:
+    """`design` and `check` search the same runs once in all tests that ask for this."""
+
+    def fitted(prepared: Prepared, *rest: object, **keys: object) -> FittedJoint:
+        signals = prepared.train.samples.signals
+        runs = signals.effort.tobytes() + signals.load_torque.tobytes()
+        return fits[runs] if runs in fits else fits.setdefault(runs, fitted_joint(prepared, *rest, **keys))
+
+    monkeypatch.setattr(known, "fitted_joint", fitted)
+    monkeypatch.setattr(effects, "fitted_joint", fitted)
 
 
 @pytest.fixture

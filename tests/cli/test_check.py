@@ -3,6 +3,9 @@
 import json
 
 import pandas as pd
+import pytest
+
+pytestmark = pytest.mark.usefixtures("fitted_once")
 
 
 def test_it_prints_a_table_of_effects_and_writes_page_and_json(invoke, bench, tmp_path):

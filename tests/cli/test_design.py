@@ -13,6 +13,8 @@ from drake_tc.actuation.model_file import save_models
 from drake_tc.cli.demo import JOINT
 from drake_tc.logs.rig import parse_rig
 
+pytestmark = pytest.mark.usefixtures("fitted_once")
+
 
 @pytest.fixture
 def quick(tmp_path):

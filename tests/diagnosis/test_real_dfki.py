@@ -68,6 +68,7 @@ def test_noise_is_not_what_the_fits_leave(data: Path) -> None:
         assert each.floor < 0.3 * each.own
 
 
+@pytest.mark.slow
 def test_no_effect_that_the_other_runs_know_brings_direct_collocation_to_the_goal(data: Path) -> None:
     """Although the effect is chosen in view of the run; the other runs are at the goal without one."""
     found = one_effect_more(data)

@@ -72,7 +72,11 @@ def diagnosed(drive: DriveKind, values: Mapping[str, Mapping[str, float]], asked
 
 @pytest.mark.parametrize(
     ("group", "key"),
-    [(group, key) for group, (_, members) in GROUPS.items() for key in members],
+    [
+        pytest.param(group, key, marks=[pytest.mark.slow] if number else [])
+        for group, (_, members) in GROUPS.items()
+        for number, key in enumerate(members)
+    ],
 )
 def test_the_simulated_one_is_named_and_no_other(group, key):
     drive, members = GROUPS[group]

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_tc.experiments.check.consistency import LATE_VELOCITY
-from drake_tc.experiments.check.run import check_rig
+from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.experiments.check.consistency import LATE_VELOCITY, findings, late_columns
+from drake_tc.experiments.fitted import fitted_joint
 from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.spec import RigSpec, Sensors
+from drake_tc.logs.prepare import load_runs
+from drake_tc.logs.rig import load_rig
 from tests.benchmarks.blind.files import rig_yaml
 from tests.benchmarks.blind.joints import draw_joint
 
@@ -26,7 +29,7 @@ def recorded(tmp_path_factory):
     spec = RigSpec("rig", "null", "plain", "", joint, 43, sensors=Sensors(rate_hz=RATE_HZ))
     records = simulate([spec] * len(TRAIN), list(TRAIN), step=2e-4)
 
-    def findings(**late):
+    def told(**late):
         folder = tmp_path_factory.mktemp("rig")
         for record in records:
             log, rng = clean_log(record), np.random.default_rng([7, TRAIN.index(record.run)])
@@ -41,10 +44,12 @@ def recorded(tmp_path_factory):
             table["joint/velocity"] = clean["unmodelled"] + rng.normal(0.0, 2e-3, len(clean))
             table.to_csv(folder / f"{record.run}.csv", index=False)
         (folder / "rig.yaml").write_text(rig_yaml(spec))
-        checked = check_rig(folder / "rig.yaml", [folder / f"{run}.csv" for run in TRAIN])
-        return {f.name: f for f in checked.joints["joint"].findings}
+        rig = load_rig(folder / "rig.yaml")
+        runs = load_runs([folder / f"{run}.csv" for run in TRAIN], rig)
+        fitted = fitted_joint(prepare_joint(runs, [], rig, "joint"))
+        return {f.name: f for f in findings(fitted, late_columns(fitted, runs, "joint"))}
 
-    return findings
+    return told
 
 
 def delays(found):

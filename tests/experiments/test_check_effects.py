@@ -18,7 +18,7 @@ from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
 from drake_tc.experiments.check.consistency import findings
-from drake_tc.experiments.check.effects import SEPARABLE_WITHIN, JointEffects, Visibility, joint_effects
+from drake_tc.experiments.check.effects import SEPARABLE_WITHIN, Visibility, joint_effects
 from drake_tc.experiments.check.reasons import Hidden, sentence
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size
@@ -27,11 +27,6 @@ from drake_tc.logs.record import Run
 from drake_tc.logs.rig import load_rig
 from tests.benchmarks.evidence.predicted import compared, predictions, weakened_rigs
 from tests.diagnosis.rigs import Joint, Motion, record, rig_of
-
-
-@pytest.fixture(scope="session")
-def checked(prepared) -> JointEffects:
-    return joint_effects(prepared)
 
 
 @pytest.fixture(scope="session")
@@ -86,19 +81,25 @@ EFFECTS: Mapping[str, Callable[[Motion], np.ndarray]] = {
     "cable_spring": lambda m: m.q,
 }
 """Torque of size 1."""
+QUICKEST = "load_dependent_friction"
+"""The others are slow."""
 LOOKED_FOR = tuple(
     map(effect, (*EFFECTS, "payload", "stribeck", "quadratic_viscous", "torque_sensor_gain", "delay.loop"))
 )
+SCALES = tuple(map(effect, ("servo_gain", "torque_sensor_gain", "torque_sensor_bias", "stribeck", "deadzone")))
+"""The error of a declared gain, what resembles it, and what the demo's joint lacks."""
 
 
 def recorded(joint: Joint) -> list[Run]:
     return [record(joint, name, 0.9 * k, k) for k, name in enumerate(("one", "two", "held"))]
 
 
-@pytest.mark.parametrize("key", EFFECTS)
+@pytest.mark.parametrize(
+    "key", [QUICKEST, *(pytest.param(key, marks=pytest.mark.slow) for key in EFFECTS if key != QUICKEST)]
+)
 def test_a_diagnosis_finds_an_effect_above_its_smallest_size_and_not_far_below_its_easiest(key):
     runs = recorded(SENSED)
-    found = joint_effects(prepare_joint(runs[:2], runs[2:], rig_of(SENSED), "joint"))
+    found = joint_effects(prepare_joint(runs[:2], runs[2:], rig_of(SENSED), "joint"), LOOKED_FOR)
     told = next(each for each in found.effects if each.key == key)
 
     def named(size: float) -> set[str]:
@@ -137,16 +138,15 @@ def test_a_size_that_is_found_may_be_too_small_to_be_separated(checked):
             assert each.why.startswith("below") and each.confused_below[0] in each.why
 
 
-def test_a_wrong_drive_gain_is_not_hidden_by_a_gain_that_is_declared(demo):
+def test_a_wrong_drive_gain_is_not_hidden_by_a_gain_that_is_declared(demo, prepared, checked):
     """Where it is declared, no fit changes it: its error is seen, and is not taken for noise of the balance."""
     rig = load_rig(demo[0])
     runs, joint = load_runs(demo[1], rig), rig.joints[0]
-    free = prepare_joint(runs, [], rig, joint)
-    gain = fit(free.train, free.terms).gain
+    gain = fit(prepared.train, prepared.terms).gain
     wrong = prepare_joint(runs, [], replace(rig, drive_gain={joint: 1.3 * gain}), joint)
-    found = joint_effects(wrong)
+    found = joint_effects(wrong, SCALES)
     assert next(each for each in found.effects if each.key == "servo_gain").status in ("seen", "not_separable")
-    assert_allclose(found.noise.left, joint_effects(free).noise.left, rtol=0.3)
+    assert_allclose(found.noise.left, checked.noise.left, rtol=0.3)
 
 
 def test_predictions_compare_the_true_size_with_both_stated_sizes():

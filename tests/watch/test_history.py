@@ -2,6 +2,7 @@
 
 import json
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.stats import linregress
 from scipy.stats import t as student
 
 from drake_tc.cli.main import run
+from drake_tc.diagnosis import options
 from drake_tc.errors import ParamsError
 from drake_tc.report.comparison import history_page, history_sentences
 from drake_tc.watch.changes import Known
@@ -85,7 +87,9 @@ def test_a_page_of_one_session_promises_nothing():
     assert "A trend needs 3 sessions" in page and "1 session of 1 unit" in page and "No parameter drifts" not in page
 
 
-def test_the_command_keeps_sessions_and_models_of_units(diagnosed, tmp_path):
+def test_the_command_keeps_sessions_and_models_of_units(diagnosed, tmp_path, monkeypatch):
+    """Without the search for structure in what is left, of which a history says nothing."""
+    monkeypatch.setattr(options, "DiagnosisOptions", partial(options.DiagnosisOptions, assess_residual=False))
     folder = tmp_path / "history"
     for month, scale in enumerate((1.0, 1.1, 1.2)):
         log = tmp_path / f"{month}.parquet"

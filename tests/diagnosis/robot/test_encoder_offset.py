@@ -18,7 +18,14 @@ def diagnosed(folder, seed, joint, offset=0.03, **rig_keys):
     return diagnosed_as_known(folder, seed, change=lambda log: shifted(log, joint, offset), **rig_keys)
 
 
-@pytest.mark.parametrize(("joint", "seed", "offset"), [("lift", 0, 0.03), ("fold", 1, 0.03), ("lift", 2, 0.06)])
+@pytest.mark.parametrize(
+    ("joint", "seed", "offset"),
+    [
+        ("fold", 1, 0.03),
+        pytest.param("lift", 0, 0.03, marks=pytest.mark.slow),
+        pytest.param("lift", 2, 0.06, marks=pytest.mark.slow),
+    ],
+)
 def test_the_encoder_is_named_with_its_offset(tmp_path, joint, seed, offset):
     result = diagnosed(tmp_path, seed, joint, offset)
     (cause,) = result.shared
