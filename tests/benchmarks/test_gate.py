@@ -10,6 +10,7 @@ import pytest
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks import gate, gate_parts
@@ -28,7 +29,7 @@ def recorded(tmp_path_factory) -> SpeedCase:
 
 @pytest.fixture(scope="module")
 def diagnosed(recorded):
-    options = DiagnosisOptions(assess_residual=False)
+    options = DiagnosisOptions(assess_residual=False, effects=(effect("quadratic_viscous"),))
     return close_loop(recorded.rig, recorded.logs, recorded.holdout, options)
 
 

@@ -68,7 +68,7 @@ def test_the_missing_effect_is_found_and_its_value_is_right(found):
 
 def test_a_held_out_run_can_withdraw_an_effect_and_change_nothing_else(found):
     other = [record(NOISY, "one"), record(NOISY, "two", 0.9, 1), record(replace(NOISY, extra=None), "held", 2.3, 2)]
-    again = diagnose_joint(other[:2], other[2:], rig_of(NOISY), "joint", QUICK)
+    again = diagnose_joint(other[:2], other[2:], rig_of(NOISY), "joint", only(*FEW))
     assert again.final.terms == again.baseline.terms
     assert_allclose(again.final.beta, found.baseline.beta, rtol=1e-4)  # each is linearised where its search ended
     assert [(d.id, d.reason) for d in again.did_not_hold] == [("quadratic_viscous", "worse_on_held_out")]
@@ -117,7 +117,7 @@ def test_models_survive_their_files(found, tmp_path):
 
 
 def test_a_model_beside_a_wrong_sensor_is_in_true_torque():
-    wrong = Joint(inertia=1.2, torque_noise=0.05, sensor=lambda m: 0.25 * m.tau)
+    wrong = Joint(duration=10.0, inertia=1.2, torque_noise=0.05, sensor=lambda m: 0.25 * m.tau)
     found = diagnose(wrong, only("torque_sensor_gain", *FEW))
     assert [e.id for e in found.effects] == ["torque_sensor_gain"]
     model = model_of(found, final=True)
@@ -131,7 +131,7 @@ def test_a_model_beside_a_wrong_sensor_is_in_true_torque():
 
 def test_servo_side_parameters_use_the_final_stiffness():
     offset = 0.01  # 5 N m at 500 N m/rad: a fit without it takes the servo for much softer
-    joint = servo(torque_noise=0.05)
+    joint = servo(duration=10.0, torque_noise=0.05)
     joint = replace(joint, extra=lambda m: -offset / joint.gain * np.ones_like(m.q))
     found = diagnose(joint, only("encoder_offset", *FEW))
     assert [e.id for e in found.effects] == ["encoder_offset"]
@@ -172,7 +172,8 @@ def write(folder, name: str, joints: dict[str, Joint], shift: float, seed: int):
 
 def test_every_joint_of_a_rig_is_diagnosed(tmp_path):
     options = replace(only("torque_sensor_bias", *FEW), assess_residual=True)
-    joints = {"hip": NOISY, "knee": replace(NOISY, extra=None)}
+    hip = replace(NOISY, duration=10.0)
+    joints = {"hip": hip, "knee": replace(hip, extra=None)}
     rig = tmp_path / "rig.yaml"
     rig.write_text("joints: [hip, knee]\ndrive: current\ndeclared: {rotor_inertia: 0.3}\n")
     one, two, held = (write(tmp_path, n, joints, 0.9 * k, k) for k, n in enumerate(("one", "two", "held")))

@@ -32,18 +32,18 @@ def noisy(run: Run, time_constant: float, seed: int) -> Run:
     return replace(run, columns=dict(run.columns) | {CURRENT: current + noise})
 
 
-def diagnosed(swing: Swing, load: Any, time_constant: float) -> JointResult:
+def diagnosed(swing: Swing, load: Any, time_constant: float, options: DiagnosisOptions | None = None) -> JointResult:
     runs: Sequence[Run] = [*runs_of(swing)[0], record(swing, "held", 7, 1.3)]
     train, held = [noisy(run, time_constant, k) for k, run in enumerate(runs)][:2], noisy(runs[2], time_constant, 2)
-    return diagnose_joint(train, [held], rig_of(swing, load), JOINT, DiagnosisOptions())
+    return diagnose_joint(train, [held], rig_of(swing, load), JOINT, options or DiagnosisOptions())
 
 
 @pytest.mark.parametrize(
     ("load", "time_constant"),
     [
         (PENDULUM, 0.02),
-        ("unknown", 0.02),
-        ("unknown", 0.3),
+        pytest.param("unknown", 0.02, marks=pytest.mark.slow),
+        pytest.param("unknown", 0.3, marks=pytest.mark.slow),
     ],
     ids=["pendulum", "unknown", "unknown, slow"],
 )
@@ -56,6 +56,6 @@ def test_noise_of_the_current_is_more_than_noise_and_nothing_else(load: Any, tim
 
 def test_a_torque_of_position_and_speed_is_structure() -> None:
     planted = replace(GEARED, extra=lambda q, v, a: 0.25 * np.sin(3.0 * q) * np.tanh(v / 0.2) * np.abs(v))
-    result = diagnosed(planted, PENDULUM, 0.02)
+    result = diagnosed(planted, PENDULUM, 0.02, DiagnosisOptions(effects=()))
     assert result.verdict == "unexplained_structure"
     assert {"position", "velocity"} & set(result.unexplained.depends_on)

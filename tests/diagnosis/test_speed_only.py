@@ -17,7 +17,7 @@ from .rigs import Joint
 
 STEP = 0.01
 """Of the recorded velocity [rad/s]."""
-JOINT = Joint(torque_noise=0.05)
+JOINT = Joint(duration=10.0, torque_noise=0.05)
 
 
 def _velocity_alone(noise=0.0, step=STEP):

@@ -3,6 +3,7 @@
 import json
 import shlex
 import shutil
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from public_examples import namespace
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.cli import demo
 from drake_tc.cli.main import run
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import TARGETS, project
@@ -136,7 +138,7 @@ def test_the_pages_of_simulators_export_and_read(knee):
     """Every command of the pages, in a folder with the reader's files."""
     model, terms = load_models(knee / "out" / "knee" / "model_after.yaml"), ("armature", "damping", "frictionloss")
     (knee / "robot.xml").write_text(to_mjcf([project(model["knee"], TARGETS["mjcf"])]), encoding="utf-8")
-    time = np.arange(0.0, 20.0, 0.002)
+    time = np.arange(0.0, 10.0, 0.004)
     q = 0.5 * np.sin(3.0 * time) + 0.2 * np.sin(7.0 * time)
     v, a = np.gradient(q, time), np.gradient(np.gradient(q, time), time)
     load = 15.0 * np.sin(q)
@@ -166,6 +168,9 @@ def test_the_pages_of_simulators_export_and_read(knee):
 
 
 def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys):
+    """With recordings of 8 s in place of 30 s, which have the same two effects."""
+    short = demo.DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
+    monkeypatch.setattr(demo, "record_demo", partial(demo.record_demo, length=short, jobs=1))
     monkeypatch.chdir(tmp_path)
     follow("docs/tutorial.md")
     said = capsys.readouterr().out

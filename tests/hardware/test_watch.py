@@ -40,7 +40,7 @@ def swinging():
     return torque_controller(made, load_models(made.actuators), knot_trajectory(times, knots), SPEC, fused=True)
 
 
-def watched_run(watch, controller, scale=None):
+def watched_run(watch, controller, scale=None, seconds=SECONDS):
     """The report of a run on a simulated leg whose drive gains differ from the models by factors."""
     made, clock = load_robot(ROBOT), Steps()
     models = load_models(made.actuators)
@@ -53,7 +53,7 @@ def watched_run(watch, controller, scale=None):
         leg.advance(sent["command"])
         clock.work(0)
 
-    return RealTimeLoop(controller, CallbackLink(leg.read, write), QUICK, clock, watch).run(SECONDS)
+    return RealTimeLoop(controller, CallbackLink(leg.read, write), QUICK, clock, watch).run(seconds)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_a_sound_run_names_nothing_and_a_weaker_motor_is_named_with_its_joint(he
     assert watched_run(ModelWatch(controller, health), controller).watch["events"] == []
     controller = swinging()
     watch = ModelWatch(controller, health)
-    report = watched_run(watch, controller, {"r_knee": 1.0 / 0.85})
+    report = watched_run(watch, controller, {"r_knee": 1.0 / 0.85}, 4.0)
     document = json.loads(json.dumps(report.to_json()))["watch"]
     assert {event["joint"] for event in document["events"]} == {"r_knee"}
     assert document["events"][0]["begin"] < 3.0
@@ -87,7 +87,7 @@ def test_a_watch_that_fails_ends_and_the_run_goes_on(health):
         raise ValueError("no more")
 
     watch.tick = fail
-    report = watched_run(watch, controller)
+    report = watched_run(watch, controller, seconds=1.0)
     assert (report.counts.watch_errors, report.last_error, report.ended) == (1, "ValueError: no more", "duration")
 
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from ..log_files import found, write_logs
 from ..rigs import Joint
 
-JOINT = Joint(duration=16.0, torque_noise=0.05, encoder_step=1e-5)
+JOINT = Joint(duration=8.0, torque_noise=0.05, encoder_step=1e-5)
 
 
 def test_a_right_gain_is_no_missing_effect(tmp_path: Path) -> None:
@@ -17,7 +17,7 @@ def test_a_right_gain_is_no_missing_effect(tmp_path: Path) -> None:
     assert_allclose(report["joints"]["joint"]["baseline"]["parameters"]["drive"]["gain"], JOINT.gain, rtol=1e-6)
 
 
-@pytest.mark.parametrize("error", [-0.12, 0.15])
+@pytest.mark.parametrize("error", [-0.12, pytest.param(0.15, marks=pytest.mark.slow)])
 def test_a_wrong_gain_is_an_effect_of_its_size(tmp_path: Path, error: float) -> None:
     declared = JOINT.gain * (1.0 + error)
     report = write_logs(tmp_path, JOINT, rig={"drive_gain": declared}).report(assess_residual=False)
