@@ -8,7 +8,6 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from drake_tc.diagnosis.ages import with_uncertain_ages
-from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.channels import notes_of_joint
 from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.diagnosis.data.samples import rms
@@ -172,7 +171,7 @@ def joint_result(
     context = model.context
     floor = rms(model.train.as_recorded(best.terms, np.full(model.train.samples.rows.size, decision.floor)))
     plain = evidence.refined(evidence.score(model.declared))
-    declared = with_uncertain_ages(evidence, plain, corrected(evidence, plain))
+    declared = with_uncertain_ages(evidence, plain, evidence.corrected(plain))
     progress("what is left", 0.9)
     baseline, chosen = (_fit(evidence, model.train, s) for s in (declared, best))
     spread = friction_spread(evidence, best)
@@ -252,12 +251,12 @@ def without_attenuation(decision: Decided) -> tuple[Evidence, Scored]:
     The ages of channels are uncertain. The set itself where what is left of it is physically impossible.
     """
     evidence, best = decision.found.evidence, decision.best
-    first = corrected(evidence, best)
+    first = evidence.corrected(best)
     if first is not best:
         there = Evidence(evidence.relinearised(first), evidence.noise, evidence.spread)
         moved = there.refined(there.score(best.terms))
         if moved.log_odds > best.log_odds - ALTERNATIVE:
-            evidence, best, first = there, moved, corrected(there, moved)
+            evidence, best, first = there, moved, there.corrected(moved)
     for each in (with_uncertain_ages(evidence, best, first), first):
         if possible(evidence, each):
             return evidence, each
@@ -316,7 +315,7 @@ def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffec
     for term in best.terms:
         if evidence.model.is_declared(term.effect):
             continue
-        rest = evidence.score([t for t in best.terms if t is not term])
+        rest = evidence.refined(evidence.score([t for t in best.terms if t is not term]))
         gain = 1.0 - rms(after) / max(rms(evidence.residual(held, rest)), 1e-300)
         odds = best.log_odds - rest.log_odds
         out.append(

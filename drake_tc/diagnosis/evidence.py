@@ -10,7 +10,17 @@ from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, mode, posterior
 from drake_tc.diagnosis.model import Block, JointModel, RunSpread, starts_unknown
 from drake_tc.diagnosis.noise import SEED, NoiseModel, fitted_noise, independent_share
-from drake_tc.diagnosis.priors import ALTERNATIVE, COMMON, DISTORTED, HELD_GAIN, LINEAR, ORDER, RUN_SPREADS, UNCOMMON
+from drake_tc.diagnosis.priors import (
+    ALTERNATIVE,
+    COMMON,
+    DISTORTED,
+    HELD_GAIN,
+    LINEAR,
+    NOISE_LEVEL,
+    ORDER,
+    RUN_SPREADS,
+    UNCOMMON,
+)
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
 from drake_tc.diagnosis.split import Split, drives
@@ -93,11 +103,12 @@ class Evidence:
         return rows.whitened(np.zeros((rows.samples.rows.size, 1)), self.noise)[1]
 
     @cached_property
-    def white_gain(self) -> float:
-        """Mean square of white noise of unit variance in the rows after the whitening."""
-        rows = self.model.train.rows
-        noise = np.random.default_rng(SEED).standard_normal((rows.samples.rows.size, 1))
-        return float(np.mean(rows.whitened(noise, self.noise)[0] ** 2))
+    def noise_gain(self) -> float:
+        """Mean square of a sensor's white noise, as the filters pass it, after the whitening over that before."""
+        samples = self.model.train.samples
+        noise = np.random.default_rng(SEED).standard_normal(len(samples.signals))
+        passed = samples.reduce(samples.light.smooth(noise))
+        return float(np.mean(self.model.train.rows.whitened(passed, self.noise)[0] ** 2) / np.mean(passed**2))
 
     def design(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[FloatArray, Prior]:
         """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior; `spread` of the runs."""
@@ -162,9 +173,26 @@ class Evidence:
 
     def odds(self, terms: Sequence[Term], found: Posterior) -> float:
         """Log odds of a posterior of the terms: the determinants of whitening and drive, and the prior odds."""
-        b = found.beta[1 : 1 + sum(len(t.effect.coefficients) for t in terms)]
-        jacobian = self.noise.share * self.model.train.log_jacobian(terms, float(np.sqrt(found.variance)), b)
+        jacobian = self.log_jacobian(self.model.train, terms, found)
         return found.log_evidence - 0.5 * self._log_determinant + self.prior_odds(terms) + jacobian
+
+    def log_jacobian(self, split: Split, terms: Sequence[Term], found: Posterior) -> float:
+        """Of the recorded effort and load over what a set leaves of them: that of the drive effects, and n l log K.
+
+        With the share l of the sensors' noise that is of a measured load, and grows with K, the density of both is
+
+            log p(u, tau) = log p(u | tau) + n l log K + const
+
+        whatever the spectrum of the effort without noise. That of the effort alone is the larger the less of the load
+        it needs; for an exact effort, l = 1, the sum is that of the load.
+        """
+        of_drives = split.log_jacobian(terms, float(np.sqrt(found.variance)))
+        of_load = 0.5 * split.rows.index.size * float(np.log(self.by_load(float(found.beta[0]))))
+        return self.noise.share * (of_drives + of_load)
+
+    def by_load(self, gain: float) -> float:
+        """(K/K_0)^(2 l): by how much a measured load's noise grows with K, `gain`."""
+        return float((max(gain, self.model.least_gain) / self.model.gain) ** (2.0 * self.model.of_load))
 
     def tangents(self, split: Split, terms: Sequence[Term], b: FloatArray) -> FloatArray:
         """Whitened (n, s) change of the prediction less the target with each shape parameter."""
@@ -178,7 +206,7 @@ class Evidence:
         terms, where = scored.terms, shape_places(scored.terms)[0]
         current, step = self._with_shapes(scored)
         if not where:
-            return self.told_apart(current)
+            return self.with_unbiased_odds(current)
         held = scored.log_odds
         for _ in range(rounds):
             values = shape_places(current.terms)[1]
@@ -192,39 +220,56 @@ class Evidence:
                     break
             else:
                 break
-        return self.told_apart(current)
+        return self.with_unbiased_odds(current)
 
-    def told_apart(self, scored: Scored) -> Scored:
-        """The set with the odds that it has over its own declared part if noise in the columns is part of the model.
+    def with_unbiased_odds(self, scored: Scored) -> Scored:
+        """The set with the odds that it has at the coefficients that noise in its columns does not bias.
 
         Less of a noisy column leaves less noise, and another column that has none then takes its place: half the drive
         gain beside a payload. The rows do not tell these apart (`Products.without_noise`).
         """
-        asked = [
-            t for t in scored.terms if t.effect.coefficients and not (self.model.is_declared(t.effect) or drives([t]))
-        ]
-        train, rest = self.model.train, [t for t in scored.terms if t not in asked]
-        products, prior = self.products(train, scored.terms)
+        products, prior = self.products(self.model.train, scored.terms)
         gram, moment = self.noise_products(scored.terms)
         taken, variance = products.without_noise(gram, moment), scored.posterior.variance
         b = mode(products, prior, variance)
         left = products.rss(b)
         if left <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
             return replace(scored, log_odds=-np.inf)
-        scored = replace(scored, passed=max(float(b @ gram @ b - 2.0 * b @ moment) / left, 0.0))
-        if not asked:
-            return scored
+        passed = max(float(b @ gram @ b - 2.0 * b @ moment) / left, 0.0)
         true = mode(taken, prior, variance)
-        taken = taken.leaving(products.rss(true), true)
-        sizes = [(t in asked, len(t.effect.coefficients)) for t in scored.terms]
-        of_asked = np.concatenate([[False], *(np.full(size, own) for own, size in sizes)])
-        others = np.flatnonzero(~np.pad(of_asked, (0, prior.mean.size - of_asked.size)))
-        spread = self.spread.of(scored.terms)
-        base, whole = self.score(rest, spread=spread), posterior(taken, prior)
-        part = posterior(taken.at(others), self.products(train, rest, spread)[1])
-        more = self.odds(scored.terms, whole) - self.odds(rest, part)
+        whole = posterior(taken.leaving(products.rss(true), true), prior)
         shapes = scored.log_odds - self.score(scored.terms).log_odds if scored.shapes else 0.0
-        return replace(scored, log_odds=base.log_odds + more + shapes)
+        return replace(scored, passed=passed, log_odds=self.odds(scored.terms, whole) + shapes)
+
+    def corrected(self, scored: Scored) -> Scored:
+        """The set with coefficients that noise does not attenuate; how well the noise is known widens their covariance.
+
+        Shapes stay, and so does what differs from run to run: residuals are told without it. The set itself where noise
+        is all of the load, so that nothing would be left of the drive gain.
+        """
+        train, held = self.model.train, scored.posterior
+        products, prior = self.products(train, scored.terms)
+        gram, moment = self.noise_products(scored.terms)
+        size, shapes = scored.coefficients, scored.shapes
+        places = np.r_[:size, size + shapes : held.beta.size]
+        b = held.beta[places]
+        of_runs = sum(block.values.shape[1] for block in self.model.of_runs(train, self.spread.of(scored.terms)))
+        moved, kept = np.arange(b.size - of_runs), np.arange(b.size - of_runs, b.size)
+        own = products.at(moved)
+        own = replace(own, moment=own.moment - products.gram[np.ix_(moved, kept)] @ b[kept])
+        true = own.without_noise(gram[np.ix_(moved, moved)], moment[moved])
+        after = b.copy()
+        after[moved] = mode(true, prior.part(moved), held.variance)
+        if after[0] <= self.model.least_gain:
+            return scored
+        louder = products.rss(after) / products.rss(b)
+        shift = np.zeros(held.beta.size)
+        shift[places] = after - b
+        hessian, at = held.hessian.copy(), places[moved]
+        hessian[np.ix_(at, at)] += (true.gram - own.gram) / held.variance
+        covariance = louder * Posterior(held.beta, hessian, held.variance, 0.0).covariance
+        covariance += NOISE_LEVEL**2 * np.outer(shift, shift)
+        return replace(scored, posterior=replace(held, beta=held.beta + shift).with_covariance(covariance))
 
     def noise_products(self, terms: Sequence[Term]) -> tuple[FloatArray, FloatArray]:
         """E[dX'dX] (m, m) and E[dX'du] (m,): dX is whitened noise of the columns of `design`, du that of the target."""
@@ -333,8 +378,9 @@ class Evidence:
 
     @staticmethod
     def _heard(found: "Evidence", terms: Sequence[Term], *, slow: bool = True) -> "Evidence":
+
         for _ in range(HEARINGS):
-            residual = found.residual(found.model.train, found.score(terms), runs=True)
+            residual = found.residual(found.model.train, found.corrected(found.score(terms)), runs=True)
             noise = fitted_noise(found.model.train.rows, residual, slow=slow)
             if noise == found.noise:
                 break
@@ -410,8 +456,7 @@ class Evidence:
         joined = Prior.stacked([prior, more.part(slice(more.mean.size - own[1], None))])
         before, after = placed(train, first, size), placed(held, second, size)
         both = posterior(before + after, joined, variance)
-        b = both.beta[1 : 1 + sum(len(t.effect.coefficients) for t in terms)]
-        jacobian = self.noise.share * self.model.held.log_jacobian(terms, float(np.sqrt(variance)), b)
+        jacobian = self.log_jacobian(self.model.held, terms, both)
         return both.log_evidence - posterior(before, joined, variance).log_evidence + jacobian
 
     @property

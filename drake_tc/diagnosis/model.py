@@ -16,6 +16,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Prior
+from drake_tc.diagnosis.noise import drawn_noise
 from drake_tc.diagnosis.priors import (
     AGE_PERIODS,
     CONTRIBUTION,
@@ -117,6 +118,19 @@ class JointModel:
         """K below which a set needs no effort at all [effort/(N m)]."""
         return LEAST_GAIN * self.gain
 
+    @cached_property
+    def of_load(self) -> float:
+        """Share of the sensors' noise in what a set leaves that is the noise of a measured load."""
+        measured, samples = self.context.load == "torque", self.train.samples
+        own, sizes = samples.signals, []
+        for drawn in drawn_noise(samples, measured=measured) if measured else ():
+            torque = drawn.signals.load_torque - own.load_torque
+            motion = own.rotor_inertia * (drawn.signals.acceleration - own.acceleration)
+            effort = drawn.signals.effort - own.effort
+            sizes.append([rms(samples.reduce(each)) ** 2 for each in (self.gain * torque, self.gain * motion, effort)])
+        total = np.sum(sizes) if sizes else 0.0
+        return float(np.sum(sizes, axis=0)[0] / total) if total > 0.0 else 0.0
+
     def blocks(self, split: Split, terms: Sequence[Term]) -> list[Block]:
         """Columns of the drive gain and of the terms, in their order."""
         return [self._gain(split, terms), *(self.block(split, t) for t in terms if t.effect.coefficients)]
@@ -170,7 +184,7 @@ class JointModel:
             mean = 0.0  # the mean over the hold is taken already
         lag, unknown = SERVO_LAG_S if drive == "position_servo" else DRIVE_LAG_S
         if drive == "position_servo":
-            out = {"command": (mean, spread), "inside": (lag, unknown), "rate": (0.0, unknown)}
+            out = {"command": (mean, spread), "inside": (lag, unknown), "rate": (lag, unknown)}
         else:
             out = {"effort": (mean + lag, float(np.hypot(spread, unknown)))}
         if self.context.load == "torque":

@@ -64,6 +64,8 @@ RESTS = (0.0, 3.0, 30.0, 300.0, 3e3, 3e4)
 NEAR_REST = 0.02
 """Speed within which a joint is near rest over its RMS speed."""
 
+PARTS = 20
+"""Parts of a log whose disagreement about a parameter widens its interval."""
 NOISE_LEVEL = 0.3
 """Relative standard deviation of what a sensor's noise, estimated from its log, takes off a coefficient."""
 

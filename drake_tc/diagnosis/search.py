@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
@@ -120,8 +119,7 @@ class Sets:
             products = Products(gram, moment, products.square, products.rows)
             prior = Prior.stacked([prior, evidence.model.block(split, term).prior])
         found = posterior(products, prior, start=parent.posterior.variance)
-        own = found.beta[found.beta.size - len(term.effect.coefficients) :]
-        jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)), own)
+        jacobian = share * split.log_jacobian([term], float(np.sqrt(found.variance)))
         return evidence.odds(parent.terms, found) + evidence.prior_odds([term]) + jacobian
 
     def _parent(self, parent: Scored) -> tuple[FloatArray, Prior, Products]:
@@ -213,13 +211,17 @@ def _without_columns(evidence: Evidence) -> Evidence:
 
 
 def _compared(starts: Sequence[Evidence], pools: Sequence[Sequence[Scored]]) -> tuple[list[Compared], list[Compared]]:
-    """The contenders of all pools, each settled, at equal noise; and those that their noise does not distort."""
+    """The contenders of all pools, each settled, at equal noise; and those that their noise does not distort.
+
+    An impossible one has no odds.
+    """
     tried, distortions = [], []
     for used, pool in zip(starts, pools, strict=True):
         for contender in _contenders(pool):
             evidence, scored = settled(used, contender)
             distortions.append(evidence.distortion(scored))
-            tried.append((_without_columns(evidence), scored))
+            sensible = scored if possible(evidence, scored) else _impossible(scored)
+            tried.append((_without_columns(evidence), sensible))
     tried = equally_noisy(tried)
     return tried, [pair for pair, distortion in zip(tried, distortions, strict=True) if distortion <= DISTORTED]
 
@@ -236,11 +238,11 @@ def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.in
     """The sets with the odds that they have if noise in the columns of all is as loud as in the loudest.
 
     A set whose columns have no noise leaves less than the true one whose columns have some. Sets with noise models of
-    their own are compared by the white noise that they tell. A set that leaves more than a part of itself is not at its
-    optimum, and its noise does not count against that part. `least`: log odds from which a set counts among the loud
-    ones.
+    their own are compared by the white noise that they tell of effort and load. A set that leaves more than a part
+    of itself is not at its optimum, and its noise does not count against that part. `least`: log odds from which a set
+    counts among the loud ones.
     """
-    left = [s.posterior.variance / evidence.white_gain for evidence, s in sets]
+    left = [s.posterior.variance / (evidence.noise_gain * evidence.by_load(s.b[0])) for evidence, s in sets]
     loud = [(s, n, s.passed * n) for n, (_, s) in zip(left, sets, strict=True) if s.log_odds > least]
     out = []
     for variance, (evidence, s) in zip(left, sets, strict=True):
@@ -323,7 +325,7 @@ def settled(evidence: Evidence, scored: Scored) -> tuple[Evidence, Scored]:
     without noise, such as the age of a command, take over a part of noisy ones, at ages that the log does not have.
     """
     for _ in range(SETTLING):
-        true = corrected(evidence, scored)
+        true = evidence.corrected(scored)
         at = true if possible(evidence, true) else scored
         evidence = Evidence(evidence.relinearised(at), evidence.noise, evidence.spread).heard(scored.terms)
         scored = evidence.refined(evidence.score(scored.terms))

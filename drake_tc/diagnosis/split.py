@@ -16,7 +16,6 @@ from drake_tc.diagnosis.priors import PASSED_ON, SLOW
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.effects.base import DriveEffect, SensorEffect
 from drake_tc.effects.delay import shift
-from drake_tc.effects.held_gain import HELD_GAIN as SCALED_AT
 from drake_tc.effects.signals import Signals
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
@@ -128,7 +127,7 @@ class Split:
         """(N,) the same on the rows; of the rate in a servo for a viscous friction of 1 N m s/rad."""
         if ("age", channel) not in self._kept:
             rate = channel == "rate"
-            slope = self.gain * self.samples.signals.acceleration if rate else self.slope_of(channel)
+            slope = -self.gain * self.samples.signals.acceleration if rate else self.slope_of(channel)
             self._kept["age", channel] = self.samples.reduce(_inside(slope, self.samples) if rate else slope)
         return np.asarray(self._kept["age", channel])
 
@@ -200,41 +199,12 @@ class Split:
             self._kept[term.cache_key] = self.samples.reduce(needed + self._followed(u - act(u) - needed))
         return np.asarray(self._kept[term.cache_key])
 
-    def log_jacobian(self, terms: Sequence[Term], deviation: float, b: FloatArray) -> float:
-        """Sum over the rows that count of log |dr/du|, r = u* - sum b_k phi_k; b (k,) of the terms.
+    def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
+        """Sum over the rows that count of log |du*/du| of drive effects.
 
         At least as much as noise of this deviation tells: where the drive does not pass the effort on, u is known up to
-        its own range and nothing else. A filter counts by the share of the residual's noise that it passes, and a
-        column of the effort by the share of it that the latent effort follows.
+        its own range and nothing else. A filter counts by the share of the residual's noise that it passes.
         """
-        scaled, at = np.ones(self.rows.index.size), 0
-        for term in terms:
-            size = len(term.effect.coefficients)
-            if term.shape.get(SCALED_AT, 0.0) > 0.0:
-                scaled = scaled - self._by_effort(term) @ b[at : at + size]
-            at += size
-        of_columns = float(np.sum(np.log(np.maximum(np.abs(scaled), PASSED_ON))))
-        return of_columns + self._of_drives(terms, deviation)
-
-    def _by_effort(self, term: Term) -> FloatArray:
-        """(n, k) dphi/du of a term's columns on the rows that count."""
-        key = ("by effort", *term.cache_key)
-        if key not in self._kept:
-            samples = self.clean.samples
-            step = 1e-3 * max(rms(samples.signals.effort[samples.rows]), 1e-12)
-            signals = replace(samples.signals, effort=samples.signals.effort + step)
-            moved = replace(samples, signals=signals).by_segment(term.effect, term.shape)
-            change = (moved - samples.by_segment(term.effect, term.shape)) / step
-            self._kept[key] = change[samples.rows][self.rows.index] * float(np.mean(self._follows()))
-        return np.asarray(self._kept[key])
-
-    def _follows(self) -> FloatArray:
-        """(F,) share of the residual that the latent effort follows, at the frequencies of the rows."""
-        pulse, _ = self.samples.pulse()
-        inside = np.fft.rfftfreq(2 * pulse.size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
-        return np.asarray(np.abs(np.fft.rfft(self.share, 2 * pulse.size))[inside])
-
-    def _of_drives(self, terms: Sequence[Term], deviation: float) -> float:
         filters = [t for t in drives(terms) if isinstance(t.effect, DriveEffect) and t.effect.filters]
         passed = 0.5 * self.rows.index.size * sum(self._passed(t) for t in filters)
         static = [t for t in drives(terms) if not is_filter(t)]
@@ -247,6 +217,12 @@ class Split:
         span = float(np.ptp(self.samples.signals.effort[self.samples.rows]))
         least = min(deviation * np.sqrt(2.0 * np.pi) / max(span, 1e-300), 1.0)
         return float(passed + np.sum(np.log(np.clip(slope, least, 1.0))))
+
+    def _follows(self) -> FloatArray:
+        """(F,) share of the residual that the latent effort follows, at the frequencies of the rows."""
+        pulse, _ = self.samples.pulse()
+        inside = np.fft.rfftfreq(2 * pulse.size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
+        return np.asarray(np.abs(np.fft.rfft(self.share, 2 * pulse.size))[inside])
 
     def _passed(self, term: Term) -> float:
         """Mean logarithm over the rows' frequencies of the residual's power that passes a filter T.

@@ -130,7 +130,10 @@ def test_noise_counts_against_a_set_beside_the_one_that_is_louder_but_not_agains
     evidence = cast(
         Any,
         SimpleNamespace(
-            white_gain=1.0, noise=SimpleNamespace(share=1.0), model=SimpleNamespace(train=SimpleNamespace(rows=rows))
+            noise_gain=1.0,
+            by_load=lambda gain: 1.0,
+            noise=SimpleNamespace(share=1.0),
+            model=SimpleNamespace(train=SimpleNamespace(rows=rows)),
         ),
     )
     loud = scored("ab", 1.0, 0.5)

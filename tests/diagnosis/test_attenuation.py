@@ -1,9 +1,10 @@
 """Coefficients beside noisy columns, against the truth of simulated logs and against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.attenuation import corrected
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import CRITICAL
@@ -36,7 +37,7 @@ def noisy() -> tuple[Evidence, Scored]:
 def test_the_gain_beside_a_noisy_torque_sensor_is_that_of_the_joint(noisy: tuple[Evidence, Scored]) -> None:
     truth = Joint().gain
     evidence, scored = noisy
-    after = corrected(evidence, scored)
+    after = evidence.corrected(scored)
     deviation = float(np.sqrt(after.posterior.covariance[0, 0]))
     attenuated = CRITICAL * float(np.sqrt(scored.posterior.covariance[0, 0]))
     assert scored.b[0] < truth - attenuated
@@ -60,7 +61,7 @@ def test_the_drawn_noise_of_the_gain_s_column_is_what_the_filters_pass(noisy: tu
 
 def test_without_noise_nothing_changes() -> None:
     evidence, scored = _heard(Joint())
-    after = corrected(evidence, scored)
+    after = evidence.corrected(scored)
     np.testing.assert_allclose(after.b, scored.b, rtol=2e-4)
 
 
@@ -71,7 +72,7 @@ def test_a_set_of_whose_load_all_is_noise_stays_as_it_is(
     evidence, scored = noisy
     whole = evidence.products(evidence.model.train, scored.terms)[0]
     monkeypatch.setattr(Evidence, "noise_products", lambda self, terms: (whole.gram, whole.moment))
-    assert corrected(evidence, scored) is scored
+    assert evidence.corrected(scored) is scored
 
 
 def test_what_differs_from_run_to_run_takes_no_part_of_the_correction(noisy: tuple[Evidence, Scored]) -> None:
@@ -79,7 +80,7 @@ def test_what_differs_from_run_to_run_takes_no_part_of_the_correction(noisy: tup
     evidence, scored = noisy
     beside_runs = Evidence(evidence.model, evidence.noise, RunSpread(friction=0.1, zero=0.1))
     scored = beside_runs.score(scored.terms)
-    after = corrected(beside_runs, scored)
+    after = beside_runs.corrected(scored)
     runs = sum(b.values.shape[1] for b in beside_runs.model.of_runs(beside_runs.model.train, beside_runs.spread))
     np.testing.assert_array_equal(after.posterior.beta[-runs:], scored.posterior.beta[-runs:])
     assert after.b[0] > scored.b[0]
@@ -90,12 +91,26 @@ def test_what_lets_less_noise_through_is_no_merit_of_a_set(noisy: tuple[Evidence
     evidence, scored = noisy
     terms = [*scored.terms, Term(Payload())]
     with_noise = evidence.score(terms)
-    assert with_noise.log_odds > scored.log_odds + NAMED
-    assert evidence.refined(with_noise).log_odds < scored.log_odds - NAMED
+    assert with_noise.posterior.log_evidence > scored.posterior.log_evidence + NAMED  # of the effort alone
+    assert with_noise.log_odds < scored.log_odds - NAMED
+    assert evidence.refined(with_noise).log_odds < evidence.refined(scored).log_odds - NAMED
+
+
+def test_the_density_of_effort_and_load_is_that_of_the_load_where_the_effort_has_no_noise(
+    noisy: tuple[Evidence, Scored],
+) -> None:
+    """n log K more than that of the effort: all of the noise is the torque sensor's."""
+    evidence, scored = noisy
+    model, rows = evidence.model, evidence.model.train.rows.index.size
+    assert model.of_load == pytest.approx(1.0, abs=1e-6)
+    half = replace(scored.posterior, beta=0.5 * scored.posterior.beta)
+    more = evidence.log_jacobian(model.train, scored.terms, scored.posterior)
+    less = evidence.log_jacobian(model.train, scored.terms, half)
+    assert more - less == pytest.approx(evidence.noise.share * rows * np.log(2.0))
 
 
 def test_a_set_that_leaves_nothing_of_the_effort_has_no_odds() -> None:
     """Inside a dead zone that holds every effort, all motions cost nothing, and any load explains them."""
     evidence, scored = _heard(Joint())
     terms = [*scored.terms, Term(Deadzone(), {"deadzone": 1e3}), Term(LoadDependentFriction())]
-    assert evidence.told_apart(evidence.score(terms)).log_odds == -np.inf
+    assert evidence.with_unbiased_odds(evidence.score(terms)).log_odds == -np.inf

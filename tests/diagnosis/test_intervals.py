@@ -52,6 +52,17 @@ def test_intervals_hold_the_truth_under_white_and_under_slow_noise(rho):
     assert max(width) < (0.05 if rho == 0.0 else 0.55)
 
 
+def test_parts_of_a_log_that_disagree_widen_the_interval():
+    def halves(m):
+        return 0.6 * np.sign(m.time - m.time.mean()) * m.v
+
+    joint = replace(SHORT, extra=halves)
+    low, high = diagnosed((joint, joint)).final_parameters["viscous"]["viscous"].ci95
+    assert low < TRUTH["viscous", "viscous"] < high
+    # twenty parts at 5.4 or 6.6 N m s/rad tell their mean to 0.6/sqrt(19); the fit's residual alone tells it to 0.08
+    assert 0.5 * (high - low) == pytest.approx(1.96 * 0.6 / np.sqrt(19.0), rel=0.35)
+
+
 def test_shape_parameters_have_intervals_too():
     waved = replace(SHORT, torque_noise=0.4, extra=lambda m: 1.5 * np.sin(11.0 * m.q))
     inside = []
