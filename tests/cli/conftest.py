@@ -1,7 +1,7 @@
 """A short recording of the demo's rig, and a way to call commands."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import pandas as pd
@@ -9,7 +9,9 @@ import pytest
 
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.cli.main import run
+from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import Prepared
+from drake_tc.effects.library import effect
 from drake_tc.experiments.check import effects
 from drake_tc.experiments.design import known
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
@@ -73,6 +75,18 @@ def fitted_once(fits, monkeypatch) -> None:
 
     monkeypatch.setattr(known, "fitted_joint", fitted)
     monkeypatch.setattr(effects, "fitted_joint", fitted)
+
+
+@pytest.fixture
+def look_for(monkeypatch) -> Callable[..., None]:
+    """look_for(*keys): from here on a diagnosis tries these effects alone, and leaves the residual unassessed."""
+
+    def only(*keys: str) -> None:
+        few = replace(DiagnosisOptions(), effects=tuple(map(effect, keys)), assess_residual=False)
+        defaults = tuple(getattr(few, each.name) for each in fields(few))
+        monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", defaults)
+
+    return only
 
 
 @pytest.fixture

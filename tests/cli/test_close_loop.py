@@ -137,20 +137,22 @@ URDF = f"""<robot name="mine" xmlns:drake="http://drake.mit.edu">
 """
 
 
-def test_an_export_can_be_tried_in_the_same_call(bench, tmp_path):
+def test_an_export_can_be_tried_in_the_same_call(invoke, look_for, monkeypatch, bench, tmp_path):
     """The report has three errors side by side: of the model found, of its export and of the file of --declared."""
     mine = tmp_path / "mine.urdf"
     mine.write_text(URDF, encoding="utf-8")
     call = [*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--declared", str(mine)]
-    done = command([*call, "--try-export", "drake-urdf"], tmp_path, COLUMNS="110", NO_COLOR="1")
-    assert done.returncode == 0, done.stderr
+    look_for("stribeck", "deadzone")
+    monkeypatch.setenv("COLUMNS", "110")
+    done = invoke(*call, "--try-export", "drake-urdf")
+    assert done.code == 0, done.err
     document = json.loads((tmp_path / "out" / "report.json").read_text())
     check_report(document)
     (row,) = document["export"]["free_runs"]
     free = document["joints"][JOINT]["error"]["after"]["free_run_heldout"]
     assert row["model"] == pytest.approx(free, rel=0.05)  # the same free run as in the table above it
     assert row["original"] > row["model"] and row["export"] > row["model"]
-    assert "export (Drake's plant)" in done.stdout and "has no Stribeck friction" in done.stdout
+    assert "export (Drake's plant)" in done.out and "has no Stribeck friction" in done.out
     names, errors = export_table((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
     assert names[2:] == ["model after (Drake)", "export (Drake's plant)", "your file (Drake's plant)"]
     unit = {"mrad": 1e-3, "µrad": 1e-6}

@@ -108,7 +108,8 @@ def test_the_command_ends_with_the_path_of_the_report_it_wrote(invoke, short_dem
     assert (short_demo / "demo" / named).is_file()
 
 
-def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, short_demo):
+def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, look_for, short_demo):
+    look_for()
     outcome = invoke("demo", "--json", "--seed", 1, "--out", "deep/out")
     assert (outcome.code, outcome.err) == (0, "")
     assert set(json.loads(outcome.out)["joints"]) == {JOINT}

@@ -7,8 +7,8 @@ import pytest
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.experiments.check.effects import JointEffects, joint_effects
+from drake_tc.experiments.design import known
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
@@ -32,7 +32,9 @@ def checked(prepared) -> JointEffects:
 
 
 @pytest.fixture(scope="session")
-def logged(demo) -> tuple[DesignJoint, JointLimits]:
-    """The joint as the recording shows it, and the limits that it kept."""
+def logged(demo, checked) -> tuple[DesignJoint, JointLimits]:
+    """The joint as the recording shows it, and the limits that it kept; its search is the one of `checked`."""
     rig = load_rig(demo[0])
-    return joint_from_logs(rig, load_runs(demo[1], rig), rig.joints[0])[:2]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(known, "fitted_joint", lambda prepared: checked.fitted)
+        return known.joint_from_logs(rig, load_runs(demo[1], rig), rig.joints[0])[:2]

@@ -1,6 +1,7 @@
 """What a design states of a motion: with the friction and rows of a diagnosis, beside a sinusoid within all limits."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,12 +10,13 @@ from numpy.testing import assert_allclose
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context, JointNumbers
 from drake_tc.effects.library import effect
+from drake_tc.experiments.design import known
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint, MotionColumns
-from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.run import DesignOptions, design_joint
+from drake_tc.experiments.fitted import fitted_joint
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
@@ -76,13 +78,15 @@ def test_the_damping_of_a_servo_is_no_torque_of_its_motor(joint):
     assert np.abs(balance(known.basis.motion(known.optimum.x))).max() <= 10.0
 
 
-def test_the_damping_that_a_rig_declares_is_that_of_the_fitted_gain(demo, logged):
+def test_the_damping_that_a_rig_declares_is_that_of_the_fitted_gain(demo, logged, monkeypatch):
+    """Of a fit that looks for no effects."""
+    monkeypatch.setattr(known, "fitted_joint", partial(fitted_joint, effects=()))
     rig = load_rig(demo[0])
     (name,) = rig.joints
     stated = replace(rig, drive_gain={name: 2e-4}, derivative_gain={name: 15.0})
     runs = load_runs(demo[1], stated)
-    known, limits, _ = joint_from_logs(stated, runs, name)
-    assert_allclose(known.servo_damping, 2e-4 * 15.0 / known.numbers.gain, rtol=1e-12)
+    found, limits, _ = known.joint_from_logs(stated, runs, name)
+    assert_allclose(found.servo_damping, 2e-4 * 15.0 / found.numbers.gain, rtol=1e-12)
     assert 0.5 * logged[1].torque < limits.torque < 1.1 * logged[1].torque
 
 

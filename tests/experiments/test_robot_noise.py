@@ -8,8 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
+from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.check.run import check_rig
+from drake_tc.experiments.check.effects import joint_effects
+from drake_tc.experiments.check.run import with_loads
 from drake_tc.experiments.design import request as requests
 from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
 from drake_tc.experiments.design.robot import RobotOptions, robot_noise
@@ -106,9 +109,13 @@ def test_the_noise_of_all_joints_of_the_robot_is_needed(recorded):
 def test_the_check_of_a_robot_whose_links_are_fitted_names_what_close_loop_does_not_look_for(recorded):
     """The same obstacles as in the diagnosis, which fits the links from the recorded efforts at the declared gains."""
     folder, _ = recorded
-    joints = check_rig(folder / "rig.yaml", [folder / "first.npz"]).joints
-    for joint in joints.values():
-        told = {each.key: each for each in joint.effects.effects}
-        for key in ("saturation", "servo_gain", "payload"):
+    keys = ("saturation", "servo_gain", "payload")
+    runs, rig = with_loads(rig := load_rig(folder / "rig.yaml"), load_runs([folder / "first.npz"], rig))
+    for joint in rig.joints:
+        found = joint_effects(
+            prepare_joint(runs, [], rig, joint), tuple(map(effect, (*keys, "stribeck"))), links_fitted=True
+        )
+        told = {each.key: each for each in found.effects}
+        for key in keys:
             assert told[key].status == "not_seen", key
             assert "fitted" in told[key].reason, key

@@ -77,13 +77,13 @@ def test_a_bus_of_another_kind_is_refused():
         LcmLink(SIZES, 2, "nonsense://")
 
 
-def test_ten_seconds_at_1_khz_against_a_robot_in_another_process():
+def test_three_seconds_at_1_khz_against_a_robot_in_another_process():
     """What a busy machine leaves: the run goes on to its end, nothing fails, most ticks are in time."""
-    report = measured(10.0, permitted_priority())
+    report = measured(3.0, permitted_priority())
     assert report.ended == "duration"
     assert report.counts.link_errors == report.counts.controller_errors == report.counts.malformed == 0
-    assert 10.0 <= report.seconds <= 10.5
-    assert report.counts.ticks + report.counts.skipped >= 10_100
+    assert 3.0 <= report.seconds <= 3.5
+    assert report.counts.ticks + report.counts.skipped >= 3_100
     assert report.miss_share < 0.5
     assert np.all(np.isfinite(report.work))
 

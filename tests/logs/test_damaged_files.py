@@ -37,7 +37,7 @@ def mat(**options) -> bytes:
 NUMBERS = st.sampled_from(["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "c16", "bool"])
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), compressed=st.booleans())
 def test_a_matlab_file_reads_as_scipy_reads_it(tmp_path, data, compressed):
     dtype = np.dtype(data.draw(NUMBERS))
@@ -66,7 +66,7 @@ def test_a_matlab_file_with_any_byte_changed_or_cut_is_read_or_refused(tmp_path,
     """SciPy ends the process in which it reads some of these."""
     sound, path, rng = mat(**options), tmp_path / "x.mat", np.random.default_rng(0)
     refused = 0
-    for number in range(12):
+    for number in range(6):
         content = bytearray(sound)
         if number % 3 == 0:
             content = content[: rng.integers(len(sound))]
@@ -78,7 +78,7 @@ def test_a_matlab_file_with_any_byte_changed_or_cut_is_read_or_refused(tmp_path,
         except LogError as error:
             refused += 1
             assert str(error).startswith(str(path))
-    assert refused >= 4
+    assert refused >= 2
 
 
 def test_a_matlab_file_on_which_scipy_ends_the_process_is_refused(tmp_path, monkeypatch):

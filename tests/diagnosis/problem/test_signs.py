@@ -140,7 +140,7 @@ def test_the_repair_turns_the_unit_that_the_rig_file_states(written, repair):
 
 def with_integral_action(rate: float) -> tuple[Run, Joint]:
     """A pendulum on a servo with y + rate int y dt = K (tau + ...), by the bilinear transform of s/(s + rate)."""
-    joint = servo(inertia=0.05, viscous=0.2, coulomb=1.0, duration=40.0)
+    joint = servo(inertia=0.05, viscous=0.2, coulomb=1.0, duration=20.0)
     time = joint.times()
     q, v, a = sines(time, ((0.11, 0.6, 0.0), (0.17, 0.4, 0.9)), 0.0)
     m = Motion(time, q, v, a, 8.0 * np.sin(q))

@@ -42,7 +42,7 @@ def k_v(model: ActuatorModel) -> float:
 
 def written(folder: Path, name: str, frequency: float, size: float, torque: float, seed: int) -> Path:
     """A log of one joint whose effort follows eq. 6 of Del Prete et al. (2016) with a dead zone, in closed form."""
-    time = np.arange(0.0, 14.0, 1e-3)
+    time = np.arange(0.0, 14.0, 2e-3)
     rate, load = 2.0 * np.pi * frequency, torque * np.sin(2.0 * np.pi * 0.37 * frequency * time + 1.0)
     q, v, a = (size * f for f in (np.sin(rate * time), rate * np.cos(rate * time), -(rate**2) * np.sin(rate * time)))
     wanted = GAIN * (load + INERTIA * a + VISCOUS * v + COULOMB * np.sign(v))
