@@ -65,11 +65,11 @@ def test_refusals_name_the_file_and_what_is_possible(tmp_path):
         ("run.parquet", b"not parquet", "cannot be read"),
         ("run.npz", b"zip?", "cannot be read"),
         ("run.mat", b"MATLAB?" * 30, "cannot be read"),
-        ("cut.csv.gz", gzip.compress(b"time,q\n" + b"1,2\n" * 5000)[:30], "cannot be read"),
+        ("cut.csv.gz", gzip.compress(b"time,q\n" + b"1,2\n" * 5000, mtime=0)[:30], "cannot be read"),
         ("empty.csv", b"", "no rows"),
         ("header.csv", b"time,joint/position\n", "no rows"),
         ("twice.csv", b"time,q,q\n" + b"1,2,3\n" * 30, "column 'q' stands more than once"),
-        ("twice.csv.gz", gzip.compress(b"time,q ,q\n" + b"1,2,3\n" * 30), "column 'q' stands more than once"),
+        ("twice.csv.gz", gzip.compress(b"time,q ,q\n" + b"1,2,3\n" * 30, mtime=0), "column 'q' stands more than once"),
         ("first.csv", b"0.0,0.0,1e-3\n0.1,0.2,0.3\n", "names of the columns in line 1, got numbers ('0.0' first)"),
     ],
 )
