@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
+from drake_tc.effects.base import JointNumbers, plain_signals
 from drake_tc.effects.library import effect
 
 PERIOD = 1e-3
@@ -56,3 +57,14 @@ def test_elasticity_is_a_spring():
     spring = effect("elasticity")
     assert_allclose(spring.transmitted(np.array([-0.1, 0.2]), {"compliance": 1e-3}), [-100.0, 200.0], rtol=1e-12)
     assert_allclose(spring.twist(np.array([50.0]), {"compliance": 1e-3}), [0.05], rtol=1e-12)
+
+
+def test_size_1_of_friction_that_warms_takes_the_same_share_off_both_frictions():
+    """At 1 K above the reference: 1 N m of 3 N m of Coulomb friction, and a third of the viscous friction."""
+    numbers = JointNumbers(0.1, viscous=6.0, coulomb=3.0, inertia=0.3, torque=20.0, effort=2.0, speed=2.0, span=1.0)
+    v = np.array([-2.0, -0.1, 0.3, 1.5])
+    signals = plain_signals(4, {"velocity": v, "direction": np.sign(v), "temperature": np.full(4, 26.0)})
+    warm = effect("thermal_friction")
+    (unit,) = warm.unit_coefficients(numbers)
+    added = warm.columns(signals, {"thermal_rate": 1e-6}) @ unit
+    assert_allclose(added, -(3.0 * np.sign(v) + 6.0 * v) / 3.0, rtol=1e-5)  # the rate bends the line by 5e-7

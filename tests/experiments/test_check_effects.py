@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import ncx2
 
 from drake_tc.analysis.sweep import processes
 from drake_tc.config.joint_units import JointUnits
@@ -17,6 +18,7 @@ from drake_tc.diagnosis.priors import ALTERNATIVE
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.problem.regression import fit
 from drake_tc.effects.library import effect
+from drake_tc.experiments import log_odds
 from drake_tc.experiments.check.consistency import findings
 from drake_tc.experiments.check.effects import SEPARABLE_WITHIN, Visibility, joint_effects
 from drake_tc.experiments.check.reasons import Hidden, sentence
@@ -72,6 +74,20 @@ def test_what_is_found_for_certain_has_clear_expected_odds(odds):
         if len(variants) == 1 and not variants[0].by_shape and math.isfinite(smallest):
             assert easiest < smallest
             assert odds.expected(variants[0], smallest) > ALTERNATIVE
+
+
+def test_the_stated_sizes_are_found_in_95_and_in_5_percent_of_such_logs(odds, monkeypatch):
+    """Twice the log odds and O are noncentral chi-squared; without the floor below which nothing is named."""
+    monkeypatch.setattr(log_odds, "NAMED_FLOORS", 0.0)
+    alone = {key: variants[0] for key, variants in odds.variants.items() if len(variants) == 1}
+    plain = {key: variant for key, variant in alone.items() if not variant.by_shape and variant.freedom == 1}
+    assert len(plain) >= 3
+    for key, variant in plain.items():
+        for size, share in zip(odds.found_from(key), (0.95, 0.05), strict=True):
+            occam = odds.occam(variant, size)
+            strength = 2.0 * (odds.expected(variant, size) + occam)
+            found = ncx2.sf(2.0 * (ALTERNATIVE + occam), 1, strength)
+            assert found == pytest.approx(share, abs=2e-3), key  # of two signs, the other is that improbable
 
 
 SENSED = Joint(duration=12.0, period=4e-3, torque_noise=0.25, encoder_step=1e-5)

@@ -178,6 +178,7 @@ def test_missing_and_broken_files(tmp_path):
         ("knee/current", "mA", 1500.0, 1.5),
         ("knee/temperature", "degF", 212.0, 100.0),
         ("knee/temperature", "K", 300.0, 26.85),
+        ("knee/temperature", "-degF", 212.0, -100.0),
         ("imu_base/accel_x", "g", 1.0, 9.80665),
         ("time", "ms", 20.0, 0.02),
         ("knee/current", -0.0065, 100.0, -0.65),

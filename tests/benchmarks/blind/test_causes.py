@@ -90,6 +90,18 @@ def test_sensor_causes_are_what_the_sensor_misses(traces: Traces) -> None:
     np.testing.assert_allclose(log.velocity, np.gradient(log.position, 1e-3), atol=0.02)
 
 
+def test_an_eccentric_encoder_logs_the_derivatives_of_what_it_reads(traces: Traces) -> None:
+    """Its error, as a function of time, differentiated twice by central differences."""
+    record, log, _ = traces["encoder_eccentricity"]
+    inner, step = slice(5, -5), log.time[1]
+    error = log.position - record.channels["position"]
+    for name in ("velocity", "acceleration"):
+        error = np.gradient(error, step)
+        logged = getattr(log, name) - record.channels[name]
+        left = np.std((logged - error)[inner])
+        assert left < 0.02 * np.std(error[inner]), name  # the step of 1 ms smears reversals
+
+
 def test_load_dependent_friction_grows_with_the_transmitted_torque(traces: Traces) -> None:
     record, _, u = traces["load_dependent_friction"]
     expected = 0.2 * np.abs(record.channels["torque"]) * record.channels["bristle"]
