@@ -9,6 +9,7 @@ import pytest
 from drake_tc.actuation.model_file import load_models
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.effects.library import effect
 from drake_tc.experiments.check.run import check_page, check_rig
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.logs.prepare import load_runs
@@ -60,6 +61,8 @@ def diagnosed(folder, rig, options=None, **missing):
 
 MEASURED = "{joint: z, joint_type: prismatic, drive: current, load: torque, declared: {rotor_inertia: 18.0}}"
 UNKNOWN = "{joint: z, joint_type: prismatic, drive: current, load: unknown, drive_gain: 0.0105263}"
+NEAR = ("cable_spring", "cable_spring.beside_weight", "payload.sliding", "quadratic_viscous", "asymmetric_friction")
+"""The spring and what may resemble it."""
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +97,7 @@ def test_the_model_file_says_that_the_joint_slides(rippled, tmp_path):
 
 
 def test_an_unknown_load_is_a_mass_and_a_constant_force_and_a_spring_is_found_beside_it(tmp_path):
-    quick = DiagnosisOptions(assess_residual=False)
+    quick = DiagnosisOptions(assess_residual=False, effects=tuple(map(effect, NEAR)))
     joint = diagnosed(tmp_path, UNKNOWN, quick, spring=STIFFNESS, sensor=False).joints["z"]
     title, load = joint.load
     assert title == "unknown load: mass and constant force"
