@@ -113,6 +113,7 @@ PARTS = {
             "diagnosis/problem/*",
             "diagnosis/robot/*",
             "diagnosis/test_blind_mini.py::*",
+            "diagnosis/test_log_invariance.py::*",
             "diagnosis/test_shared_leg.py::*",
             "diagnosis/test_shared_leg_tolerances.py::*",
             "diagnosis/test_small_load.py::*",

@@ -102,17 +102,18 @@ def test_columns_that_seem_to_be_forgotten_are_told_in_one_line(capsys, tmp_path
     assert "rig file" not in capsys.readouterr().out
 
 
-def test_json_alone_on_stdout(tmp_path):
+def test_json_alone_on_stdout(invoke, look_for, tmp_path):
     """A recording of 3 s, as nothing of what is found counts here."""
     rig, logs, held = record_demo(tmp_path / "bench", 0, DemoLength(duration=3.0, period=4e-3, step=1e-3), jobs=1)
     bench = Bench(rig, tuple(logs), held[0])
-    done = command([*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--json"], tmp_path)
-    assert done.returncode == 0, done.stderr
-    report = json.loads(done.stdout)
+    look_for()
+    done = invoke(*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--json")
+    assert done.code == 0, done.err
+    report = json.loads(done.out)
     check_report(report)
     written = json.loads((tmp_path / "out" / "report.json").read_text())
     assert {k: v for k, v in report.items() if k != "seconds"} == {k: v for k, v in written.items() if k != "seconds"}
-    assert done.stderr == ""
+    assert done.err == ""
 
 
 URDF = f"""<robot name="mine" xmlns:drake="http://drake.mit.edu">

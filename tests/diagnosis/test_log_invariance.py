@@ -34,19 +34,30 @@ def require_same(report: dict[str, Any], plain: dict[str, Any]) -> None:
     assert_allclose(figures(report), figures(plain), **SAME)
 
 
+def other_units(table: pd.DataFrame) -> pd.DataFrame:
+    factors = {"position": 180.0 / np.pi, "current": 1e3, "torque": 1e3}
+    return table.assign(**{f"joint/{name}": table[f"joint/{name}"] * factor for name, factor in factors.items()})
+
+
+def test_order_units_and_direction_together_change_nothing(tmp_path, plain: dict[str, Any]) -> None:
+    """The three tests that follow tell them apart."""
+    units = {"position": "-deg", "current": "-mA", "torque": "-mN*m"}
+    made = write_logs(tmp_path, NOISY, other_units, {"units": units})
+    require_same(replace(made, train=made.train[::-1]).report(), plain)
+
+
+@pytest.mark.slow
 def test_the_order_of_the_logs_changes_nothing(logs: Logs, plain: dict[str, Any]) -> None:
     require_same(replace(logs, train=logs.train[::-1]).report(), plain)
 
 
+@pytest.mark.slow
 def test_units_as_declared_change_nothing(tmp_path, plain: dict[str, Any]) -> None:
-    def other_units(table: pd.DataFrame) -> pd.DataFrame:
-        factors = {"position": 180.0 / np.pi, "current": 1e3, "torque": 1e3}
-        return table.assign(**{f"joint/{name}": table[f"joint/{name}"] * factor for name, factor in factors.items()})
-
     units = {"position": "deg", "current": "mA", "torque": "mN*m"}
     require_same(write_logs(tmp_path, NOISY, other_units, {"units": units}).report(), plain)
 
 
+@pytest.mark.slow
 def test_the_direction_of_the_joint_changes_nothing(tmp_path, plain: dict[str, Any]) -> None:
     units = {"position": "-rad", "current": "-A", "torque": "-N*m"}
     require_same(write_logs(tmp_path, NOISY, rig={"units": units}).report(), plain)

@@ -15,6 +15,8 @@ from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.cli import demo
 from drake_tc.cli.main import run
+from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.effects.library import effect
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.logs.loads import RobotLoad
@@ -38,6 +40,12 @@ def chain(name, joints):
         for parent, joint in zip(parents[:-1], joints, strict=True)
     )
     return f"<robot name='{name}'>{links}{made}</robot>"
+
+
+def look_for(monkeypatch, *keys):
+    """Diagnoses try these effects alone, and leave the residual unassessed."""
+    effects = tuple(map(effect, keys))
+    monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", (0, False, effects, None))
 
 
 @pytest.fixture
@@ -134,8 +142,9 @@ def test_the_page_of_the_whole_body_controller_builds_a_diagram(tmp_path, monkey
     assert len(names["diagram"].GetSystems()) >= 2
 
 
-def test_the_pages_of_simulators_export_and_read(knee):
-    """Every command of the pages, in a folder with the reader's files."""
+def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
+    """Every command of the pages, in a folder with the reader's files; no effect is missing."""
+    look_for(monkeypatch)
     model, terms = load_models(knee / "out" / "knee" / "model_after.yaml"), ("armature", "damping", "frictionloss")
     (knee / "robot.xml").write_text(to_mjcf([project(model["knee"], TARGETS["mjcf"])]), encoding="utf-8")
     time = np.arange(0.0, 10.0, 0.004)
@@ -168,7 +177,8 @@ def test_the_pages_of_simulators_export_and_read(knee):
 
 
 def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys):
-    """With recordings of 8 s in place of 30 s, which have the same two effects."""
+    """With recordings of 8 s in place of 30 s, which have the same two effects, and a search for these alone."""
+    look_for(monkeypatch, "deadzone", "stribeck")
     short = demo.DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
     monkeypatch.setattr(demo, "record_demo", partial(demo.record_demo, length=short, jobs=1))
     monkeypatch.chdir(tmp_path)

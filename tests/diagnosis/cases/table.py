@@ -22,7 +22,6 @@ QUICK: frozenset[str] = frozenset(
     {
         "timing: a goal logged after it was written is no delay",
         "timing: a command held at 100 Hz",
-        "friction: nothing is missing",
         "drive: a supply that sags",
         "load: a pendulum lighter than declared",
         "load: smooth",
@@ -37,7 +36,6 @@ QUICK: frozenset[str] = frozenset(
         "faults: a rig file without a drive is refused",
         "faults: one run is refused",
         "robots: a robot file that is not there is refused",
-        "set-up: another zero",
     }
 )
 """Rows of every theme that take a few seconds. `make test` runs their first seeds; all else is slow."""
