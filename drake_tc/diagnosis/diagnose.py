@@ -315,9 +315,9 @@ def _effects(evidence: Evidence, best: Scored, found: Found) -> tuple[FoundEffec
     for term in best.terms:
         if evidence.model.is_declared(term.effect):
             continue
-        rest = evidence.refined(evidence.score([t for t in best.terms if t is not term]))
+        rest = evidence.score([t for t in best.terms if t is not term])
         gain = 1.0 - rms(after) / max(rms(evidence.residual(held, rest)), 1e-300)
-        odds = best.log_odds - rest.log_odds
+        odds = best.log_odds - evidence.refined(rest).log_odds
         out.append(
             FoundEffect(
                 key=term.effect.key,
