@@ -320,11 +320,10 @@ class Evidence:
         where, _ = shape_places(scored.terms)
         if not where:
             return scored, np.zeros(0)
-        design, prior = self.design(self.model.train, scored.terms)
-        slopes = self.tangents(self.model.train, scored.terms, scored.b)
+        prior = self.design(self.model.train, scored.terms)[1]
         size, k, shaped = scored.coefficients, len(where), self.model.shape_prior(scored.terms)
         parts = [prior.part(s) for s in (slice(None, size), slice(size, None))]
-        joined = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
+        joined = self.columns_with_shapes(scored)
         products = Products.of(joined, self.target(self.model.train, scored.terms), self.noise.share)
         found = posterior(products, Prior.stacked([parts[0], shaped, parts[1]]), scored.posterior.variance)
         held = scored.posterior
@@ -333,6 +332,13 @@ class Evidence:
         evidence -= 0.5 * (log_determinant(found.hessian) - log_determinant(held.hessian))
         laplace = Posterior(beta, found.hessian, held.variance, evidence)
         return self._scored(scored.terms, laplace, size, k), found.beta[size : size + k]
+
+    def columns_with_shapes(self, scored: Scored) -> FloatArray:
+        """Whitened training columns (n, k): of [K, b ..., shapes ..., ages ..., runs ...], shapes by their tangents."""
+        train, size = self.model.train, scored.coefficients
+        design = self.design(train, scored.terms)[0]
+        slopes = self.tangents(train, scored.terms, scored.b)
+        return np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
 
     def heard(self, terms: Sequence[Term], *, spread: bool = True) -> "Evidence":
         """The evidence under the noise that these terms leave, and what they show to differ from run to run.

@@ -83,20 +83,18 @@ def _between_parts(evidence: Evidence, scored: Scored, turn: FloatArray) -> Floa
         max(0, diag(T C (G - c s^2 X^T X) C T^T)/s^4),   G = P/(P - 1) sum_p (g_p - mean g)(g_p - mean g)^T
 
     with P parts of equal length, g_p = X_p^T r_p of their whitened columns and residuals, the noise's variance s^2, the
-    posterior's covariance C, and the slopes T, `turn` (p, k), of the parameters. c = 1 + 2 (2/(P - 1))^(1/2) is what
+    posterior's covariance C, and the slopes T, `turn` (p, k), of the parameters. c = 1 + 1.96 (2/(P - 1))^(1/2) is what
     noise shows by chance, but in one of forty cases. It holds where the noise is not what the model says (Huber 1967,
     White 1980; by parts: Liang and Zeger 1986).
     """
-    train, size, beta = evidence.model.train, scored.coefficients, scored.posterior.beta
-    design, _ = evidence.design(train, scored.terms)
-    residual = evidence.target(train, scored.terms) - design @ np.r_[beta[:size], beta[size + scored.shapes :]]
-    slopes = evidence.tangents(train, scored.terms, scored.b) if scored.shapes else np.zeros((residual.size, 0))
-    columns = np.concatenate([design[:, :size], slopes, design[:, size:]], axis=1)
+    train = evidence.model.train
+    columns = evidence.columns_with_shapes(scored) if scored.shapes else evidence.design(train, scored.terms)[0]
+    residual = evidence.target(train, scored.terms) - columns @ scored.posterior.beta
     share, variance = evidence.noise.share, scored.posterior.variance
     parts = np.array_split(np.arange(residual.size), PARTS)
     scores = share * np.array([columns[own].T @ residual[own] for own in parts])
     scores -= scores.mean(axis=0)
-    by_noise = (1.0 + 2.0 * np.sqrt(2.0 / (PARTS - 1.0))) * share * variance * columns.T @ columns
+    by_noise = (1.0 + CRITICAL * np.sqrt(2.0 / (PARTS - 1.0))) * share * variance * columns.T @ columns
     middle = PARTS / (PARTS - 1.0) * scores.T @ scores - by_noise
     reach = scored.posterior.covariance[:, : turn.shape[1]] @ turn.T / variance
     return np.asarray(np.maximum(np.sum(reach * (middle @ reach), axis=0), 0.0))

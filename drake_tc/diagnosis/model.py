@@ -16,7 +16,6 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Prior
-from drake_tc.diagnosis.noise import drawn_noise
 from drake_tc.diagnosis.priors import (
     AGE_PERIODS,
     CONTRIBUTION,
@@ -121,15 +120,15 @@ class JointModel:
     @cached_property
     def of_load(self) -> float:
         """Share of the sensors' noise in what a set leaves that is the noise of a measured load."""
-        measured, samples = self.context.load == "torque", self.train.samples
-        own, sizes = samples.signals, []
-        for drawn in drawn_noise(samples, measured=measured) if measured else ():
-            torque = drawn.signals.load_torque - own.load_torque
-            motion = own.rotor_inertia * (drawn.signals.acceleration - own.acceleration)
-            effort = drawn.signals.effort - own.effort
-            sizes.append([rms(samples.reduce(each)) ** 2 for each in (self.gain * torque, self.gain * motion, effort)])
-        total = np.sum(sizes) if sizes else 0.0
-        return float(np.sum(sizes, axis=0)[0] / total) if total > 0.0 else 0.0
+        if self.context.load != "torque":
+            return 0.0
+        samples, own, sizes = self.train.samples, self.train.samples.signals, []
+        for drawn in (noisy.samples.signals for noisy in self.train.noisy):
+            torque = self.gain * (drawn.load_torque - own.load_torque)
+            motion = self.gain * own.rotor_inertia * (drawn.acceleration - own.acceleration)
+            sizes.append([rms(samples.reduce(each)) ** 2 for each in (torque, motion, drawn.effort - own.effort)])
+        by_channel = np.sum(sizes, axis=0)
+        return float(by_channel[0] / max(np.sum(by_channel), 1e-300))
 
     def blocks(self, split: Split, terms: Sequence[Term]) -> list[Block]:
         """Columns of the drive gain and of the terms, in their order."""
