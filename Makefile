@@ -30,7 +30,7 @@ $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,bags,mujoco,cluster,solvers,docs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,notebooks,robots,bags,mujoco,onnx,cluster,solvers,docs]'
 	@bash .ci/system_libraries.sh $(BIN)/python pydrake.common proxsuite
 	@touch $@ $(VENV)/.installed
 

@@ -237,7 +237,7 @@ def test_what_is_imported_is_declared():
     """The library needs its own dependencies or, for what it imports on demand, an extra; tests may use any extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    on_demand = [name for extra in ("solvers", "cluster", "robots", "bags", "mujoco") for name in extras[extra]]
+    on_demand = [name for extra in ("solvers", "cluster", "robots", "bags", "mujoco", "onnx") for name in extras[extra]]
     library = {distribution_name(name) for name in (*project["dependencies"], *on_demand)}
     everything = library | {distribution_name(name) for extra in extras.values() for name in extra}
     installed = modules_of_distributions() | {module: {name} for module, name in DISTRIBUTIONS.items()}

@@ -96,6 +96,12 @@ class Remainder:
         inside = np.exp(-0.5 * (np.maximum(nearest(z, self.points) - self.radius, 0.0) / EDGE) ** 2)
         return np.asarray(inside * np.clip(features(z, self.weights.size) @ self.weights, -self.largest, self.largest))
 
+    @property
+    def rms(self) -> float:
+        """RMS of R at the points [N m], which are spread evenly over the range of the data."""
+        inside = np.clip(features(self.points, self.weights.size) @ self.weights, -self.largest, self.largest)
+        return float(np.sqrt(np.mean(inside**2)))
+
     def scaled(self, position: FloatArray, velocity: FloatArray, load_torque: FloatArray) -> FloatArray:
         """(T, 4) z."""
         x = np.stack([position, velocity, np.tanh(velocity / self.slow), load_torque], axis=1)

@@ -1,7 +1,6 @@
 """`drake-tc export`: an identified model in another simulator's terms, with the loss of each effect."""
 
 import json
-import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
@@ -12,13 +11,15 @@ import typer
 
 from drake_tc.cli.export_c import CRequest, export_c
 from drake_tc.cli.export_ranges import RangesRequest, export_ranges
-from drake_tc.cli.out_files import Force, result_file
+from drake_tc.cli.out_files import Force, result_file, result_folder
 from drake_tc.cli.terminal import print_wide
 from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
+    from onnx import ModelProto
+
     from drake_tc.actuation.model import ActuatorModel
     from drake_tc.actuation.remainder import Remainder
     from drake_tc.diagnosis.result.applications import ExportErrors
@@ -106,6 +107,13 @@ def export_command(
             " --ranges; repeat for more."
         ),
     ] = None,
+    remainder: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the remainder of each joint as an ONNX network, with --to isaaclab, isaaclab-bam or"
+            " newton; no exported actuator uses it by itself."
+        ),
+    ] = None,
     robot: Annotated[
         Path | None, typer.Option(help="Robot file with a fixed base: adds inverse dynamics and gravity to --to c.")
     ] = None,
@@ -128,6 +136,8 @@ def export_command(
     With --to c the command writes the torque control of the joints as one C99 file and its header: the inverse of the
     drives' models, torque feedback, a position filter, and with --robot gravity and external torques.
 
+    With --remainder the command also writes the torque that no effect of a model explains, one ONNX file a joint.
+
     With --ranges the command writes the 95 % intervals of the diagnosis as what simulators randomise, and lists the
     parameters that the logs could not show.
     """
@@ -147,7 +157,7 @@ def export_command(
             " are"
         )
     if ranges:
-        refused = {"--into": into, "--holdout": holdout, "--page": page}
+        refused = {"--into": into, "--holdout": holdout, "--page": page, "--remainder": remainder}
         given = [name for name, value in refused.items() if value]
         if given:
             raise ParamsError(f"export --ranges: {given[0]} has no use here; leave it out")
@@ -176,9 +186,10 @@ def export_command(
         raise ParamsError("export --to parquet writes samples: add --ranges")
     read = load_model_file(model)
     models = _chosen(read.models, joint, model)
-    lost = [_without_remainder(name, each) for name, each in read.remainders.items() if name in models]
+    remainders = {name: each for name, each in read.remainders.items() if name in models}
+    of_remainders, networks = _remainders(remainders, models, to, remainder)
     if to is Target.c:
-        export_c(CRequest(model, out, robot, kp, ki, period, window, force, as_json, lost), models)
+        export_c(CRequest(model, out, robot, kp, ki, period, window, force, as_json, of_remainders), models)
         return
     if holdout and to.value not in RUNS:
         raise ParamsError(
@@ -208,7 +219,7 @@ def export_command(
     if into is not None and to is not Target.bam:
         notes += changes(text, projections, into)
     notes += [_not_in_newton_metres(models[name]) for name in read.torque_as_effort if name in models]
-    notes += lost
+    notes += of_remainders
     notes += of_links
     lines = (*sentences(projections, TARGETS[to.value]), *notes)
     inputs = [model, into, rig, *(log or []), *(holdout or [])]
@@ -220,8 +231,10 @@ def export_command(
     if out is not None:
         with result_file(out, "--out", inputs=inputs, force=force) as path:
             path.write_text(text, encoding="utf-8")
+    written = _write_networks(networks, remainder, inputs, force=force)
     if as_json:
-        print(json.dumps(json_value(_document(to, projections, errors, out) | {"notes": notes}), indent=1))
+        document = _document(to, projections, errors, out) | {"networks": list(map(str, written)), "notes": notes}
+        print(json.dumps(json_value(document), indent=1))
         return
     if out is None:
         sys.stdout.write(text)
@@ -237,9 +250,9 @@ def export_command(
             title=title,
             file=shown,
         )
-    for written in (page, out):
-        if written is not None:
-            print(written, file=shown)
+    for place in (page, *written, out):
+        if place is not None:
+            print(place, file=shown)
 
 
 def _chosen(
@@ -307,9 +320,40 @@ def _not_in_newton_metres(model: "ActuatorModel") -> str:
     return in_units_of(model.joint_type, text)
 
 
-def _without_remainder(joint: str, remainder: "Remainder") -> str:
-    share = "" if math.isnan(remainder.share) else f" ({100.0 * remainder.share:.0f} % of the squared held-out error)"
-    return f"{joint}: the remainder of the model{share} is lost: the target has no such function of motion and load."
+def _remainders(
+    remainders: "Mapping[str, Remainder]", models: "Mapping[str, ActuatorModel]", to: Target, folder: Path | None
+) -> "tuple[list[str], dict[str, ModelProto]]":
+    """Sentences on the remainders of joints, and with a folder the networks by the names of their files."""
+    from drake_tc.exchange.remainder_network import (
+        TARGETS_OF_NETWORKS,
+        lost_remainder,
+        network_names,
+        to_onnx,
+        written_remainder,
+    )
+
+    types = {name: models[name].joint_type for name in remainders}
+    if folder is None:
+        return [lost_remainder(name, each, types[name], to.value) for name, each in remainders.items()], {}
+    if to.value not in TARGETS_OF_NETWORKS:
+        raise ParamsError(f"export --remainder: expected --to {', '.join(TARGETS_OF_NETWORKS)}, got --to {to.value}")
+    if not remainders:
+        return ["no network was written: no joint of this model has a remainder."], {}
+    files = network_names(remainders)
+    networks = {files[name]: to_onnx(each, name, types[name]) for name, each in remainders.items()}
+    return [written_remainder(name, each, types[name], files[name]) for name, each in remainders.items()], networks
+
+
+def _write_networks(
+    networks: "Mapping[str, ModelProto]", folder: Path | None, inputs: Sequence[Path | None], *, force: bool
+) -> list[Path]:
+    """Write them, and tell where."""
+    if folder is None or not networks:
+        return []
+    with result_folder(folder, "--remainder", names=networks, inputs=inputs, force=force) as place:
+        for name, network in networks.items():
+            (place / name).write_bytes(network.SerializeToString())
+    return [folder / name for name in networks]
 
 
 def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into: Path | None) -> list[str]:

@@ -13,6 +13,7 @@ from public_examples import namespace
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
+from drake_tc.actuation.remainder import Remainder
 from drake_tc.cli import demo
 from drake_tc.cli.main import run
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -144,6 +145,7 @@ def test_the_page_of_the_whole_body_controller_builds_a_diagram(tmp_path, monkey
 
 def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
     """Every command of the pages, in a folder with the reader's files; no effect is missing."""
+    pytest.importorskip("onnx", reason="pip install onnx")
     look_for(monkeypatch)
     model, terms = load_models(knee / "out" / "knee" / "model_after.yaml"), ("armature", "damping", "frictionloss")
     (knee / "robot.xml").write_text(to_mjcf([project(model["knee"], TARGETS["mjcf"])]), encoding="utf-8")
@@ -164,12 +166,15 @@ def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
     pages = [(ROOT / "docs" / f"{name}.md").read_text("utf-8") for name in names]
     lines = [line.strip() for page in pages for line in page.splitlines() if line.startswith("    drake-tc ")]
     servo = ActuatorModel("knee", Drive("voltage", 0.5), (EffectValue("viscous", {"viscous": 4.0}),))
+    rest = Remainder(np.zeros(4), np.ones(4), np.zeros((1, 4)), 1.0, 0.1, 0.3, np.ones(8))
     save_models({"knee": servo}, knee / "model_after.yaml")
-    assert len(lines) == 5
+    save_models(model, knee / "out" / "knee" / "model_after.yaml", remainders={"knee": rest})
+    assert len(lines) == 6
     for line in lines:
         assert run(shlex.split(line)[1:]) == 0, line
     identified = (knee / "robot_identified.xml").read_text("utf-8")
     assert all(f'{name}="' in identified for name in terms)
+    assert (knee / "networks" / "knee.onnx").exists()
     assert "BamMotorCfg(" in (knee / "actuators.py").read_text("utf-8")
     (row,) = json.loads((knee / "out" / "tried" / "report.json").read_text("utf-8"))["export"]["free_runs"]
     assert None not in (row["model"], row["export"], row["original"])

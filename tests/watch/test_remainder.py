@@ -123,4 +123,4 @@ def test_friction_that_the_library_lacks_is_a_remainder_of_the_model_and_exports
     assert slow > fast + 1.0  # the peak of 4 N m near rest resists
     for target, name in (("mjcf", "m.xml"), ("c", "m.c")):
         assert run(["export", str(tmp_path / "model_after.yaml"), "--to", target, "--out", str(tmp_path / name)]) == 0
-        assert "the remainder of the model" in capsys.readouterr().out
+        assert f"the remainder of the model, {read.rms:.3g} N m RMS" in capsys.readouterr().out
