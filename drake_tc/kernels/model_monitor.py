@@ -111,7 +111,7 @@ def watch(
         column[0], column[1] = friction, needed[i]
         column[2], column[3] = np.sin(q), np.cos(q)
         column[4] = own[RATE] + joints[i, 6] * v
-        column[5], column[6] = np.sign(needed[i]) * joints[i, 6], 1.0
+        column[5], column[6] = 0.5 * np.sign(load) * joints[i, 6], 1.0
         for k in range(count):
             residual -= column[k] * sizes[i, 2 * count + k]
         if np.isnan(external):

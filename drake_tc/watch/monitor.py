@@ -34,7 +34,7 @@ class ModelMonitorSpec:
     Attributes:
         friction, torque_constant: Relative changes that are to be found.
         payload: Torque of a load at the joint [N m]. bias: a constant error [N m].
-        delay: [s]. backlash: gap between motor and link [rad], where a servo holds the link's side.
+        delay: [s]. backlash: whole gap between motor and link [rad], where a servo holds the motor's side.
         limit: Of the CUSUMs: rows without a change until one reaches it are about exp(limit).
         memory: Rows after which information counts 1/e.
         rest: Speed below which a row is left out [rad/s].
@@ -97,7 +97,7 @@ class ModelMonitor(PortMethods, LeafSystem):
 
     phi: the model's friction; the needed torque; sin q and cos q; the rate of the needed torque, twice low-passed and
     without jumps of friction, and v/K more of a position servo, whose effort is measured from the position; 1/K
-    sign(needed torque) of a position servo; 1.
+    sign(load torque)/2 of a position servo, the whole gap lying on the side on which the link pulls; 1.
 
     Example:
         >>> models = load_models(MODELS / "hrp2_like" / "hrp2_like_leg_actuators.yaml")

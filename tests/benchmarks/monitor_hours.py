@@ -126,11 +126,12 @@ def readings(
             torque = np.where(on, needed(*joints.motion(t - late)), torque)
         torque = torque / (1.0 - on * change.get("torque_constant", 0.0)) + on * change.get("bias", 0.0) + pulse
         gap = np.where(joints.servo, 0.5 * change.get("backlash", 0.0), 0.0)
-        effort = joints.gain * torque + on * gap * np.sign(torque)
+        passed = joints.gravity * np.sin(q) + joints.link * a  # of the link: friction is that of the motor's side
+        effort = joints.gain * torque + on * gap * np.sign(passed)
         noise = [
             coloured(rng, v.shape, rms, 0.01, last) for rms, last in zip((0.005, 0.3, 0.15, 0.2), lasts, strict=True)
         ]
-        load = joints.gravity * np.sin(q) + joints.link * a + noise[2]
+        load = passed + noise[2]
         effort = effort + joints.gain * noise[3]
         yield t, np.stack([q, v + noise[0], a + noise[1], load, effort, np.full_like(v, np.nan)], axis=1)
 

@@ -11,9 +11,13 @@ import drake_tc
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.diagnosis.result.torque_uncertainty import spread
 from drake_tc.errors import ParamsError
+from drake_tc.joint_simulator.measurement import clean_log
+from drake_tc.joint_simulator.physics import simulate
+from drake_tc.joint_simulator.spec import RigSpec, Sensors
 from drake_tc.loops.fused import fuse
 from drake_tc.watch.health import healthy_error
 from drake_tc.watch.monitor import CAUSES, READ, ModelMonitor, ModelMonitorSpec
+from tests.benchmarks.blind.joints import draw_joint
 from tests.benchmarks.monitor_hours import ROOM, Joints, calibrated, coloured, readings, watched
 
 COUNT = 6
@@ -35,7 +39,7 @@ def columns(joints, seen, needed):
     friction, stiffness = needed - load - joints.inertia * a, joints.servo / joints.gain
     keep = np.exp(-1e-3 / 0.03)  # s/(1 + 0.03 s)^2
     rate = lfilter([(1.0 - keep) / 0.03, -(1.0 - keep) / 0.03], [1.0, -2.0 * keep, keep**2], needed - needed[0], axis=0)
-    late, gap = rate + stiffness * v, stiffness * np.sign(needed)
+    late, gap = rate + stiffness * v, 0.5 * stiffness * np.sign(load)
     return np.stack([friction, needed, np.sin(q), np.cos(q), late, gap, np.ones_like(q)], axis=2)
 
 
@@ -80,6 +84,31 @@ def test_more_friction_is_named_and_tracked(joints, monitor):
     # causes that act alike in these strokes share the change, and together they are what more friction costs
     told, true = np.sum(phi * table[:, 4:], axis=2), 0.3 * phi[:, :, 0]
     assert np.all(np.sqrt(np.mean((told - true) ** 2, axis=0)) < 0.35 * np.sqrt(np.mean(true**2, axis=0)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_of_a_simulated_gear_is_named_with_its_size_and_a_tight_gear_is_not(seed):
+    """By `drake_tc.joint_simulator`: motor and link are two masses, and friction is that of the motor."""
+    joint = draw_joint(np.random.default_rng(seed), "position_servo", pendulum=None)
+    effects = {"rotor_inertia": joint.rotor_inertia, "viscous": joint.damping, "coulomb": joint.coulomb}
+    drive = Drive("position_servo", joint.gain)
+    model = ActuatorModel("joint", drive, tuple(EffectValue(name, {name: x}) for name, x in effects.items()))
+    for half_gap in (0.0, 5e-4):
+        causes = {"backlash": {"half_gap": half_gap}} if half_gap else {}
+        sensors = Sensors(rate_hz=500)
+        spec = RigSpec("servo", "null", "none", "", joint, 1, causes=causes, sensors=sensors, duration=12.0)
+        (record,) = simulate([spec], ["multisine"], 2e-4)
+        log = clean_log(record)
+        one = ModelMonitor([model], 0.3, 0.02)
+        memory, shown = one.start()
+        signals = (log.position, log.velocity, log.acceleration, log.torque, log.effort, np.full_like(log.time, np.nan))
+        named = []
+        for seen in np.stack(signals, axis=1)[:, :, None]:
+            one.tick(seen, one.needed(seen, one.room), memory, shown)
+            named.append(shown[1])
+        expected = {CAUSES.index("backlash") + 1.0} if half_gap else set()
+        assert {cause for cause in named if cause > 0.0} == expected
+        assert shown[2] == pytest.approx(2.0 * half_gap, rel=0.1)
 
 
 def test_a_collision_is_a_push_and_no_change(joints, monitor):
