@@ -31,19 +31,25 @@ from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.split import with_needed
 from drake_tc.effects.base import TorqueEffect
 from drake_tc.effects.library import effect
+from drake_tc.effects.payload import PAYLOAD_ARM
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.logs.files.readers import LogTable, named_logs, read_table
+from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig, load_rig, parse_rig
+from drake_tc.types import FloatArray
 from drake_tc.watch.changes import (
     CHANGE_SIZE,
     FEWEST_DEVIATIONS,
     Known,
     Shift,
-    heat_deviation,
+    change_by_heat,
     of_temperature,
     session_deviation,
 )
 
+Place = tuple[str, str]
+"""Key of an effect, "drive" for the gain, and name of a parameter."""
+EffectStatus = Literal["appeared", "present", "gone", "uncertain", "unlikely", "heat"]
 Verdict = Literal["unchanged", "parameters_changed", "new_effect", "cannot_tell"]
 SEVERITY: tuple[Verdict, ...] = ("new_effect", "parameters_changed", "cannot_tell", "unchanged")
 """The verdict of several joints is the first of these that one of them has."""
@@ -51,6 +57,10 @@ TESTS = 1.0 / 3.0
 """Share at the end of each log that tests what the rest of it chose, where no run is held out."""
 BETWEEN_ENCODERS = ("backlash", "gap_between_encoders")
 """Key and name of the gap that two encoders show; the balance at the motor does not contain it."""
+ABSENT = Known(0.0, 0.0)
+"""Size of an effect that the stored model does not have."""
+PAYLOAD = "payload.pendulum"
+"""Key of a payload on a pendulum whose drive gain is free."""
 LEAST_GAP = 5e-5
 """Size of a gap's change that is no change, at least: rounding and noise of two encoders [rad]."""
 GONE = 3.0
@@ -101,15 +111,16 @@ class EffectChange:
 
     Attributes:
         key, title: Of the effect. where: link or sensor, of a cause that no joint owns.
-        status: "appeared", "present", "gone"; "uncertain" for one that the search found and whose size may be 0; or
-            "heat" for an effect of the temperature, which is no change of the joint.
+        status: "appeared", "present", "gone"; "uncertain" for one that the search found and whose size may be 0;
+            "unlikely" for one that the new logs alone show and that the stored numbers contradict; or "heat" for an
+            effect of the temperature, which is no change of the joint.
         log_odds: That it is there, for one that appeared or is present; that it is not, for one that is gone.
         parameters: Value and interval by name; those of the new logs.
     """
 
     key: str
     title: str
-    status: Literal["appeared", "present", "gone", "uncertain", "heat"]
+    status: EffectStatus
     log_odds: float
     parameters: Mapping[str, Known]
     where: str = ""
@@ -284,8 +295,8 @@ def _joint(found: CloseLoopResult, name: str, stored: ModelFile, rig: Rig) -> Jo
     joint, model = found.joints[name], stored.models[name]
     reference = _reference(stored, name)
     temperature = (_mean_temperature(reference), _mean_temperature(reference_of(joint, final=True)))
-    parameters = _parameters(joint, model, reference, temperature)
-    effects = (*_gone(joint, model, parameters), *_appeared(joint))
+    parameters, odds = _parameters(joint, model, rig, temperature, reference)
+    effects = (*_gone(joint, model, parameters), *_appeared(joint, odds))
     floor = max(joint.noise_floor, 1e-300)
     then, now = _error_then(joint, model, rig), _pooled(joint, (joint.after.train, joint.after.heldout))
     comparison = JointComparison(
@@ -305,59 +316,109 @@ def _mean_temperature(reference: Mapping[str, Any]) -> float:
 
 
 def _parameters(
-    joint: JointResult, model: ActuatorModel, reference: Mapping[str, Any], temperature: tuple[float, float]
-) -> tuple[ParameterChange, ...]:
-    """Every parameter that the stored model and the new fit have, and that both limit."""
-    gain = model.drive.gain
-    then = {("drive", "gain"): Known.of(gain, reference.get("gain_ci95", (gain, gain)))}
-    gap = gap_between_encoders(joint.train.samples)
-    if "gap" in reference and gap is not None:
-        then[BETWEEN_ENCODERS] = Known.of(float(reference["gap"]["value"]), reference["gap"]["ci95"])
-    for value in model.effects:
-        for name, number in value.parameters.items():
-            then[value.key, name] = Known.of(number, value.ci95.get(name, (number, number)))
-    units, now = {}, {}
-    for key, group in joint.final_parameters.items():
-        for name, estimate in group.items():
-            units[key, name], now[key, name] = estimate.unit, Known.of(estimate.value, estimate.ci95)
-    if gap is not None:
-        units[BETWEEN_ENCODERS], now[BETWEEN_ENCODERS] = joint.units.position, Known.of(*gap)
-    both = [p for p in then if p in now and math.isfinite(then[p].deviation + now[p].deviation)]
-    if not both:
-        return ()
-    size = np.array([max(abs(then[p].value), abs(now[p].value)) for p in both])
+    joint: JointResult, model: ActuatorModel, rig: Rig, temperature: tuple[float, float], reference: Mapping[str, Any]
+) -> tuple[tuple[ParameterChange, ...], dict[str, float]]:
+    """Every parameter that the stored model and the new fit have, and that both limit.
+
+    Beside them, by key, the log odds that an effect of the new logs is there, given the stored numbers.
+    """
+    then, now = _then(joint, model, reference), _now(joint)
+    own = [p for p in then if p in now and math.isfinite(then[p].deviation + now[p][0].deviation)]
+    if not own:
+        return (), {}
+    groups = {found.key: [p for p in sizes_of(found.key) if p in now and p not in then] for found in joint.effects}
+    groups = {key: g for key, g in groups.items() if g and all(math.isfinite(now[p][0].deviation) for p in g)}
+    both = [*own, *(p for group in groups.values() for p in group)]
+    pairs = {p: (then.get(p, ABSENT), now[p][0]) for p in both}
     spread = max(float(reference.get("run_spread", 0.0)), joint.run_spread)
-    session = np.array([session_deviation(p[0], s, spread) for p, s in zip(both, size, strict=True)])
-    session[[k for k, p in enumerate(both) if p == BETWEEN_ENCODERS]] = LEAST_GAP / 2.0
-    warmer = temperature[1] - temperature[0]
-    if any(of_temperature(value.key) for value in model.effects) or math.isnan(warmer):
-        warmer = 0.0
-    heat = np.array([heat_deviation(p[0], s, warmer) for p, s in zip(both, size, strict=True)])
-    deviation = np.array([max(now[p].deviation, 1e-9 * abs(now[p].value), 1e-15) for p in both])
-    covariance = np.outer(deviation, deviation) * _correlation(joint, both)
-    before = np.diag(np.array([then[p].deviation for p in both]) ** 2)
-    difference = np.array([now[p].value - then[p].value for p in both])
-    scale = np.sqrt(np.diag(covariance + before) + session**2 + heat**2)
-    prior = np.hypot(CHANGE_SIZE * size, FEWEST_DEVIATIONS * np.minimum(scale, size))
-    shift = Shift(difference, before, covariance, session**2 + heat**2, prior)
+    unmodelled = not any(of_temperature(value.key) for value in model.effects)
+    warmer = temperature[1] - temperature[0] if unmodelled and not any(map(math.isnan, temperature)) else 0.0
+    shift = _shift(pairs, _correlation(joint, both), spread, warmer)
+    together = {key: tuple(map(both.index, group)) for key, group in groups.items()}
+    opened = {together[key][0]: opened_by_payload(pairs, model, rig) for key in together if key == PAYLOAD}
+    shift = replace(shift, together=tuple(together.values()), opened=opened)
     which, odds = shift.best()
-    cold = replace(shift, between=session**2).best()[0]
+    cold = replace(shift, between=_shift(pairs, np.eye(len(both)), spread, 0.0).between, expected=None).best()[0]
     others = shift.alternatives(which)
-    return tuple(
+    changes = tuple(
         ParameterChange(
             *p,
-            units[p],
+            now[p][1],
             then[p],
             replace(found := shift.new(k, which), value=then[p].value + found.value),
-            now[p],
+            now[p][0],
             shift.change(k, which),
             float(odds[k]),
             k in which and not of_temperature(p[0]),
             (k in cold and k not in which) or (k in which and of_temperature(p[0])),
             tuple(".".join(both[other]) for one, other in others if one == k),
         )
-        for k, p in enumerate(both)
+        for k, p in enumerate(own)
     )
+    return changes, {key: float(odds[at[0]]) for key, at in together.items()}
+
+
+def _shift(pairs: Mapping[Place, tuple[Known, Known]], correlation: FloatArray, spread: float, warmer: float) -> Shift:
+    """From the stored values to those of the new fit with its correlation (p, p), at a relative `spread` of runs."""
+    stored, value = (np.array([known[day].value for known in pairs.values()]) for day in (0, 1))
+    size = np.maximum(np.abs(stored), np.abs(value))
+    session = np.array([session_deviation(p[0], s, spread) for p, s in zip(pairs, size, strict=True)])
+    session[[k for k, p in enumerate(pairs) if p == BETWEEN_ENCODERS]] = LEAST_GAP / 2.0
+    session[[k for k, (then, _) in enumerate(pairs.values()) if then is ABSENT]] = 0.0
+    expected, heat = np.array([change_by_heat(p[0], s, warmer) for p, s in zip(pairs, stored, strict=True)]).T
+    deviation = np.array([max(now.deviation, 1e-9 * abs(now.value), 1e-15) for _, now in pairs.values()])
+    covariance = np.outer(deviation, deviation) * correlation
+    before = np.diag(np.array([then.deviation for then, _ in pairs.values()]) ** 2)
+    scale = np.sqrt(np.diag(covariance + before) + session**2 + heat**2)
+    prior = np.hypot(CHANGE_SIZE * size, FEWEST_DEVIATIONS * np.minimum(scale, size))
+    return Shift(value - stored, before, covariance, session**2 + heat**2, prior, expected)
+
+
+def _then(joint: JointResult, model: ActuatorModel, reference: Mapping[str, Any]) -> dict[Place, Known]:
+    """The stored values, by effect and parameter."""
+    gain = model.drive.gain
+    then = {("drive", "gain"): Known.of(gain, reference.get("gain_ci95", (gain, gain)))}
+    if "gap" in reference and gap_between_encoders(joint.train.samples) is not None:
+        then[BETWEEN_ENCODERS] = Known.of(float(reference["gap"]["value"]), reference["gap"]["ci95"])
+    for value in model.effects:
+        for name, number in value.parameters.items():
+            then[value.key, name] = Known.of(number, value.ci95.get(name, (number, number)))
+    return then
+
+
+def _now(joint: JointResult) -> dict[Place, tuple[Known, str]]:
+    """The values of the new logs alone, with their units."""
+    found = {
+        (key, name): (Known.of(estimate.value, estimate.ci95), estimate.unit)
+        for key, group in joint.final_parameters.items()
+        for name, estimate in group.items()
+    }
+    gap = gap_between_encoders(joint.train.samples)
+    return found if gap is None else found | {BETWEEN_ENCODERS: (Known.of(*gap), joint.units.position)}
+
+
+def sizes_of(key: str) -> list[Place]:
+    """Parameters that are 0 of an effect that is not there: its coefficients, or else its shapes."""
+    member = effect(key)
+    return [(key, p.name) for p in (member.coefficients or member.shapes)]
+
+
+def opened_by_payload(pairs: Mapping[Place, tuple[Known, Known]], model: ActuatorModel, rig: Rig) -> FloatArray:
+    """(p,) f of a payload on a pendulum, whose own inertia J_p the logs do not tell from a larger drive gain.
+
+    The balance K (J qddot + tau + sum theta phi) stays as it is if K grows by the share J_p/(J + I) and all theta fall
+    by it, with the declared inertia J and the pendulum's I. J_p is of the size that a typical payload of this moment
+    has.
+    """
+    (moment,) = (now for (key, _), (_, now) in pairs.items() if key == PAYLOAD)
+    load = rig.load[model.joint]
+    inertia = model.inertia + (load.inertia if isinstance(load, Pendulum) else 0.0)
+    share = PAYLOAD_ARM * abs(moment.value) / inertia if inertia > 0.0 else 0.0
+    torques = {
+        place for value in model.effects if isinstance(value.effect, TorqueEffect) for place in sizes_of(value.key)
+    }
+    signs = [1.0 if place[0] == "drive" else -float(place in torques) for place in pairs]
+    return np.array([share * sign * then.value for sign, (then, _) in zip(signs, pairs.values(), strict=True)])
 
 
 def _correlation(joint: JointResult, places: Sequence[tuple[str, str]]) -> np.ndarray:
@@ -398,17 +459,18 @@ def _log_odds_gone(p: ParameterChange) -> float:
     return absent + 0.5 * ((p.fitted.value - p.then.value) / both) ** 2 + math.log(both)
 
 
-def _appeared(joint: JointResult) -> tuple[EffectChange, ...]:
+def _appeared(joint: JointResult, odds: Mapping[str, float]) -> tuple[EffectChange, ...]:
+    """Effects of the new logs that the model lacks, with the log odds of each given the stored numbers."""
     out = []
     for found in joint.effects:
         known = {name: Known.of(e.value, e.ci95) for name, e in found.parameters.items()}
-        member = effect(found.key)
-        sizes = [known[p.name] for p in (member.coefficients or member.shapes) if p.name in known] or [*known.values()]
+        sizes = [known[name] for _, name in sizes_of(found.key) if name in known] or [*known.values()]
         sure = any(not k.ci95[0] <= 0.0 <= k.ci95[1] for k in sizes)
-        status: Literal["heat", "appeared", "uncertain"] = "appeared" if sure else "uncertain"
+        told = min(_logit(found.stability), odds.get(found.key, math.inf))
+        status: EffectStatus = "unlikely" if told < 0.0 else "appeared" if sure else "uncertain"
         if of_temperature(found.key):
             status = "heat"
-        out.append(EffectChange(found.key, found.title, status, _logit(found.stability), known))
+        out.append(EffectChange(found.key, found.title, status, told, known))
     return tuple(out)
 
 
@@ -424,14 +486,15 @@ def _shared(cause: SharedEffect, stored: ModelFile) -> EffectChange:
 
 
 def _error_then(joint: JointResult, model: ActuatorModel, rig: Rig) -> float:
-    """RMS error of all rows under the stored numbers [effort]; NaN where no coefficients have them.
+    """RMS error of all rows under the stored numbers [effort]; NaN where no coefficients have them, or the fit no gain.
 
     The ages of the channels a are those of the new logs: of the residual r of the stored numbers, the part A a is taken
     off, with a ~ N(0, S) by the prior of each age and the noise floor s: a = (A'A + s^2 S^-1)^-1 A'r.
     """
     named = {value.key: dict(value.parameters) for value in model.effects} | {"drive": {"gain": model.drive.gain}}
     groups, fitted = joint.baseline_parameters, joint.baseline
-    if any(name not in named.get(key, {}) for key in groups for name in groups[key]):
+    known = all(name in named.get(key, {}) for key in groups for name in groups[key])
+    if not known or fitted.gain == 0.0:  # the effort follows nothing that the effects of the stored model explain
         return math.nan
     wanted = {key: {name: named[key][name] for name in groups[key]} for key in groups}
     sides = (replace(joint.train, after=joint.train.before), replace(joint.heldout, after=joint.heldout.before))

@@ -10,12 +10,17 @@ import pytest
 import yaml
 
 import drake_tc
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.cli.main import run
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.models import gap_between_encoders
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
+from drake_tc.logs.rig import parse_rig
 from drake_tc.report.comparison import comparison_json
+from drake_tc.types import GRAVITY
+from drake_tc.watch.changes import Known
+from drake_tc.watch.compare import ABSENT, PAYLOAD, opened_by_payload
 
 QUICK = DiagnosisOptions(assess_residual=False)
 
@@ -107,3 +112,27 @@ def test_of_two_joints_the_one_that_changed_is_named(diagnosed, tmp_path):
     assert found["hip"].verdict == "unchanged"
     with pytest.raises(ParamsError, match="no joint 'ankle'; joints here: hip, knee"):
         found["ankle"]
+
+
+def test_what_a_payload_on_a_pendulum_leaves_open_is_a_balance_with_more_inertia():
+    """K (J + I + J_p) and K theta are those of the gain and the friction that it adds, to first order."""
+    rig = parse_rig(
+        {
+            "joint": "knee",
+            "drive": "current",
+            "load": {"pendulum": {"mass": 2.0, "length": 0.5}},
+            "columns": {"time": "t", "position": "q", "current": "i"},
+            "declared": {"rotor_inertia": 0.3},
+        }
+    )
+    numbers = {"rotor_inertia": 0.3, "viscous": 4.0, "coulomb": 2.0}
+    model = ActuatorModel("knee", Drive("current", 0.1), tuple(EffectValue(k, {k: x}) for k, x in numbers.items()))
+    stored = {("drive", "gain"): 0.1, ("viscous", "viscous"): 4.0, ("coulomb", "coulomb"): 2.0}
+    pairs = {place: (Known(value, 0.1), Known(value, 0.1)) for place, value in stored.items()}
+    pairs[PAYLOAD, "payload_moment"] = (ABSENT, Known(2.0, 0.1))
+    gain, viscous, coulomb, payload = opened_by_payload(pairs, model, rig)
+    inertia, carried = 0.3 + 2.0 * 0.5**2, 2.0 * 0.35 / GRAVITY  # a point mass at 0.35 m
+    assert (0.1 + gain) * inertia == pytest.approx(0.1 * (inertia + carried), rel=0.02)
+    assert (0.1 + gain) * (4.0 + viscous) == pytest.approx(0.1 * 4.0, rel=0.02)
+    assert (0.1 + gain) * (2.0 + coulomb) == pytest.approx(0.1 * 2.0, rel=0.02)
+    assert payload == 0.0
