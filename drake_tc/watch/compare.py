@@ -21,6 +21,7 @@ from drake_tc.diagnosis.data.preparation import context_of
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
+from drake_tc.diagnosis.priors import AGE_PERIODS
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.diagnosis.refinement.stage import equation_residuals
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -49,6 +50,8 @@ from drake_tc.watch.changes import (
 
 Place = tuple[str, str]
 """Key of an effect, "drive" for the gain, and name of a parameter."""
+Pairs = Mapping[Place, tuple[Known, Known]]
+"""Values then and now."""
 EffectStatus = Literal["appeared", "present", "gone", "uncertain", "unlikely", "heat"]
 Verdict = Literal["unchanged", "parameters_changed", "new_effect", "cannot_tell"]
 SEVERITY: tuple[Verdict, ...] = ("new_effect", "parameters_changed", "cannot_tell", "unchanged")
@@ -59,6 +62,9 @@ BETWEEN_ENCODERS = ("backlash", "gap_between_encoders")
 """Key and name of the gap that two encoders show; the balance at the motor does not contain it."""
 ABSENT = Known(0.0, 0.0)
 """Size of an effect that the stored model does not have."""
+VISCOUS = ("viscous", "viscous")
+SAME_AGES = 0.9
+"""Correlation of the errors of a channel's age on two days: way and hold are the same, the clocks start anew."""
 PAYLOAD = "payload.pendulum"
 """Key of a payload on a pendulum whose drive gain is free."""
 LEAST_GAP = 5e-5
@@ -333,19 +339,25 @@ def _parameters(
     spread = max(float(reference.get("run_spread", 0.0)), joint.run_spread)
     unmodelled = not any(of_temperature(value.key) for value in model.effects)
     warmer = temperature[1] - temperature[0] if unmodelled and not any(map(math.isnan, temperature)) else 0.0
-    shift = _shift(pairs, _correlation(joint, both), spread, warmer)
+    common = common_variances(pairs, joint, model)
+    shift = _shift(pairs, _correlation(joint, both), common, spread, warmer)
     together = {key: tuple(map(both.index, group)) for key, group in groups.items()}
     opened = {together[key][0]: opened_by_payload(pairs, model, rig) for key in together if key == PAYLOAD}
     shift = replace(shift, together=tuple(together.values()), opened=opened)
     which, odds = shift.best()
-    cold = replace(shift, between=_shift(pairs, np.eye(len(both)), spread, 0.0).between, expected=None).best()[0]
+    cool = _shift(pairs, _correlation(joint, both), common, spread, 0.0)
+    cold = replace(shift, between=cool.between, expected=None).best()[0]
     others = shift.alternatives(which)
     changes = tuple(
         ParameterChange(
             *p,
             now[p][1],
             then[p],
-            replace(found := shift.new(k, which), value=then[p].value + found.value),
+            replace(
+                found := shift.new(k, which),
+                value=then[p].value + found.value,
+                deviation=math.hypot(found.deviation, math.sqrt(common[k])),
+            ),
             now[p][0],
             shift.change(k, which),
             float(odds[k]),
@@ -358,8 +370,16 @@ def _parameters(
     return changes, {key: float(odds[at[0]]) for key, at in together.items()}
 
 
-def _shift(pairs: Mapping[Place, tuple[Known, Known]], correlation: FloatArray, spread: float, warmer: float) -> Shift:
-    """From the stored values to those of the new fit with its correlation (p, p), at a relative `spread` of runs."""
+def _shift(pairs: Pairs, correlation: FloatArray, common: FloatArray, spread: float, warmer: float) -> Shift:
+    """From the stored values to those of the new fit.
+
+    Args:
+        pairs: p values then and now.
+        correlation: (p, p) of the new fit.
+        common: (p,) variances of errors that both fits share, which are in no difference.
+        spread: Of runs, relative.
+        warmer: Temperature now less that then [K].
+    """
     stored, value = (np.array([known[day].value for known in pairs.values()]) for day in (0, 1))
     size = np.maximum(np.abs(stored), np.abs(value))
     session = np.array([session_deviation(p[0], s, spread) for p, s in zip(pairs, size, strict=True)])
@@ -367,11 +387,27 @@ def _shift(pairs: Mapping[Place, tuple[Known, Known]], correlation: FloatArray, 
     session[[k for k, (then, _) in enumerate(pairs.values()) if then is ABSENT]] = 0.0
     expected, heat = np.array([change_by_heat(p[0], s, warmer) for p, s in zip(pairs, stored, strict=True)]).T
     deviation = np.array([max(now.deviation, 1e-9 * abs(now.value), 1e-15) for _, now in pairs.values()])
-    covariance = np.outer(deviation, deviation) * correlation
-    before = np.diag(np.array([then.deviation for then, _ in pairs.values()]) ** 2)
+    covariance = np.outer(deviation, deviation) * correlation - np.diag(common)
+    before = np.diag(np.array([then.deviation for then, _ in pairs.values()]) ** 2 - common)
     scale = np.sqrt(np.diag(covariance + before) + session**2 + heat**2)
     prior = np.hypot(CHANGE_SIZE * size, FEWEST_DEVIATIONS * np.minimum(scale, size))
     return Shift(value - stored, before, covariance, session**2 + heat**2, prior, expected)
+
+
+def common_variances(pairs: Pairs, joint: JointResult, model: ActuatorModel) -> FloatArray:
+    """(p,) variance of the errors that both fits share: the age of a position servo's command, in its viscous friction.
+
+    A command that acts by a later costs K (a/K) v, as a/K more of viscous friction does. The logs hardly tell a, and it
+    is nearly the same on both days (`SAME_AGES`).
+    """
+    out = np.zeros(len(pairs))
+    if model.drive.kind != "position_servo" or VISCOUS not in pairs:
+        return out
+    at, (then, now) = list(pairs).index(VISCOUS), pairs[VISCOUS]
+    free = np.linalg.inv(_correlation(joint, list(pairs)) + 1e-9 * np.eye(out.size))[at, at]
+    by_age = (AGE_PERIODS[1] * joint.train.samples.effort_period / model.drive.gain) ** 2
+    out[at] = SAME_AGES * min(then.deviation**2, now.deviation**2 / free, by_age)
+    return out
 
 
 def _then(joint: JointResult, model: ActuatorModel, reference: Mapping[str, Any]) -> dict[Place, Known]:
@@ -403,7 +439,7 @@ def sizes_of(key: str) -> list[Place]:
     return [(key, p.name) for p in (member.coefficients or member.shapes)]
 
 
-def opened_by_payload(pairs: Mapping[Place, tuple[Known, Known]], model: ActuatorModel, rig: Rig) -> FloatArray:
+def opened_by_payload(pairs: Pairs, model: ActuatorModel, rig: Rig) -> FloatArray:
     """(p,) f of a payload on a pendulum, whose own inertia J_p the logs do not tell from a larger drive gain.
 
     The balance K (J qddot + tau + sum theta phi) stays as it is if K grows by the share J_p/(J + I) and all theta fall

@@ -20,7 +20,7 @@ from drake_tc.logs.rig import parse_rig
 from drake_tc.report.comparison import comparison_json
 from drake_tc.types import GRAVITY
 from drake_tc.watch.changes import Known
-from drake_tc.watch.compare import ABSENT, PAYLOAD, opened_by_payload
+from drake_tc.watch.compare import ABSENT, PAYLOAD, SAME_AGES, VISCOUS, common_variances, opened_by_payload
 
 QUICK = DiagnosisOptions(assess_residual=False)
 
@@ -136,3 +136,22 @@ def test_what_a_payload_on_a_pendulum_leaves_open_is_a_balance_with_more_inertia
     assert (0.1 + gain) * (4.0 + viscous) == pytest.approx(0.1 * 4.0, rel=0.02)
     assert (0.1 + gain) * (2.0 + coulomb) == pytest.approx(0.1 * 2.0, rel=0.02)
     assert payload == 0.0
+
+
+@pytest.mark.parametrize(
+    ("drive", "period", "correlation", "expected"),
+    [
+        ("position_servo", 0.002, 0.0, 25.0),  # the stored deviation is the smallest
+        ("position_servo", 0.001, 0.0, (0.4e-3 / 1.4e-4) ** 2),  # a hold of 1 ms leaves less open
+        ("position_servo", 0.002, 0.9, 36.0 * (1.0 - 0.9**2)),  # the rest is shared with another parameter
+        ("current", 0.002, 0.0, 0.0),
+    ],
+)
+def test_what_the_age_of_a_servos_command_leaves_open_is_in_no_difference(drive, period, correlation, expected):
+    matrix = np.array([[1.0, correlation], [correlation, 1.0]])
+    told = SimpleNamespace(names=("viscous.viscous", "coulomb.coulomb"), matrix=matrix)
+    samples = SimpleNamespace(effort_period=period)
+    joint = SimpleNamespace(correlation=told, train=SimpleNamespace(samples=samples))
+    pairs = {VISCOUS: (Known(30.0, 5.0), Known(31.0, 6.0)), ("coulomb", "coulomb"): (Known(4.0, 0.1), Known(4.0, 0.1))}
+    common = common_variances(pairs, joint, ActuatorModel("knee", Drive(drive, 1.4e-4), ()))
+    np.testing.assert_allclose(common, [SAME_AGES * expected, 0.0], rtol=1e-6)
