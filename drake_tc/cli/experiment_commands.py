@@ -21,7 +21,7 @@ from drake_tc.cli.usage import LARGEST_SEED
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
-    from drake_tc.experiments.design.expected import Expected
+    from drake_tc.experiments.design.criteria import Expected
     from drake_tc.experiments.design.request import DesignRequest, Progress
     from drake_tc.experiments.design.run import DesignOptions, JointDesign
     from drake_tc.experiments.rehearsal.run import Rehearsal
@@ -95,7 +95,7 @@ def design_command(
     are hung on the joint, and how long each. If no motion can separate two effects, the command ends
     with an error that states the identity between them.
     """
-    from drake_tc.experiments.design.load_design import LOAD_FILES
+    from drake_tc.experiments.design.load_output import LOAD_FILES
     from drake_tc.experiments.design.output import FILES, robot_json, write_robot_design
 
     _require(basis, criterion, duration, rate, distance)
@@ -146,17 +146,18 @@ def _designed_joints(
     progress: "Progress",
 ) -> tuple[dict[str, Any], list[str]]:
     """Write the design of each joint; (design.json, lines for the console)."""
-    from drake_tc.experiments.design.load_design import LoadDesign, LoadExperiment
+    from drake_tc.experiments.design.load_design import LoadDesign
+    from drake_tc.experiments.design.load_output import LoadExperiment
     from drake_tc.experiments.design.output import design_json, write_design
     from drake_tc.experiments.design.request import designed, designed_with_loads
 
     if request.loads:
-        name, rig, design = designed_with_loads(request, options, progress)
+        design = designed_with_loads(request, options, progress)
         if isinstance(design, LoadDesign):
-            experiment = LoadExperiment(name, rig, design)
+            experiment = LoadExperiment(design)
             experiment.write(folder, rate)
             return experiment.json(), [*experiment.lines(), *expected_lines(design.expected)]
-        designs = {name: design}
+        designs = {design.joint.name: design}
     else:
         designs = designed(request, options, progress)
     write_design(designs, folder, rate)

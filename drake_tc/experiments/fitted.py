@@ -3,9 +3,8 @@
 What is said of logs before a diagnosis, or of an experiment before it is made, follows from this one fit.
 """
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -16,7 +15,6 @@ from drake_tc.diagnosis.diagnose import asked_of, decided, joint_model, without_
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.intervals import parameters_of
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.diagnosis.priors import NAMED, NAMED_FLOORS
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.problem.prepared import Prepared
@@ -71,12 +69,6 @@ class Noise:
     left: float
     independent: float
 
-    def least(self, parameters: int) -> float:
-        """RMS [N m] that a common effect with so many parameters must explain to be found (`log_odds`)."""
-        occam = NAMED + 0.5 * parameters * math.log(max(self.independent, 2.0))
-        by_evidence = self.left * math.sqrt(2.0 * occam) / math.sqrt(self.independent)
-        return max(by_evidence, NAMED_FLOORS * self.floor)
-
 
 @dataclass(frozen=True, eq=False)
 class FittedJoint:
@@ -90,6 +82,7 @@ class FittedJoint:
         floor: Noise floor [effort].
         usable: Effects that a diagnosis looks for.
         obstacles: Key of each other effect, and what stands in its way.
+        known: Numbers of the joint where the logs do not tell them, because they are simulated.
     """
 
     prepared: Prepared
@@ -97,8 +90,9 @@ class FittedJoint:
     best: Scored
     final: tuple[Evidence, Scored]
     floor: float
-    usable: tuple[Effect, ...]
-    obstacles: Mapping[str, Obstacle]
+    usable: tuple[Effect, ...] = ()
+    obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
+    known: JointNumbers | None = None
 
     def alone(self) -> "FittedJoint":
         """The declared model by itself, under the noise that the most probable set leaves."""
@@ -151,11 +145,13 @@ class FittedJoint:
     @cached_property
     def numbers(self) -> JointNumbers:
         """The declared model by itself in numbers, and the largest values of the rows."""
+        if self.known is not None:
+            return self.known
         context, s = self.context, self.evidence.model.train.samples.signals
         rows = self.evidence.model.train.samples.rows
         parameters = self.alone().parameters
         gain = parameters["drive"]["gain"].value
-        known = {
+        declared = {
             name: max(parameters[name][name].value, 0.0) if name in parameters else 0.0
             for name in ("viscous", "coulomb", "rotor_inertia")
         }
@@ -164,11 +160,11 @@ class FittedJoint:
             q, v, a = s.position[rows], s.velocity[rows], s.acceleration[rows]
             basis = np.column_stack([a, np.sin(q), np.cos(q), v])
             link = max(float(np.linalg.lstsq(basis, tau, rcond=None)[0][0]), 0.0)
-        rotor = s.rotor_inertia + known["rotor_inertia"]
+        rotor = s.rotor_inertia + declared["rotor_inertia"]
         return JointNumbers(
             gain=gain,
-            viscous=known["viscous"],
-            coulomb=known["coulomb"],
+            viscous=declared["viscous"],
+            coulomb=declared["coulomb"],
             inertia=link + rotor,
             torque=context.effort / gain,
             effort=context.effort,

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy.stats import norm
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, shape_slopes
@@ -175,7 +174,7 @@ class EffectOdds:
 
     def expected(self, variant: Variant, size: float) -> float:
         """Expected log odds of the effect at a size beside the set without it, noise left out."""
-        return 0.5 * self.beside(variant.term.effect).information(*variant.at(size)) - self.occam(variant, size)
+        return 0.5 * self.information(variant, size) - self.occam(variant, size)
 
     def found_from(self, key: str) -> tuple[float, float]:
         """(size that is found in 95 % of such logs at most shapes, size that is found in 5 % at the best shape).
@@ -192,7 +191,7 @@ class EffectOdds:
         """Size from which on a variant is found, with noise for or against it by so many standard deviations."""
         if variant.by_shape:
             return self._from_shape(variant, sure)
-        information = self.beside(variant.term.effect).information(*variant.at(1.0))
+        information = self.information(variant, 1.0)
         if not information > 0.0:
             return math.inf
         size = 0.0
@@ -205,7 +204,7 @@ class EffectOdds:
         """The same of a size that is a shape, between two of its grid."""
         margin = []
         for size in variant.sizes.tolist():
-            information = self.beside(variant.term.effect).information(*variant.at(size))
+            information = self.information(variant, size)
             odds = math.sqrt(max(information, 1e-300) / max(self._needed(variant, size, sure), 1e-12))
             apart = max(1.0 - sure / math.sqrt(max(information, 1e-300)), 1e-9)
             margin.append(min(odds, apart * self.left(variant, size) / self._least))
@@ -251,17 +250,21 @@ class EffectOdds:
         design, _ = Evidence(model, NoiseModel(), evidence.spread).design(model.train, terms)
         return names, np.sqrt(np.mean(design[:, : len(names)] ** 2, axis=0))
 
-    def found_probability(self, variant: Variant, size: float) -> float:
-        """Probability that a diagnosis names a variant of this size by its log odds."""
-        information = self.beside(variant.term.effect).information(*variant.at(size))
+    def information(self, variant: Variant, size: float) -> float:
+        """s^2 F of a variant at a size: the squared distance from the best fit of the set without it."""
+        return self.beside(variant.term.effect).information(*variant.at(size))
+
+    def found_by(self, variant: Variant, size: float) -> float:
+        """Standard deviations by which a diagnosis names a variant of this size in a typical log."""
         asked = math.sqrt(max(2.0 * (ALTERNATIVE + self.occam(variant, size)), 0.0))
-        return float(norm.cdf(math.sqrt(information + variant.freedom - 1.0) - asked))
+        return math.sqrt(self.information(variant, size) + variant.freedom - 1.0) - asked
 
     def apart(self, truth: Variant, other: Effect, size: float) -> tuple[float, float]:
         """(log odds by which an effect of this size is more probable than the best fit of another, squared distance).
 
         The log odds are half the squared distance of the two in units of the noise, less the difference of Occam's
-        terms. In one log they vary with the distance as their standard deviation.
+        terms. In one log they vary with the distance as their standard deviation. A diagnosis lists the other effect
+        beside this one where they are less than `ALTERNATIVE`.
         """
         remainders = self.beside(truth.term.effect)
         places, weights = truth.at(size)
@@ -269,11 +272,6 @@ class EffectOdds:
         gain, explained = max(self._explained(each, remainders, places, weights) for each in self.variants[other.key])
         own = 0.5 * information - self.occam(truth, size)
         return own - gain, max(information - 2.0 * explained, 0.0)
-
-    def apart_probability(self, truth: Variant, other: Effect, size: float) -> float:
-        """Probability that a diagnosis names this effect and does not list the other one beside it."""
-        odds, distance = self.apart(truth, other, size)
-        return float(norm.cdf((odds - ALTERNATIVE) / math.sqrt(distance))) if distance > 0.0 else 0.0
 
     def _explained(
         self, other: Variant, remainders: Remainders, places: IntArray, weights: FloatArray

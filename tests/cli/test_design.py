@@ -130,7 +130,7 @@ def test_the_rig_file_of_a_pendulum_gets_the_masses_of_the_new_logs(invoke, tmp_
     )
     limits = ["--position", "-0.8", "0.8", "--velocity", "2", "--acceleration", "10", "--torque", "30"]
     known = ["--rig", rig, "--model", model, *limits, "--duration", "8", "--bandwidth", "2", "--out", tmp_path / "next"]
-    goal = ["--goal", "tell:load_dependent_friction,stribeck", "--load", "0", "--load", "2@0.4"]
+    goal = ["--goal", "parameters:load_dependent_friction", "--load", "0", "--load", "2@0.4", "--starts", "1"]
     done = invoke("design", *known, *goal)
     assert done.code == 0, done.err
     assert "put the lines of rig_load.yaml into the rig file" in done.out

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from optional import skip_without_robots
 
 from drake_tc.errors import DrakeTcError, ParamsError
-from drake_tc.experiments.design.expected import Expected
+from drake_tc.experiments.design.criteria import Expected
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.robot.rigid_regressor import link_tree, regressor
 from tests.benchmarks.blind_arm.arms import ARMS, REFERENCE, arm_named

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.experiments.design.expected import worth_of
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.lead import default_motion
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
@@ -17,7 +16,7 @@ def test_an_effect_that_the_declared_model_imitates_has_no_size(logged):
     joint, limits = logged
     still = replace(joint, gravity=0.0, link_inertia=0.0, constant=0.0, resolution=None)
     fitted = next_log([PlannedRun("run", still, default_motion(still, limits, 10.0, 1e-3), 1e-3)])
-    found = worth_of(criterion_of(parse_goal("all"), still, 10.0), fitted)
+    found = criterion_of(parse_goal("all"), still).worth(fitted)
     sizes = {name: size for name, _, size in found.values}
     assert sizes["smallest load_dependent_friction that is found"] == math.inf
     assert math.isfinite(sizes["smallest stribeck that is found"])

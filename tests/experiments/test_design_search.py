@@ -1,55 +1,52 @@
-"""The search for a motion: gradients are shared by near points, and a refinement never loses."""
+"""The search for a motion keeps the limits and never loses."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
-from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from drake_tc.effects.base import plain_signals
+from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.effects.base import Context, JointNumbers, plain_signals
+from drake_tc.effects.library import effect
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
-from drake_tc.experiments.design.search import DIFFERENCE, differentiable, refined
+from drake_tc.experiments.design.criteria import Criterion, Worth
+from drake_tc.experiments.design.joint import DesignJoint
+from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
+from drake_tc.experiments.design.search import MotionSearch
 
-CENTRE = np.array([0.3, -0.2, 0.1, 0.4])
-
-
-def _inside(x):
-    """A hill with steps, which has no useful gradient, inside a box."""
-    kept = np.clip(x, -0.35, 0.35)
-    return -np.floor(1e4 * np.sum((kept - CENTRE) ** 2)) / 1e4, kept
+LIMITS = JointLimits((-0.8, 0.8), 2.0, 9.0)
 
 
-def test_a_refinement_climbs_a_hill_without_a_gradient():
-    """The top of the hill in the box is known: the centre, clipped."""
-    start = np.zeros(4)
-    first = _inside(start)
-    value, x = refined(_inside, first, np.random.default_rng(0))
-    assert value > first[0]
-    assert_allclose(x, np.clip(CENTRE, -0.35, 0.35), atol=0.02)
+@pytest.fixture
+def joint() -> DesignJoint:
+    numbers = JointNumbers(2e-2, 3.0, 2.0, 1.2, 30.0, 0.6, 2.0, 1.6)
+    context = Context(drive="current", load="torque", recorded=frozenset(), max_speed=2.0, position_span=(-0.8, 0.8))
+    declared = (Term(effect("viscous")), Term(effect("coulomb")))
+    return DesignJoint("joint", numbers, context, 0.3, 0.9, 18.0, 0.0, 0.0, declared, 0.1, 60.0, 2e-3)
 
 
-def test_a_refinement_keeps_a_best_point_that_nothing_exceeds():
-    best = (1.0, CENTRE)
-    value, x = refined(_inside, best, np.random.default_rng(0))
-    assert value == 1.0 and x is CENTRE
+class Hill(Criterion):
+    """Highest where the motion is largest: its worth is the mean square of the position over that of the limits."""
+
+    def worth(self, fitted):
+        q = fitted.evidence.model.train.samples.signals.position
+        return Worth((), float(np.mean(q**2)) / LIMITS.position[1] ** 2, 0.0)
+
+    def sentences(self, rows, noun):
+        return ()
 
 
-def test_points_closer_than_the_difference_share_a_gradient():
-    calls, visited = [], []
-
-    def value(x):
-        calls.append(x)
-        return float(np.sum((x - CENTRE) ** 2))
-
-    cost = differentiable(value, visited)
-    here = cost(InitializeAutoDiff(np.zeros(4))[:, 0])
-    assert_allclose(ExtractGradient(np.array([[here]]))[0], -2.0 * CENTRE, atol=1.01 * DIFFERENCE)
-    assert len(calls) == 5
-    near = cost(InitializeAutoDiff(np.full(4, 0.5 * DIFFERENCE))[:, 0])
-    assert len(calls) == 6 and len(visited) == 1
-    assert_allclose(ExtractValue(np.array([[near]]))[0, 0], value(np.full(4, 0.5 * DIFFERENCE)))
-    cost(InitializeAutoDiff(np.full(4, 2.0 * DIFFERENCE))[:, 0])
-    assert len(visited) == 2
+def test_a_search_climbs_within_the_limits_and_never_loses(joint):
+    """Of all motions within +-q the one that waits at both ends has the largest mean square, q^2."""
+    basis = scaled(motion_basis("fourier", 10.0, 0.02, 1.0), LIMITS)
+    search = MotionSearch((joint,), basis, LIMITS, Hill(), 1)
+    first, found = (search.best(np.random.default_rng(0), starts=starts, trials=60) for starts in (0, 1))
+    assert first.value == first.start_value == found.start_value < found.value <= 1.0
+    assert (first.starts, found.starts) == (0, 1)
+    motion = basis.motion(found.x[0])
+    for order, (low, high) in enumerate(LIMITS.bounds):
+        assert low * (1.0 + 1e-9) <= motion[order].min() and motion[order].max() <= high * (1.0 + 1e-9)
 
 
 def test_the_bristle_of_a_smoothed_direction_follows_dahl():

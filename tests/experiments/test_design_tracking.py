@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from drake_tc.effects.base import Context, JointNumbers
-from drake_tc.experiments.design.expected import FOLLOWED, followed, followed_up_to, tracking_warning
+from drake_tc.experiments.design.following import FOLLOWED, followed, followed_up_to, tracking_warning
 from drake_tc.experiments.design.goal import parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.motions import JointLimits
@@ -23,7 +23,7 @@ def soft() -> DesignJoint:
     """500 N m/rad and 0.8 kg m^2: a resonance at 4 Hz with a twentieth of the critical damping."""
     numbers = JointNumbers(2e-3, 3.0, 2.0, 0.8, 25.0, 0.05, 4.0, 2.0, 0.3)
     context = Context(drive="position_servo", load="torque", recorded=frozenset())
-    return DesignJoint("joint", numbers, context, 0.3, 0.5, 5.0, 0.0, 0.0, (), 0.01, 60.0, 2e-3, 0.02, 0.02)
+    return DesignJoint("joint", numbers, context, 0.3, 0.5, 5.0, 0.0, 0.0, (), 0.01, 60.0, 2e-3)
 
 
 def wave(frequency_hz: float, size: float, step: float = 5e-3) -> np.ndarray:
@@ -60,7 +60,7 @@ def test_a_motion_at_the_resonance_is_warned_of_and_a_slow_one_is_not(soft):
 def test_a_design_says_so(logged):
     joint, limits = logged
     n = joint.numbers
-    heavy = replace(joint, numbers=replace(n, inertia=1.0 / (n.gain * (2.0 * np.pi * 3.0) ** 2), viscous=0.01))
+    heavy = replace(joint, numbers=replace(n, inertia=1.0 / (n.gain * (2.0 * np.pi * 0.6) ** 2), viscous=0.01))
     fast = replace(limits, torque=math.inf, acceleration=400.0)
     design = design_joint(heavy, fast, parse_goal("parameters"), DesignOptions(duration=10.0, starts=0))
     assert any("resonate" in text for text in design.sentences), design.sentences

@@ -4,13 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect, looked_for
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.criteria import AllEffects, Criterion, Discrimination, Parameters
-from drake_tc.experiments.design.forms import EffectForm, form_of, identity
+from drake_tc.experiments.design.criteria import (
+    AllEffects,
+    Criterion,
+    Discrimination,
+    EffectForm,
+    Parameters,
+    form_of,
+)
+from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.known import carrying, trial_load
-from drake_tc.experiments.sizes import is_late, size_of
+from drake_tc.experiments.sizes import is_late
+from drake_tc.report.notes import ISOLATES
 
 GoalKind = Literal["parameters", "tell", "all"]
 
@@ -63,50 +72,32 @@ def parse_goal(text: str) -> Goal:
 
 
 def criterion_of(
-    goal: Goal, joint: DesignJoint, duration: float, *, smallest: bool = False, under: Sequence[DesignJoint] = ()
+    goal: Goal, joint: DesignJoint, *, smallest: bool = False, under: Sequence[DesignJoint] = ()
 ) -> Criterion:
     """The criterion of a goal.
 
     Args:
         goal: What the design is for.
         joint: The joint.
-        duration: Of the experiment [s].
         smallest: E- instead of D-optimality.
         under: The joint with each of the known loads under which it is moved; empty for the joint as it is.
 
     Raises:
         ParamsError: An effect that these logs cannot show, or two effects that are the same function.
     """
-    if goal.kind == "tell":
-        first, second = _alike_late([_form(joint, key, goal) for key in goal.effects], goal)
-        orders = _orders(joint, first, second, under)
-        if not orders:
-            require_different(joint, first, second, under)
-            truth, other = _larger(first, second)[0]
-            raise ParamsError(
-                f"while the joint slides, {other.effect.key} describes all that {truth.effect.key} does with fewer "
-                f"parameters, so no motion shows {truth.effect.key}: {identity(joint, truth, other, under)}"
-                f"{_by_loads(joint, first, second, under)}"
-            )
-        ties = tuple(each for pair in ((first, second), (second, first)) for each in _ties(joint, *pair, under))
-        return Discrimination(joint, orders, duration, ties)
     if goal.kind == "parameters":
-        return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), duration, smallest)
+        return Parameters(joint, tuple(_form(joint, key, goal) for key in goal.effects), smallest)
+    if goal.kind == "tell":
+        return _told_apart(joint, _alike_late([_form(joint, key, goal) for key in goal.effects], goal), under)
     taken = {t.effect.id for t in joint.declared} | set(joint.context.declared)
-    forms = [
-        form_of(joint, e.key, size_of(e, joint.numbers, joint.context))
-        for e in looked_for(joint.context)
-        if e.id not in taken and not e.unavailable(joint.context) and _computable(joint, e.key)
-    ]
-    return AllEffects(joint, tuple(forms), duration)
+    listed = [e for e in looked_for(joint.context) if e.id not in taken and not e.unavailable(joint.context)]
+    return AllEffects(tuple(form_of(joint, e.key) for e in listed if _computable(joint, e)))
 
 
-def _computable(joint: DesignJoint, key: str) -> bool:
+def _computable(joint: DesignJoint, member: Effect) -> bool:
     """Whether the effect can be computed for a motion that was not recorded: it needs no temperature or supply."""
-    member = effect(key)
-    return (
-        not member.needs and key not in ("servo_gain", "torque_sensor_drift") and bool(member.shape_grid(joint.context))
-    )
+    never = member.needs or member.key in ("servo_gain", "torque_sensor_drift")
+    return not never and bool(member.shape_grid(joint.context))
 
 
 def _form(joint: DesignJoint, key: str, goal: Goal) -> EffectForm:
@@ -120,10 +111,9 @@ def _form(joint: DesignJoint, key: str, goal: Goal) -> EffectForm:
     if member.needs:
         raise ParamsError(
             f"joint {joint.name}: {key} depends on {', '.join(sorted(member.needs))}, which a motion alone does not "
-            f"set; {_isolated(member.id)}"
+            f"set; {_isolated(member)}"
         )
-    size = size_of(member, joint.numbers, joint.context)
-    return form_of(joint, member.key, size, goal.strengths.get(member.id))
+    return form_of(joint, member.key, goal.strengths.get(member.id))
 
 
 def _alike_late(forms: list[EffectForm], goal: Goal) -> list[EffectForm]:
@@ -134,33 +124,44 @@ def _alike_late(forms: list[EffectForm], goal: Goal) -> list[EffectForm]:
     return [replace(form, strength=known[0]) for form in forms]
 
 
-def _isolated(effect_id: str) -> str:
-    from drake_tc.report.notes import ISOLATES
-
-    how = ISOLATES.get(effect_id, "design an experiment by hand")
-    return f"to show {effect_id} alone, {how}"
+def _isolated(member: Effect) -> str:
+    how = ISOLATES.get(member.id, "design an experiment by hand")
+    return f"to show {member.id} alone, {how}"
 
 
-def require_different(
-    joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint] = ()
-) -> None:
-    """Refuse two effects each of which can be written as the other, with the identity that proves it.
+Order = tuple[EffectForm, EffectForm]
+"""An effect that is taken for the truth, and the other one."""
 
-    Where only the first can be written as the second, the second has more to it, and a motion can show that.
+
+def _told_apart(joint: DesignJoint, forms: Sequence[EffectForm], under: Sequence[DesignJoint]) -> Discrimination:
+    """The criterion for two effects.
 
     Raises:
-        ParamsError: One line with the identity and its largest error.
+        ParamsError: No motion shows that one of them is not the other; with the identity that proves it.
     """
-    proof = identity(joint, first, second, under)
-    if proof is not None and identity(joint, second, first, under) is not None:
-        raise ParamsError(
-            f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
-            f"distinguishes them: {proof}; {_isolated(first.effect.id)}; {_isolated(second.effect.id)}"
-            f"{_by_loads(joint, first, second, under)}"
-        )
+    first, second = forms
+    orders = _larger(first, second)
+    apart = _apart(joint, orders, under)
+    if apart:
+        contained = [each for pair in ((first, second), (second, first)) for each in _contained(joint, *pair, under)]
+        return Discrimination(apart, tuple(contained))
+    proof, back = (identity(joint, a.effect, b.effect, under) for a, b in ((first, second), (second, first)))
+    if proof is not None and back is not None:
+        text = f"{first.effect.key} and {second.effect.key} are the same function while the joint slides, so no motion "
+        text += f"distinguishes them: {proof}; {_isolated(first.effect)}; {_isolated(second.effect)}"
+    else:
+        truth, other = (each.effect for each in orders[0])
+        text = f"while the joint slides, {other.key} describes all that {truth.key} does with fewer parameters, so no "
+        text += f"motion shows {truth.key}: {identity(joint, truth, other, under)}"
+    loaded = _trial(joint, under)
+    if loaded and _apart(joint, orders, loaded):
+        shape = "MASS" if joint.context.joint_type == "prismatic" else "MASS@ARM"
+        text += "; motions under known loads do distinguish them: name the loads that you have, --load 0 --load "
+        text += shape
+    raise ParamsError(text)
 
 
-def _larger(first: EffectForm, second: EffectForm) -> list[tuple[EffectForm, EffectForm]]:
+def _larger(first: EffectForm, second: EffectForm) -> list[Order]:
     """(truth, other) where the other has no more parameters.
 
     Of two models that fit equally well a diagnosis takes the one with fewer parameters, so that only the other one has
@@ -170,20 +171,9 @@ def _larger(first: EffectForm, second: EffectForm) -> list[tuple[EffectForm, Eff
     return [(t, o) for t, o in pairs if o.effect.degrees_of_freedom <= t.effect.degrees_of_freedom]
 
 
-def _orders(
-    joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint]
-) -> tuple[tuple[EffectForm, EffectForm], ...]:
-    """(truth, other) in which some motion under the loads shows that the truth is not the other."""
-    return tuple(pair for pair in _larger(first, second) if identity(joint, *pair, under) is None)
-
-
-def _by_loads(joint: DesignJoint, first: EffectForm, second: EffectForm, under: Sequence[DesignJoint]) -> str:
-    """That known loads tell two effects apart which no motion does; empty where they do not either."""
-    loaded = _trial(joint, under)
-    if not loaded or not _orders(joint, first, second, loaded):
-        return ""
-    shape = "MASS" if joint.context.joint_type == "prismatic" else "MASS@ARM"
-    return f"; motions under known loads do distinguish them: name the loads that you have, --load 0 --load {shape}"
+def _apart(joint: DesignJoint, orders: Sequence[Order], under: Sequence[DesignJoint]) -> tuple[Order, ...]:
+    """Those in which some motion under the loads shows that the truth is not the other."""
+    return tuple((t, o) for t, o in orders if identity(joint, t.effect, o.effect, under) is None)
 
 
 def _trial(joint: DesignJoint, under: Sequence[DesignJoint]) -> tuple[DesignJoint, ...]:
@@ -192,7 +182,7 @@ def _trial(joint: DesignJoint, under: Sequence[DesignJoint]) -> tuple[DesignJoin
     return () if load is None else (joint, carrying(joint, load))
 
 
-def _ties(
+def _contained(
     joint: DesignJoint, truth: EffectForm, other: EffectForm, under: Sequence[DesignJoint]
 ) -> list[tuple[str, str, str]]:
     """(truth, form, proof) for the forms of the other effect that contain the truth with no more parameters.
@@ -204,10 +194,9 @@ def _ties(
         small = member.degrees_of_freedom <= truth.effect.degrees_of_freedom
         if member.id != other.effect.id or not small or member.unavailable(joint.context):
             continue
-        form = form_of(joint, member.key, size_of(member, joint.numbers, joint.context))
-        proof = identity(joint, truth, form, under)
+        proof = identity(joint, truth.effect, member, under)
         if proof is not None:
             loaded = _trial(joint, under)
-            helps = bool(loaded) and identity(joint, truth, form, loaded) is None
-            out.append((truth.effect.key, member.key, proof + ("; motions under known loads (--load) do" * helps)))
+            helps = bool(loaded) and identity(joint, truth.effect, member, loaded) is None
+            out.append((truth.effect.key, member.key, proof + "; motions under known loads (--load) do" * helps))
     return out

@@ -2,37 +2,22 @@
 
     y = K (tau + J qddot + F_v qdot + F_c d + tau_effects),  tau = J_l qddot + m g l sin(q - zero) + c
 
-d: direction of motion. A solver sees it smoothed over a small speed, so that the criterion is differentiable; motions
-are compared, and what they bring is stated, with the sharp direction and the rows that a diagnosis takes.
+d: direction of motion. The motor's torque, which has a limit, is that of friction that turns over smoothly.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
 
 from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.data.sliding import LEAST_TRAVEL
 from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.problem.columns import Term
-from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Signals, TorqueEffect, plain_signals
+from drake_tc.effects.base import Context, JointNumbers, Signals, TorqueEffect, plain_signals
 from drake_tc.effects.library import effect
-from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
-REACH = 0.6
-"""Half of the filter's window that must lie in motion, over the filter's width."""
-EDGE = 0.5
-"""Time at both ends of a motion that is not periodic, in which nothing is counted [s]."""
-SLOW = 0.02
-"""Speed over which the weight of a sample vanishes, at least, as a share of the largest speed: a passage that is longer
-than a sample keeps the criterion differentiable."""
 TURN_SPEED = 0.04
 """Speed over which the direction turns over, as a share of the largest speed."""
 
@@ -52,7 +37,6 @@ class DesignJoint:
         noise: What noise leaves of the balance [N m].
         independent_per_second: Independent samples in it [1/s].
         slowest: Speed below which samples take no part [rad/s].
-        kernel_width: Of the first filter that a diagnosis applies [s]. final_width: of the second one.
         present: Effects of the model besides the declared ones, with their parameters.
         floor: Noise floor: part of `noise` due to sensor noise and encoder steps [N m].
         resolution: Of the sensors; None where it is not known from a log.
@@ -75,8 +59,6 @@ class DesignJoint:
     noise: float
     independent_per_second: float
     slowest: float
-    kernel_width: float
-    final_width: float
     present: tuple[tuple[str, dict[str, float]], ...] = field(default=())
     floor: float = 0.0
     resolution: Resolution | None = None
@@ -151,145 +133,3 @@ def _travel(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
     start = turned[np.searchsorted(turned, np.arange(q.size), side="right") - 1]
     back = np.where(np.abs(a) > 1e-9, 0.5 * v**2 / np.where(np.abs(a) > 1e-9, a, 1.0), 0.0)
     return np.asarray(np.abs(q - (q - back)[start]))
-
-
-def _sliding(joint: DesignJoint, signals: Signals, step: float, *, sharp: bool) -> FloatArray:
-    """(T,) weight: 1 where a diagnosis takes the sample, 0 near reversals, with a smooth passage unless `sharp`."""
-    least = LEAST_TRAVEL[joint.context.joint_type]
-    if sharp:
-        moving = ((np.abs(signals.velocity) > joint.slowest) & (signals.travel > least)).astype(float)
-    else:
-        slow = max(joint.slowest, SLOW * joint.numbers.speed)
-        speed, travel = signals.velocity**2, signals.travel**2
-        moving = speed / (speed + slow**2) * travel / (travel + least**2)
-    reach = max(1, round(REACH * joint.final_width / step))
-    return np.asarray(minimum_filter1d(moving, 2 * reach + 1, mode="nearest"))
-
-
-@lru_cache(maxsize=8)
-def _filter_gain(light: float, final: float, step: float, size: int) -> FloatArray:
-    """Gain of both kernels of a diagnosis at the frequencies of a real Fourier transform of `size` samples."""
-    frequency: FloatArray = np.asarray(np.fft.rfftfreq(size, step), dtype=np.float64)
-    first, second = (CommonKernel(max(width, 1.01 * step), step) for width in (light, final))
-    return np.asarray(first.gain(frequency) * second.gain(frequency))
-
-
-LATE_RESPONSES: Mapping[str, Callable[[NDArray[np.complex128], float], NDArray[np.complex128]]] = {
-    "delay.loop": lambda turn, delay: np.exp(-turn * delay),
-    "delay.command": lambda turn, delay: np.exp(-turn * delay),
-    "current_lag": lambda turn, lag: 1.0 / (1.0 + turn * lag),
-}
-"""Frequency responses of delays, exp(-i w d), and of a lag, 1/(1 + i w T), by effect key."""
-
-
-class BalanceColumns(ABC):
-    """Columns of the balance, of one designed motion or of several, all filtered alike.
-
-    Attributes:
-        joint: The joint.
-        weight: (T,) of the rows, 0 where the joint does not slide.
-    """
-
-    joint: DesignJoint
-    weight: FloatArray
-
-    @abstractmethod
-    def effort(self, terms: Sequence[Term]) -> FloatArray:
-        """y* (T,) after the drive effects among the terms."""
-
-    @abstractmethod
-    def changes(self, terms: Sequence[Term]) -> FloatArray:
-        """(T, g) change of y* by each of several drive effects alone."""
-
-    @abstractmethod
-    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
-        """Phi (T, k) of each of several terms."""
-
-    def of(self, term: Term) -> FloatArray:
-        """Phi (T, k) of one term."""
-        return self.of_each([term])[0]
-
-    def design(self, terms: Sequence[Term]) -> FloatArray:
-        """[y*, -phi ...] (T, 1 + sum k)."""
-        fitted = [t for t in terms if t.effect.coefficients]
-        return np.concatenate([self.effort(terms)[:, None], *(-phi for phi in self.of_each(fitted))], axis=1)
-
-
-def _key(terms: Sequence[Term]) -> Hashable:
-    return tuple((t.effect.key, tuple(sorted(t.shape.items()))) for t in terms)
-
-
-class MotionColumns(BalanceColumns):
-    """Columns of the balance over one period of a designed motion, filtered as a diagnosis filters a log.
-
-    Of a periodic motion two periods are computed and the second is kept, so that filters and hysteresis are settled; of
-    another one the first and the last half second take no part. Each column is computed once.
-    """
-
-    def __init__(
-        self, joint: DesignJoint, motion: FloatArray, step: float, *, periodic: bool = True, sharp: bool = False
-    ) -> None:
-        """Columns of the motion (4, T) sampled every `step` [s]; rows and friction as in a diagnosis if `sharp`."""
-        self.joint, self.step, self._periodic = joint, step, periodic
-        self._size = motion.shape[1]
-        self._signals = joint.signals(np.tile(motion, (1, 2)) if periodic else motion, step, sharp=sharp)
-        self._gain = _filter_gain(joint.kernel_width, joint.final_width, step, self._size)
-        self.weight = _sliding(joint, self._signals, step, sharp=sharp)[-self._size :]
-        if not periodic:
-            edge = round(EDGE / step)
-            self.weight[:edge] = self.weight[-edge:] = 0.0
-        self._known: dict[Hashable, FloatArray] = {}
-
-    @property
-    def signals(self) -> Signals:
-        """Two periods."""
-        return self._signals
-
-    def _reduce(self, values: FloatArray) -> FloatArray:
-        kept = values[-self._size :]
-        kept = np.where(np.isfinite(kept).all(axis=0), kept, np.nan)
-        return np.asarray(np.fft.irfft(np.fft.rfft(kept.T) * self._gain, self._size).T)
-
-    def effort(self, terms: Sequence[Term]) -> FloatArray:
-        """y* (T,) after the drive effects among the terms."""
-        key = ("effort", _key(terms))
-        if key not in self._known:
-            values = self._signals.effort
-            for term in terms:
-                if isinstance(term.effect, DriveEffect) and term.effect.shapes:
-                    values = term.effect.transform(values, self._signals, term.shape)
-            self._known[key] = self._reduce(values)
-        return self._known[key]
-
-    def changes(self, terms: Sequence[Term]) -> FloatArray:
-        """(T, g) change of y* by each of several drive effects alone.
-
-        A delay and a lag of a few milliseconds differ by less than what a linear interpolation between the samples of a
-        design loses; of a periodic motion they are computed exactly, by their frequency response.
-        """
-        key = ("changes", _key(terms))
-        if key not in self._known:
-            self._known[key] = self._changes(terms)
-        return self._known[key]
-
-    def _changes(self, terms: Sequence[Term]) -> FloatArray:
-        first = terms[0].effect.key
-        if not self._periodic or first not in LATE_RESPONSES or any(t.effect.key != first for t in terms):
-            before = self.effort(())
-            return np.stack([self.effort([term]) - before for term in terms], axis=-1)
-        moved = (self._signals.command if first == "delay.command" else self._signals.effort)[-self._size :]
-        turn: NDArray[np.complex128] = np.asarray(2j * np.pi * np.fft.rfftfreq(self._size, self.step), np.complex128)
-        late = np.stack([LATE_RESPONSES[first](turn, *term.shape.values()) for term in terms])
-        changed = np.fft.irfft(np.fft.rfft(moved) * self._gain * (late - 1.0), self._size)
-        return np.asarray(changed.T)
-
-    def of_each(self, terms: Sequence[Term]) -> list[FloatArray]:
-        """Phi (T, k) of each of several terms; those that are not known yet are filtered together."""
-        keys: list[Hashable] = [("of", _key([term])) for term in terms]
-        missing = {key: term for key, term in zip(keys, terms, strict=True) if key not in self._known}
-        if missing:
-            blocks = [t.effect.columns(self._signals, t.shape)[-self._size :] for t in missing.values()]
-            ends = np.cumsum([block.shape[1] for block in blocks])
-            reduced = np.split(self._reduce(np.concatenate(blocks, axis=1)), ends[:-1], axis=1)
-            self._known |= zip(missing, reduced, strict=True)
-        return [self._known[key] for key in keys]

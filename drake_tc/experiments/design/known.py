@@ -81,8 +81,6 @@ def joint_from_logs(
         noise=fitted.noise * float(np.sqrt(1.0 + fitted.evidence.noise.ratio)),  # away from rest
         independent_per_second=fitted.per_second,
         slowest=samples.resolution.least_speed,
-        kernel_width=samples.light.actual_width_s,
-        final_width=samples.kernel.actual_width_s,
         floor=fitted.balance.floor,
         resolution=samples.resolution,
         gain_held=prepared.train.declared_gain is not None,
@@ -214,8 +212,6 @@ def joint_from_model(rig: Rig, joint: str, model: ActuatorModel, limits: JointLi
         noise=NOISE_OF_TORQUE * torque,
         independent_per_second=PER_SECOND,
         slowest=0.005 * limits.velocity,
-        kernel_width=0.02,
-        final_width=0.02,
         servo_damping=servo_damping(rig, joint, model.drive.gain),
         rig=rig,
     )

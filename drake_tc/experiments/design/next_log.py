@@ -1,23 +1,29 @@
-"""The log of an experiment before it is made: simulated with the sensors and the noise of the logs so far.
+"""The log of an experiment before it is made, and its posterior.
 
-The motion is sampled as the logs are. Each channel gets the noise that its sensor has there, and the effort what the
-most probable model of the logs leaves beyond the sensors' noise, as two Ornstein-Uhlenbeck processes. The
-result is filtered as a diagnosis does. Intervals and log odds are those of its posterior at the joint's own parameters
-and with the noise of the logs: a fit of the simulated log would add an error of its own.
+`next_log` simulates it with the sensors and the noise of the logs so far. Each channel gets the noise that its sensor
+has there, and the effort what the most probable model of the logs leaves beyond the sensors' noise, as two
+Ornstein-Uhlenbeck processes. The result is filtered as a diagnosis does. `rough_log` leaves most of this out, for a
+search that compares motions. Of both, the posterior is told at the joint's own parameters and with the noise of the
+logs: a fit of the simulated log would add an error of its own.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from drake_tc.diagnosis.data.resolution import Resolution
-from drake_tc.diagnosis.diagnose import joint_model
-from drake_tc.diagnosis.evidence import Evidence
+from drake_tc.diagnosis.data.preparation import build_samples, load_scale
+from drake_tc.diagnosis.data.resolution import SPEED_OF_NOISE, NoiseFloor, Resolution
+from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.linear import posterior
+from drake_tc.diagnosis.model import JointModel
+from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
-from drake_tc.diagnosis.problem.regression import noise_floor
-from drake_tc.diagnosis.search import as_fit
+from drake_tc.diagnosis.problem.regression import Fit, fit, noise_floor
+from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
+from drake_tc.diagnosis.split import with_needed
 from drake_tc.errors import IdentificationError
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.fitted import FittedJoint
@@ -56,45 +62,69 @@ def next_log(runs: Sequence[PlannedRun], seed: int = 0) -> FittedJoint | None:
         runs: Of the experiment; all of one joint.
         seed: Of the noise.
     """
-    rng, rig = np.random.default_rng(seed), rig_of(runs)
+    rng = np.random.default_rng(seed)
     made = [_simulated(run, rng) for run in runs]
     try:
-        return _at_truth(prepare_joint(made, [], rig, runs[0].joint.name), runs[0].joint)
+        return _at_truth(prepare_joint(made, [], rig_of(runs), runs[0].joint.name), runs[0].joint)
     except IdentificationError:
         return None
 
 
-def _at_truth(prepared: Prepared, joint: DesignJoint) -> FittedJoint:
-    """The posterior of a simulated log at the joint's own parameters, with the noise that the logs so far have."""
-    numbers, model = joint.numbers, joint_model(prepared)
+def rough_log(runs: Sequence[PlannedRun], repeats: int = 1) -> FittedJoint | None:
+    """The same of runs at the motions' own step, with the noise of the position alone; quicker, for a search.
+
+    White noise is as loud as in a log at its own period: by the root of the period over the step.
+
+    Args:
+        runs: Of the experiment; all of one joint, with one step.
+        repeats: How often all of them are made.
+    """
+    joint, rig, step = runs[0].joint, rig_of(runs), runs[0].step
+    known, servo = joint.resolution or UNKNOWN, joint.context.drive == "position_servo"
+    louder = {
+        name: math.sqrt((joint.context.period or PERIOD) / step) * getattr(known, name)
+        for name in ("position_step", "position_noise", "torque_noise", "effort_noise")
+    }
+    known, rng, made = replace(known, **louder), np.random.default_rng(0), []
+    for run in runs:
+        clean, name = _recorded(run, *_on_clock(run, step)), f"{joint.name}/position"
+        noisy = clean.columns[name] + known.position_noise * rng.standard_normal(clean.time.size)
+        made.append(replace(clean, columns=dict(clean.columns) | {name: noisy}))
+    try:
+        samples = build_samples(made, rig, joint.name, at_rest=joint.slowest / SPEED_OF_NOISE)
+        floor = NoiseFloor.of(known, samples.light, samples.kernel, samples.signals, samples.rows, servo=servo)
+        samples = replace(samples, resolution=known, floor=floor)
+        columns = Columns(samples, declared_gain=load_scale(rig, joint.name).gain)
+        plain = fit(columns, joint.declared)
+        columns = with_fitted_load(columns.with_model(plain.terms, plain.beta, servo=servo), plain)
+    except IdentificationError:
+        return None
+    return _at_truth(Prepared(columns, columns, plain.terms, 0.0, joint.context, ()), joint, repeats)
+
+
+def _at_truth(prepared: Prepared, joint: DesignJoint, repeats: int = 1) -> FittedJoint:
+    """The posterior of a log at the joint's own parameters, with the noise that the logs so far have."""
+    numbers, columns, terms = joint.numbers, prepared.train, prepared.terms
     known = {"viscous": numbers.viscous, "coulomb": numbers.coulomb}
-    theta = np.concatenate(
-        [np.zeros(0), *(np.full(len(t.effect.coefficients), known.get(t.effect.key, 0.0)) for t in model.declared)]
+    fitted = coefficients_by_term(terms, fit(columns, terms).beta)
+    theta = [np.full(v.size, known[t.effect.key]) if t.effect.key in known else v for t, v in fitted]
+    beta = np.concatenate([[1.0 / numbers.gain], *theta])
+    split = with_needed(columns, terms, beta, measured=prepared.context.load == "torque")
+    model = JointModel(
+        split, split, terms, prepared.context, columns.declared_gain, numbers.gain, numbers.coulomb, numbers.viscous
     )
-    spread = replace(joint.spread, known=True)  # simulated runs do not differ, and tell nothing of it
-    evidence = Evidence(model.relinearised(model.declared, theta, numbers.gain, {}), joint.left, spread)
-    scored = evidence.score(model.declared)
-    beta = scored.posterior.beta.copy()
-    beta[: scored.coefficients] = numbers.gain * np.concatenate([[1.0], theta])
-    scored = replace(scored, posterior=replace(scored.posterior, beta=beta))
-    floor = noise_floor(evidence.model.train.recorded, as_fit(scored))
+    floor = noise_floor(columns, Fit(terms, beta, np.zeros(0), 0.0, 0.0, np.zeros(0)))
     white = joint.noise**2 / (1.0 + joint.left.ratio)
     variance = (floor / numbers.gain) ** 2 + max(white - joint.floor**2, 0.0)
-    slow = replace(
-        joint.left, ratio=joint.left.ratio * white / variance
-    )  # as large as it is, beside more or less noise
-    evidence = Evidence(evidence.model, slow, spread)
-    own = evidence.score(model.declared, numbers.gain**2 * variance)
-    scored = replace(own, posterior=replace(own.posterior, beta=beta))
-    return FittedJoint(prepared, evidence, scored, (evidence, scored), floor, (), {})
-
-
-def declared_fit(prepared: Prepared) -> FittedJoint:
-    """The declared model as a diagnosis has it before it looks for effects."""
-    model = joint_model(prepared)
-    evidence = Evidence(model).heard(model.declared)
-    scored = evidence.refined(evidence.score(model.declared))
-    return FittedJoint(prepared, evidence, scored, (evidence, scored), prepared.floor, (), {})
+    # the slow discrepancy is as large as it is, beside more or less noise
+    slow = replace(joint.left, ratio=joint.left.ratio * white / variance, share=joint.left.share * repeats)
+    # simulated runs do not differ, and tell nothing of how much runs do
+    evidence = Evidence(model, slow, replace(joint.spread, known=True))
+    found = posterior(*evidence.products(split, terms), numbers.gain**2 * variance)
+    own = found.beta.copy()
+    own[: beta.size] = numbers.gain * np.concatenate([[1.0], beta[1:]])
+    scored = Scored(terms, found.log_evidence, replace(found, beta=own), beta.size)
+    return FittedJoint(prepared, evidence, scored, (evidence, scored), floor, known=numbers)
 
 
 def rig_of(runs: Sequence[PlannedRun]) -> Rig:
@@ -130,27 +160,43 @@ def _pendulum(joint: DesignJoint) -> Pendulum:
     return Pendulum(1.0, joint.gravity / 9.81, joint.link_inertia, joint.zero)
 
 
-def _simulated(run: PlannedRun, rng: np.random.Generator) -> Run:
-    """What a logger would record of a motion that the joint follows."""
-    joint, resolution = run.joint, run.joint.resolution or UNKNOWN
-    period = joint.context.period if joint.context.period > 0.0 else PERIOD
-    grid = np.arange(run.motion.shape[1]) * run.step
+def _on_clock(run: PlannedRun, period: float) -> tuple[FloatArray, FloatArray]:
+    """(time (T,), motion (4, T)) of a run at a sampling period [s]."""
+    grid: FloatArray = np.asarray(np.arange(run.motion.shape[1]) * run.step, dtype=np.float64)
+    if period == run.step:
+        return grid, run.motion
     time: FloatArray = np.asarray(np.arange(int(grid[-1] / period)) * period, dtype=np.float64)
     spline = CubicHermiteSpline(grid, run.motion[0], run.motion[1])
-    motion = np.stack([spline(time), spline(time, 1), np.interp(time, grid, run.motion[2]), np.zeros_like(time)])
+    return time, np.stack([spline(time), spline(time, 1), np.interp(time, grid, run.motion[2]), np.zeros_like(time)])
+
+
+def _recorded(run: PlannedRun, time: FloatArray, motion: FloatArray) -> Run:
+    """What a logger without noise would record of a motion (4, T) that the joint follows."""
+    joint, period = run.joint, float(time[1])
     signals = joint.signals(motion, period, sharp=True)
+    command = COMMAND_COLUMN[joint.context.drive]
+    columns = {"position": motion[0], "torque": signals.load_torque, command: signals.command}
+    named = {f"{joint.name}/{name}": values for name, values in columns.items()}
+    return Run(run.name, None, time, period, named, np.zeros(time.size, dtype=np.int64))
+
+
+def _simulated(run: PlannedRun, rng: np.random.Generator) -> Run:
+    """What a logger would record, with the noise of each channel."""
+    joint, resolution = run.joint, run.joint.resolution or UNKNOWN
+    time, motion = _on_clock(run, joint.context.period if joint.context.period > 0.0 else PERIOD)
+    clean = _recorded(run, time, motion)
     step, white = resolution.position_step, resolution.position_noise
     position = motion[0] + np.sqrt(max(white**2 - step**2 / 12.0, 0.0)) * rng.standard_normal(time.size)
-    columns = {"position": step * np.round(position / step) if step > 0.0 else position}
-    noise = resolution.torque_noise, resolution.torque_correlation_time
-    columns["torque"] = signals.load_torque + coloured_noise(time, *noise, rng)
-    effort = signals.effort + _left(joint, time, rng)
+    if step > 0.0:
+        position = step * np.round(position / step)
+    load = coloured_noise(time, resolution.torque_noise, resolution.torque_correlation_time, rng)
+    effort = _left(joint, time, rng)
     effort += max(resolution.effort_noise, resolution.effort_step / np.sqrt(12.0)) * rng.standard_normal(time.size)
-    servo = joint.context.drive == "position_servo"
-    columns[COMMAND_COLUMN[joint.context.drive]] = motion[0] + effort if servo else effort
-    named = {f"{joint.name}/{name}": values for name, values in columns.items()}
+    noise = {"position": position - motion[0], "torque": load, COMMAND_COLUMN[joint.context.drive]: effort}
+    columns = {f"{joint.name}/{name}": clean.columns[f"{joint.name}/{name}"] + own for name, own in noise.items()}
+    columns[f"{joint.name}/position"] = position
     steps = {f"{joint.name}/position": step} if step > 0.0 else {}
-    return Run(run.name, None, time, period, named, np.zeros(time.size, dtype=np.int64), steps=steps)
+    return replace(clean, columns=columns, steps=steps)
 
 
 def _left(joint: DesignJoint, time: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -162,18 +208,3 @@ def _left(joint: DesignJoint, time: FloatArray, rng: np.random.Generator) -> Flo
     )
     drawn = [coloured_noise(time, float(np.sqrt(v)), memory, rng) for v, memory in parts]
     return np.asarray(joint.numbers.gain * np.sum(drawn, axis=0))
-
-
-def as_fitted(joint: DesignJoint, fitted: FittedJoint | None) -> DesignJoint:
-    """The joint with the filters and the noise of a fit, for a criterion that a search maximises."""
-    if fitted is None:
-        return joint
-    samples, noise = fitted.prepared.train.samples, fitted.balance
-    return replace(
-        joint,
-        noise=noise.left,
-        floor=noise.floor,
-        independent_per_second=fitted.per_second,
-        kernel_width=samples.light.actual_width_s,
-        final_width=samples.kernel.actual_width_s,
-    )

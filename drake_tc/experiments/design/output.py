@@ -21,6 +21,7 @@ import yaml
 from scipy.interpolate import BPoly, PPoly
 
 from drake_tc.config.quoted import json_value
+from drake_tc.experiments.design.criteria import Expected
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign
 from drake_tc.experiments.design.run import JointDesign
@@ -153,16 +154,16 @@ def robot_page(design: RobotDesign) -> str:
 
 
 def _joint_json(design: JointDesign) -> dict[str, Any]:
-    best = design.optimum
+    plan = design.plan
     return {
         "goal": design.goal.text,
         "limits": asdict(design.limits),
         "basis": design.basis.kind,
         "period": design.basis.period,
         "repeats": design.repeats,
-        "parameters": [float(x) for x in best.x],
-        "criterion": {"random": best.start_value, "designed": best.value},
-        "solver": {"name": best.solver, "starts": best.starts, "converged": best.solved},
+        "parameters": [float(x) for x in design.x],
+        "criterion": {"random": plan.start_value, "designed": plan.value},
+        "solver": {"name": "random search", "starts": plan.starts, "converged": plan.solved},
         "expected": [asdict(each) for each in design.expected],
         "sentences": list(design.sentences),
     }
@@ -172,24 +173,30 @@ def design_page(designs: Mapping[str, JointDesign]) -> str:
     """The page: the motion, and what it is expected to bring."""
     sections = []
     for number, (name, design) in enumerate(designs.items()):
-        table = PageTable(
-            ("quantity", "unit", "logs so far", "growing sinusoid", "designed motion"),
-            [
-                (e.name, e.unit.removesuffix("-"), number_text(e.before), number_text(e.default), number_text(e.after))
-                for e in design.expected
-            ],
-            ("logs so far", "growing sinusoid", "designed motion"),
-        )
+        columns = {
+            "logs so far": [e.before for e in design.expected],
+            "growing sinusoid": [e.default for e in design.expected],
+            "designed motion": [e.after for e in design.expected],
+        }
         sections.append(
             PageSection(
                 name,
                 (*design.sentences, start_text(design)),
                 plots=(motion_plot(design, f"m{number}"),),
-                tables=(table,),
+                tables=(expected_table(design.expected, columns),),
                 aside=f"goal {design.goal.text}",
             )
         )
     return plain_page("The next experiment", "design", (), sections)
+
+
+def expected_table(expected: Sequence[Expected], columns: Mapping[str, Sequence[float]]) -> PageTable:
+    """The quantities with their units and values, by heading."""
+    rows = [
+        (each.name, each.unit.removesuffix("-"), *map(number_text, values))
+        for each, *values in zip(expected, *columns.values(), strict=True)
+    ]
+    return PageTable(("quantity", "unit", *columns), rows, tuple(columns))
 
 
 def start_text(design: JointDesign) -> str:

@@ -88,8 +88,8 @@ def designed(
 
 def designed_with_loads(
     request: DesignRequest, options: DesignOptions, progress: Progress = lambda text, share: None
-) -> tuple[str, Rig, LoadDesign | JointDesign]:
-    """The joint, its rig, and the experiment under the known loads of the request.
+) -> LoadDesign | JointDesign:
+    """The experiment under the known loads of the request.
 
     Raises:
         DrakeTcError: As `designed`; more than one joint.
@@ -105,8 +105,7 @@ def designed_with_loads(
     with threadpool_limits(1):
         progress("reading", 0.0)
         known = _known(request, rig, load_runs(logs, rig) if logs else [], name, models.get(name))
-        design = design_with_loads(known[0], known[1], goal, options, request.loads, known[2], progress)
-        return name, rig, design
+        return design_with_loads(known[0], known[1], goal, options, request.loads, known[2], progress)
 
 
 def whole_robot(request: DesignRequest) -> bool:

@@ -27,16 +27,16 @@ import numpy as np
 
 from drake_tc.config.joint_units import JointType, JointUnits
 from drake_tc.diagnosis.data.samples import rms
+from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.robot.whole import declared_robot
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
-from drake_tc.experiments.design.expected import Expected
+from drake_tc.experiments.design.criteria import Expected
 from drake_tc.experiments.design.lead import Core, from_rest_to_rest
 from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis, scaled
-from drake_tc.experiments.design.next_log import declared_fit
 from drake_tc.experiments.design.robot_goal import (
     NOISE_SHARE,
     PER_SECOND,
@@ -328,8 +328,9 @@ def robot_noise(rig: Rig, robot: Robot, runs: Sequence[Run]) -> RobotNoise:
     fits: dict[str, tuple[Evidence, Scored]] = {}
     if logs is None:
         for name in robot.joints:
-            alone = declared_fit(prepare_joint(train, [], rig, name))
-            fits[name] = alone.evidence, alone.best
+            model = joint_model(prepare_joint(train, [], rig, name))
+            evidence = Evidence(model).heard(model.declared)
+            fits[name] = evidence, evidence.refined(evidence.score(model.declared))
     else:
         fit = declared_robot(logs, with_robot_loads(logs, train, rig.joints), [], rig, DiagnosisOptions())
         fits = {name: (fit.joints[name].evidence, fit.joints[name].best) for name in robot.joints}

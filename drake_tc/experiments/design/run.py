@@ -1,38 +1,37 @@
 """`design` for one joint: from what is known to the best motion, and what it is expected to tell."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_tc.experiments.design.criteria import Criterion, Discrimination
-from drake_tc.experiments.design.expected import TOLD, Expected, expected_of, tracking_warning, what_limits, worth_of
+from drake_tc.experiments.design.criteria import Criterion, Discrimination, Expected, expected_of
+from drake_tc.experiments.design.following import tracking_warning, what_limits
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.lead import Core, default_motion, from_rest_to_rest
 from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled, whole_step
-from drake_tc.experiments.design.next_log import PlannedRun, as_fitted, next_log
+from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.robot_goal import CriterionName
-from drake_tc.experiments.design.search import MotionSearch, Optimum
+from drake_tc.experiments.design.search import MotionPlan, MotionSearch, Progress
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.types import FloatArray
 
-Progress = Callable[[str, float], None]
 PERIOD = 10.0
 """Period of the motion [s], about: the experiment holds a whole number of them."""
 STEP = 0.005
 """Time between the samples of a design [s]."""
-ROUGH = 0.01
-"""The same of those that the solver sees [s]."""
 FINE = 1e-3
 """The same of the motion with which it is compared, which is computed once [s]."""
+MOST_SLOTS = 6
+"""Parts of the time that several loads share."""
+TOLD = 0.8
+"""Probability of separating a pair of effects, below which the page says which limit prevents it."""
+NOUN = "designed motion"
 
 REFIT = (
     "Pass the new run as --log and the earlier runs as --holdout. Fitted together with it, the earlier runs could bias "
     "the fit and hide the true effect."
 )
-
-
 BETTER_SINUSOID = (
     "No designed motion was better than the growing sinusoid, which is therefore the motion of this design."
 )
@@ -46,15 +45,15 @@ class DesignOptions:
         duration: Of the experiment [s].
         basis: Functions of the motion.
         criterion: D- or E-optimality of parameters.
-        starts: Of the solver. iterations: from each of them.
-        seed: Of the random starts.
+        starts: Of the search. iterations: from each of them.
+        seed: Of all that is drawn.
     """
 
     duration: float = 30.0
     basis: BasisKind = "fourier"
     criterion: CriterionName = "D"
     starts: int = 2
-    iterations: int = 20
+    iterations: int = 150
     seed: int = 0
 
 
@@ -63,7 +62,8 @@ class JointDesign:
     """The designed motion of one joint.
 
     Attributes:
-        joint: The joint. goal: What it is for. limits: That it keeps. basis, optimum: The motion.
+        joint: The joint. goal: What it is for. limits: That it keeps.
+        basis, x: The motion. plan: What the search found.
         repeats: Periods in the experiment.
         expected: What it is expected to bring.
         sentences: The same in words.
@@ -75,10 +75,11 @@ class JointDesign:
     goal: Goal
     limits: JointLimits
     basis: MotionBasis
-    optimum: Optimum
+    x: FloatArray
+    plan: MotionPlan
     repeats: int
-    expected: tuple[Expected, ...]
-    sentences: tuple[str, ...]
+    expected: tuple[Expected, ...] = ()
+    sentences: tuple[str, ...] = ()
     contained: tuple[tuple[str, str, str], ...] = ()
     sinusoid: FloatArray | None = None
 
@@ -87,7 +88,7 @@ class JointDesign:
         """(one period (4, T), or the whole sinusoid; step [s]) of the motion."""
         if self.sinusoid is not None:
             return self.sinusoid, FINE
-        return self.basis.motion(self.optimum.x), self.basis.step
+        return self.basis.motion(self.x), self.basis.step
 
     def planned(self, name: str) -> PlannedRun:
         """The motion without lead-in and lead-out, as a run."""
@@ -139,50 +140,51 @@ def design_joint(
         ParamsError: Limits that no motion keeps, or a goal that no motion reaches.
     """
     limits.require_resolved(joint.slowest, joint.name)
-    joint = joint_within(joint, limits)
-    fill = default_motion(joint, limits, options.duration, FINE)
-    by_default = next_log([PlannedRun("sinusoid", joint, fill, FINE)], options.seed)
-    seen = as_fitted(joint, by_default)
-    criterion = criterion_of(goal, seen, options.duration, smallest=options.criterion == "E")
+    joint, fill, by_default = with_sinusoid(joint, limits, options)
+    criterion = criterion_of(goal, joint, smallest=options.criterion == "E")
     limits.require(joint.largest_load(*limits.position), joint.numbers.coulomb, joint.name)
-    search = motion_search((seen,), limits, criterion, options)
-    starts, repeats, basis = options.starts, search.slots, search.basis
-    rng = np.random.default_rng(options.seed)
-    plan = search.best(rng, starts=starts, iterations=options.iterations, progress=progress)
-    made = JointDesign(joint, goal, limits, basis, plan.optimum(0, starts), repeats, (), ())
-    default = worth_of(criterion, by_default)
-    designed = worth_of(criterion, next_log([made.planned("designed")], options.seed))
+    search, rng = motion_search((joint,), limits, criterion, options), np.random.default_rng(options.seed)
+    plan = search.best(rng, starts=options.starts, trials=options.iterations, progress=progress)
+    made = JointDesign(joint, goal, limits, search.basis, plan.x[0], plan, search.repeats)
+    default, designed = (
+        criterion.worth(log) for log in (by_default, next_log([made.planned("designed")], options.seed))
+    )
     if designed.total < default.total:
         made, designed = replace(made, sinusoid=fill), default
-    expected, sentences = expected_of(
-        criterion, None if logs is None else worth_of(criterion, logs.alone()), default, designed
-    )
-    sentences = (*sentences, *([BETTER_SINUSOID] if made.sinusoid is not None else []))
-    if isinstance(criterion, Discrimination) and expected[0].after < TOLD:
-        sentences = (*sentences, what_limits(seen, limits, criterion, basis, options.seed))
-    elif isinstance(criterion, Discrimination) and logs is not None:
-        sentences = (*sentences, REFIT)
-    sentences = (*sentences, *tracking_warning(joint, limits, *made.one))
-    contained = criterion.contained if isinstance(criterion, Discrimination) else ()
-    return replace(made, expected=expected, sentences=sentences, contained=contained)
+    expected = expected_of(None if logs is None else criterion.worth(logs.alone()), default, designed)
+    sentences = [*criterion.sentences(expected, NOUN), *([BETTER_SINUSOID] if made.sinusoid is not None else [])]
+    contained: tuple[tuple[str, str, str], ...] = ()
+    if isinstance(criterion, Discrimination):
+        contained = criterion.contained
+        if expected[0].after < TOLD:
+            sentences.append(what_limits(search, options.seed))
+        elif logs is not None:
+            sentences.append(REFIT)
+    sentences += tracking_warning(joint, limits, *made.one)
+    return replace(made, expected=expected, sentences=tuple(sentences), contained=contained)
+
+
+def with_sinusoid(
+    joint: DesignJoint, limits: JointLimits, options: DesignOptions
+) -> tuple[DesignJoint, FloatArray, FittedJoint | None]:
+    """(joint within the limits, (4, T) growing sinusoid, its log).
+
+    The joint has the positions and speeds of a run that spans the limits: the effects that can be looked for, and their
+    shapes, depend on both.
+    """
+    wide = replace(joint.context, position_span=limits.position, max_speed=limits.velocity)
+    joint = replace(joint, context=wide)
+    fill = default_motion(joint, limits, options.duration, FINE)
+    return joint, fill, next_log([PlannedRun("sinusoid", joint, fill, FINE)], options.seed)
 
 
 def motion_search(
     joints: tuple[DesignJoint, ...], limits: JointLimits, criterion: Criterion, options: DesignOptions
 ) -> MotionSearch:
-    """The search for the motions of a joint under each of some loads; a slot lasts about `PERIOD`."""
-    slots = max(round(options.duration / PERIOD), len(joints))
-    period, limit = options.duration / slots, limits.bandwidth_hz
-    fine, rough = (
-        scaled(motion_basis(options.basis, period, whole_step(period, step), limit), limits) for step in (STEP, ROUGH)
-    )
-    return MotionSearch(joints, fine, rough, limits, criterion, slots)
-
-
-def joint_within(joint: DesignJoint, limits: JointLimits) -> DesignJoint:
-    """The joint with the positions and speeds of a run that spans the limits.
-
-    The effects that can be looked for, and their shapes, depend on both.
-    """
-    wide = replace(joint.context, position_span=limits.position, max_speed=limits.velocity)
-    return replace(joint, context=wide)
+    """The search for the motions of a joint under each of some loads; a period lasts about `PERIOD`."""
+    periods = max(round(options.duration / PERIOD), 1)
+    slots = 1 if len(joints) == 1 else max(min(periods, MOST_SLOTS), len(joints))
+    repeats = max(round(periods / slots), 1)
+    period = options.duration / (slots * repeats)
+    basis = motion_basis(options.basis, period, whole_step(period, STEP), limits.bandwidth_hz)
+    return MotionSearch(joints, scaled(basis, limits), limits, criterion, slots, repeats)

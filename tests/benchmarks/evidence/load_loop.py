@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_tc.errors import DrakeTcError
-from drake_tc.experiments.design.expected import TOLD
 from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import KnownLoad, joint_from_logs
-from drake_tc.experiments.design.load_design import LoadDesign, LoadExperiment, design_with_loads
-from drake_tc.experiments.design.run import DesignOptions, JointDesign
+from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.load_output import LoadExperiment
+from drake_tc.experiments.design.run import TOLD, DesignOptions, JointDesign
 from drake_tc.experiments.rehearsal.twin import TwinRun, integrated
 from drake_tc.joint_simulator.reference import LOG_PERIOD
 from drake_tc.joint_simulator.spec import RigSpec
@@ -135,7 +135,7 @@ def _designed(case: OpenCase) -> _Designed:
     outcome = replace(outcome, predicted=design.expected[0].after, refusal=design.refusal)
     runs += [_twin(f"trajectory_{k + 1}", run.design) for k, run in enumerate(design.runs)]
     specs += [hung(case.spec, run.load) for run in design.runs]
-    entry = LoadExperiment(JOINT, case.rig, design).rig_entry()
+    entry = LoadExperiment(design).rig_entry()
     rig = case.rig if entry is None else parse_rig(rig_document(case.rig) | {"load": entry})
     return _Designed(case, outcome, tuple(runs), tuple(specs), rig, has_unloaded=unloaded is not None)
 

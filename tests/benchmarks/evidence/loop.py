@@ -17,12 +17,11 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError
-from drake_tc.experiments.design.expected import TOLD
 from drake_tc.experiments.design.goal import Goal
 from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.lead import DEFAULT_HZ
 from drake_tc.experiments.design.motions import JointLimits
-from drake_tc.experiments.design.run import DesignOptions, design_joint
+from drake_tc.experiments.design.run import TOLD, DesignOptions, design_joint
 from drake_tc.experiments.rehearsal.twin import SimulatedJoint, TwinRun, integrated, on_clock
 from drake_tc.experiments.sizes import sizes_found
 from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
