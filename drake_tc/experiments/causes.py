@@ -5,7 +5,6 @@ nothing but names and units.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -21,19 +20,8 @@ NEAR_AXIS = 0.02
 """Where a payload of a given size hangs, as a share of the pendulum's length; its own inertia is then negligible."""
 
 
-@dataclass(frozen=True)
-class Cause:
-    """How a cause's numbers give the size of the effect that it is.
-
-    Attributes:
-        name: Of the cause in the simulator.
-        amplitude: Its parameter that grows with the size.
-        per_amplitude: (numbers, joint, pendulum) to the size divided by the amplitude.
-    """
-
-    name: str
-    amplitude: str
-    per_amplitude: Callable[[Values, Joint, tuple[float, float] | None], float]
+PerAmplitude: TypeAlias = Callable[[Values, Joint, tuple[float, float] | None], float]
+"""(numbers of a cause, joint, mass and length of its pendulum) to the effect's size over the cause's amplitude."""
 
 
 def _one(v: Values, j: Joint, p: object) -> float:
@@ -42,6 +30,10 @@ def _one(v: Values, j: Joint, p: object) -> float:
 
 def _gain(v: Values, j: Joint, p: object) -> float:
     return j.gain
+
+
+def _coulomb(v: Values, j: Joint, p: object) -> float:
+    return j.coulomb
 
 
 def _payload(v: Values, j: Joint, p: tuple[float, float] | None) -> float:
@@ -53,37 +45,37 @@ def _payload(v: Values, j: Joint, p: tuple[float, float] | None) -> float:
     return (moment - j.gravity * v["arm"] ** 2 / inertia) / (1.0 + v["mass"] * v["arm"] ** 2 / inertia)
 
 
-CAUSES: Mapping[str, Cause] = {
-    "rotor_inertia": Cause("rotor_inertia", "inertia", _one),
-    "stribeck": Cause("stribeck", "excess", _one),
-    "quadratic_viscous": Cause("quadratic_viscous", "b2", _one),
-    "load_dependent_friction": Cause("load_dependent_friction", "mu", _one),
-    "asymmetric_friction": Cause("asymmetric_friction", "delta", lambda v, j, p: v["share"] * j.coulomb),
-    "presliding_hysteresis": Cause("presliding_hysteresis", "share", lambda v, j, p: j.coulomb),
-    "position_dependent_friction": Cause("position_dependent_friction", "alpha", lambda v, j, p: j.coulomb),
-    "thermal_friction": Cause("thermal_friction", "rate", lambda v, j, p: v["coulomb_share"] * j.coulomb),
-    "torque_ripple": Cause("torque_ripple", "amplitude", _one),
-    "cable_spring": Cause("cable_spring", "stiffness", _one),
-    "backlash": Cause("backlash", "half_gap", lambda v, j, p: 2.0),
-    "elasticity": Cause("elasticity", "compliance", _one),
-    "deadzone": Cause("deadzone", "width", _gain),
-    "saturation": Cause("saturation", "limit", _gain),
-    "servo_integrator": Cause("servo_integrator", "rate", _one),
-    "velocity_sign_switch": Cause("velocity_sign_switch", "delta", _one),
-    "delay": Cause("delay", "delay", _one),
-    "current_lag": Cause("current_lag", "time", _one),
-    "payload": Cause("payload", "mass", _payload),
-    "torque_sensor_bias": Cause("torque_sensor_bias", "bias", _one),
-    "torque_sensor_gain": Cause("torque_sensor_gain", "error", _one),
-    "torque_sensor_drift": Cause("torque_sensor_drift", "rate", _one),
-    "encoder_offset": Cause("encoder_offset", "offset", _one),
-    "encoder_eccentricity": Cause("encoder_eccentricity", "amplitude", _one),
+CAUSES: Mapping[str, tuple[str, PerAmplitude]] = {
+    "rotor_inertia": ("inertia", _one),
+    "stribeck": ("excess", _one),
+    "quadratic_viscous": ("b2", _one),
+    "load_dependent_friction": ("mu", _one),
+    "asymmetric_friction": ("delta", lambda v, j, p: v["share"] * j.coulomb),
+    "presliding_hysteresis": ("share", _coulomb),
+    "position_dependent_friction": ("alpha", _coulomb),
+    "thermal_friction": ("rate", lambda v, j, p: v["coulomb_share"] * j.coulomb),
+    "torque_ripple": ("amplitude", _one),
+    "cable_spring": ("stiffness", _one),
+    "backlash": ("half_gap", lambda v, j, p: 2.0),
+    "elasticity": ("compliance", _one),
+    "deadzone": ("width", _gain),
+    "saturation": ("limit", _gain),
+    "servo_integrator": ("rate", _one),
+    "velocity_sign_switch": ("delta", _one),
+    "delay": ("delay", _one),
+    "current_lag": ("time", _one),
+    "payload": ("mass", _payload),
+    "torque_sensor_bias": ("bias", _one),
+    "torque_sensor_gain": ("error", _one),
+    "torque_sensor_drift": ("rate", _one),
+    "encoder_offset": ("offset", _one),
+    "encoder_eccentricity": ("amplitude", _one),
 }
-"""By effect id."""
+"""By effect id, which is the name of the cause too: its number that grows with the size, and the ratio of both."""
 
 
-def cause_of(effect_id: str) -> Cause:
-    """The cause that is an effect.
+def cause_of(effect_id: str) -> str:
+    """Name of the cause that is an effect.
 
     Raises:
         ParamsError: An id that is no effect, or one that the simulator does not have.
@@ -91,7 +83,7 @@ def cause_of(effect_id: str) -> Cause:
     known = effect(effect_id).id
     if known not in CAUSES:
         raise ParamsError(f"the simulator has no {known}; it has {', '.join(sorted(CAUSES))}")
-    return CAUSES[known]
+    return known
 
 
 def cause_values(
@@ -102,12 +94,13 @@ def cause_values(
     Raises:
         ParamsError: As `cause_of`.
     """
-    cause = cause_of(effect_id)
-    drawn = draw_cause(cause.name, rng, joint)
-    if cause.name == "payload" and pendulum is not None:
+    name = cause_of(effect_id)
+    amplitude, per_amplitude = CAUSES[name]
+    drawn = draw_cause(name, rng, joint)
+    if name == "payload" and pendulum is not None:
         drawn["arm"] = NEAR_AXIS * pendulum[1]
-    sign = -1.0 if drawn[cause.amplitude] < 0.0 else 1.0
-    return drawn | {cause.amplitude: sign * size / cause.per_amplitude(drawn | {cause.amplitude: 0.0}, joint, pendulum)}
+    sign = -1.0 if drawn[amplitude] < 0.0 else 1.0
+    return drawn | {amplitude: sign * size / per_amplitude(drawn | {amplitude: 0.0}, joint, pendulum)}
 
 
 def size_in(spec: RigSpec, effect_id: str) -> float:
@@ -116,6 +109,7 @@ def size_in(spec: RigSpec, effect_id: str) -> float:
     Raises:
         ParamsError: As `cause_of`.
     """
-    cause = cause_of(effect_id)
-    values = spec.causes[cause.name]
-    return abs(float(values[cause.amplitude]) * cause.per_amplitude(values, spec.joint, spec.pendulum))
+    name = cause_of(effect_id)
+    amplitude, per_amplitude = CAUSES[name]
+    values = spec.causes[name]
+    return abs(float(values[amplitude]) * per_amplitude(values, spec.joint, spec.pendulum))

@@ -23,6 +23,8 @@ from drake_tc.effects.base import Context, Effect, JointNumbers, Shape, Signals,
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.sensor_delay import SensorDelay
+from drake_tc.logs.loads import RobotLoad
+from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
 
 
@@ -203,4 +205,18 @@ def fitted_joint(
         decision.floor,
         tuple(asked.usable),
         dict(asked.obstacles),
+    )
+
+
+def rig_alone(rig: Rig, joint: str) -> Rig:
+    """The rig of one joint; a load that a robot's model gives is a column here."""
+    load = rig.load[joint]
+    return replace(
+        rig,
+        joints=(joint,),
+        drive={joint: rig.drive[joint]},
+        load={joint: "torque" if isinstance(load, RobotLoad) else load},
+        declared={joint: rig.declared[joint]},
+        robot=None,
+        coupled={},
     )

@@ -81,7 +81,7 @@ def test_the_size_of_an_effect_and_the_numbers_of_its_cause_belong_together(twin
 
     rng = np.random.default_rng(4)
     values = cause_values(effect_id, 0.37, twin.spec.joint, None, rng)
-    spec = replace(twin.spec, causes={CAUSES[effect_id].name: values})
+    spec = replace(twin.spec, causes={effect_id: values})
     assert_allclose(size_in(spec, effect_id), 0.37, rtol=1e-12)
 
 

@@ -1,6 +1,5 @@
 """The growing sinusoid beside a design, and motions from rest into a motion and out of it, within the limits."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,17 +23,8 @@ TURNED = np.array([1.0, -1.0, 1.0, -1.0])[:, None]
 
 def quintic(start: FloatArray, end: FloatArray, length: float, time: FloatArray) -> FloatArray:
     """(4, T) position, velocity, acceleration, jerk of the polynomial between two states (3,) in `length` [s]."""
-    rows = np.concatenate([_powers(np.array([at]), order) for at in (0.0, length) for order in range(3)])
-    weights = np.linalg.solve(rows, np.concatenate([start, end]))
-    return np.stack([_powers(time, order) @ weights for order in range(4)])
-
-
-def _powers(time: FloatArray, order: int) -> FloatArray:
-    """(T, 6) derivatives of an order of 1, t, ..., t^5."""
-    out = np.zeros((time.size, 6))
-    for p in range(order, 6):
-        out[:, p] = math.perm(p, order) * time ** (p - order)
-    return out
+    spline = BPoly.from_derivatives([0.0, length], [start, end])
+    return np.stack([spline(time, order) for order in range(4)])
 
 
 def lead_in(
@@ -134,30 +124,52 @@ def from_rest_to_rest(cores: Sequence[Core], rate_hz: float) -> tuple[FloatArray
     return time, out
 
 
-DEFAULT_HZ = 0.4
-"""Frequency of the growing sinusoid with which a design is compared [Hz]."""
-SHRINKING, LEAST_DEFAULT = 0.95, 1e-3
-"""Factor by which this sinusoid is made smaller until it keeps jerk and torque, and its least share of the span."""
+DEFAULT_HZ, APART = 0.4, 0.1
+"""Frequency of the growing sinusoid with which a design is compared [Hz], and by which share of it the next joint's is
+higher."""
+SMALLER, LEAST_DEFAULT = 0.95, 1e-3
+"""Factor by which these sinusoids are made smaller until they are allowed, and their least share of the span."""
+
+
+def growing_sinusoids(
+    limits: Sequence[JointLimits],
+    duration: float,
+    step: float,
+    allowed: Callable[[FloatArray], bool],
+    centre: FloatArray | None = None,
+) -> FloatArray:
+    """(4, T, n) growing sinusoids of a length and within limits, which they fill at their end.
+
+    Args:
+        limits: Of each joint; the torques are not looked at.
+        duration: Of the motion [s].
+        step: Time between its samples [s].
+        allowed: Of a motion (4, T, n).
+        centre: (n,) middle positions; None takes those of the limits.
+    """
+    time: FloatArray = np.asarray(np.arange(round(duration / step)) * step, dtype=np.float64)
+    share = 1.0
+    while True:
+        made = []
+        for i, each in enumerate(limits):
+            low, high = each.position
+            half, edge = 0.5 * share * (high - low), 0.05 * (high - low)
+            middle = 0.5 * (low + high) if centre is None else float(np.clip(centre[i], low + edge, high - edge))
+            bounds = MotionLimits(each.position, each.velocity, each.acceleration)
+            hz = DEFAULT_HZ * (1.0 + APART * i)
+            own = growing_sinusoid(time, hz, 0.05 * half, 0.95 * half / duration, bounds, middle)
+            made.append(np.stack([own.position, own.velocity, own.acceleration, np.gradient(own.acceleration, step)]))
+        motion = np.stack(made, axis=-1)
+        smooth = (np.abs(motion[3]).max(axis=0) <= [each.jerk for each in limits]).all()
+        if (smooth and allowed(motion)) or share < LEAST_DEFAULT:
+            return motion
+        share *= SMALLER
 
 
 def default_motion(joint: DesignJoint, limits: JointLimits, duration: float, step: float) -> FloatArray:
-    """(4, T) growing sinusoid of the same length and limits, which fills them at its end.
+    """(4, T) growing sinusoid of one joint within its limits, that of the motor's torque too."""
 
-    Args:
-        joint: Whose motor has the torque limit.
-        limits: Of position, speed, acceleration, jerk and torque.
-        duration: Of the motion [s].
-        step: Time between its samples [s].
-    """
-    time: FloatArray = np.asarray(np.arange(round(duration / step)) * step, dtype=np.float64)
-    low, high = limits.position
-    bounds = MotionLimits(limits.position, limits.velocity, limits.acceleration)
-    half = 0.5 * (high - low)
-    while True:
-        made = growing_sinusoid(time, DEFAULT_HZ, 0.05 * half, 0.95 * half / duration, bounds, 0.5 * (low + high))
-        jerk = np.gradient(made.acceleration, step)
-        motion = np.stack([made.position, made.velocity, made.acceleration, jerk])
-        kept = np.abs(jerk).max() <= limits.jerk and np.abs(joint.motor_torque(motion, step)).max() <= limits.torque
-        if kept or half < LEAST_DEFAULT * (high - low):
-            return motion
-        half *= SHRINKING
+    def allowed(motion: FloatArray) -> bool:
+        return bool(np.abs(joint.motor_torque(motion[:, :, 0], step)).max() <= limits.torque)
+
+    return np.asarray(growing_sinusoids((limits,), duration, step, allowed)[:, :, 0])

@@ -10,6 +10,7 @@ are linear constraints.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -147,6 +148,12 @@ class MotionBasis:
         """Number n of parameters."""
         return int(self.matrices.shape[2])
 
+    @property
+    def one(self) -> FloatArray:
+        """(n,) parameters of the constant motion 1."""
+        own = self.frequency_hz == 0.0 if self.kind == "fourier" else np.ones(self.size)
+        return np.asarray(own / self.scale)
+
     def motion(self, x: FloatArray) -> FloatArray:
         """(4, T) position, velocity, acceleration and jerk for x (n,)."""
         return np.asarray(self.matrices @ x)
@@ -219,13 +226,49 @@ def _bspline(time: FloatArray, period: float, step: float, bandwidth_hz: float) 
     count = int(np.clip(np.ceil(4.0 * bandwidth_hz * period), DEGREE + 3, 30))
     spacing = period / count
     knots = np.arange(-DEGREE, count + DEGREE + 1) * spacing
-    blocks = []
-    for order in range(4):
-        matrix = np.zeros((time.size, count))
-        for k in range(count + DEGREE):
-            weights = np.zeros(count + DEGREE)
-            weights[k] = 1.0
-            spline = BSpline(knots, weights, DEGREE)
-            matrix[:, k % count] += (spline.derivative(order) if order else spline)(time)
-        blocks.append(matrix)
-    return MotionBasis("bspline", period, step, np.stack(blocks), np.full(count, 0.25 / spacing), np.ones(count))
+    weights = np.eye(count)[np.arange(count + DEGREE) % count]  # what leaves one end enters at the other
+    splines = [BSpline(knots, weights, DEGREE)]
+    for _ in range(3):
+        splines.append(splines[-1].derivative())
+    matrices = np.stack([spline(time) for spline in splines])
+    return MotionBasis("bspline", period, step, matrices, np.full(count, 0.25 / spacing), np.ones(count))
+
+
+EDGE = 0.02
+"""Share of the position range that the mean of a motion keeps away from its ends."""
+SHRINKING, LEAST_SHARE = 0.93, 1e-3
+"""Factor by which a motion is made smaller until it is allowed, and its least share."""
+
+
+def shrunk(
+    bases: Sequence[MotionBasis],
+    limits: Sequence[JointLimits],
+    x: FloatArray,
+    allowed: Callable[[FloatArray], bool],
+    centre: FloatArray | None = None,
+) -> FloatArray | None:
+    """Motions (n, m) of n joints, made smaller about their means until they keep the limits; None where none does.
+
+    Args:
+        bases: Of each joint.
+        limits: Of each joint; the torques are not looked at.
+        x: (n, m) parameters.
+        allowed: Of a motion (4, T, n).
+        centre: (n,) positions to which the means go as the motion becomes smaller; None leaves them.
+    """
+    rows = []
+    for i, (basis, each, row) in enumerate(zip(bases, limits, x, strict=True)):
+        low, high = each.position
+        own, edge = float(np.mean(basis.matrices[0] @ row)), EDGE * (high - low)
+        mean, swing = float(np.clip(own, low + edge, high - edge)), row - own * basis.one
+        end = mean if centre is None else float(np.clip(centre[i], low, high))
+        rows.append((mean, end, basis.one, each.share_kept(mean, basis.motion(swing)) * swing))
+    share = 1.0
+    while share > LEAST_SHARE:
+        tried = np.stack(
+            [(mean + (1.0 - share) * (end - mean)) * one + share * swing for mean, end, one, swing in rows]
+        )
+        if allowed(np.stack([basis.motion(row) for basis, row in zip(bases, tried, strict=True)], axis=-1)):
+            return tried
+        share *= SHRINKING
+    return None

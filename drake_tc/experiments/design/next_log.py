@@ -26,7 +26,7 @@ from drake_tc.diagnosis.problem.unknown_load import with_fitted_load
 from drake_tc.diagnosis.split import with_needed
 from drake_tc.errors import IdentificationError
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.fitted import FittedJoint
+from drake_tc.experiments.fitted import FittedJoint, rig_alone
 from drake_tc.joint_simulator.measurement import coloured_noise
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.record import Run
@@ -133,26 +133,12 @@ def rig_of(runs: Sequence[PlannedRun]) -> Rig:
     servo: dict[str, object] = {"joint": joint.name, "drive": context.drive, "load": "torque"}
     if joint.rotor_inertia:
         servo["declared"] = {"rotor_inertia": joint.rotor_inertia}
-    rig = joint.rig or parse_rig(servo)
-    load = rig.load[joint.name]
+    rig = rig_alone(joint.rig or parse_rig(servo), joint.name)
     if context.load == "pendulum":
         each = [(run.name, _pendulum(run.joint)) for run in runs]
-        load = replace(each[0][1], by_run=tuple(each))
-    elif context.load in ("robot", "links"):
-        load = "torque"
+        rig = replace(rig, load={joint.name: replace(each[0][1], by_run=tuple(each))})
     gain = context.declared.get("drive_gain")
-    return replace(
-        rig,
-        joints=(joint.name,),
-        drive={joint.name: context.drive},
-        load={joint.name: load},
-        declared={joint.name: rig.declared[joint.name]},
-        drive_gain={joint.name: gain} if gain else {},
-        derivative_gain={},
-        saturation={},
-        robot=None,
-        coupled={},
-    )
+    return replace(rig, drive_gain={joint.name: gain} if gain else {}, derivative_gain={}, saturation={})
 
 
 def _pendulum(joint: DesignJoint) -> Pendulum:

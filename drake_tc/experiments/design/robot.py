@@ -19,7 +19,7 @@ The information of a second is rate_j/s_j^2. White noise of the effort leaves it
 the next run have: a wider filter lowers s_j^2 and the rate alike.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from drake_tc.config.joint_units import JointType, JointUnits
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
+from drake_tc.diagnosis.intervals import CRITICAL
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.robot.whole import declared_robot
@@ -42,7 +43,6 @@ from drake_tc.experiments.design.robot_goal import (
     PER_SECOND,
     CriterionName,
     Determinant,
-    InformationCriterion,
     RelativeIntervals,
     RobotGoal,
     RobotNoise,
@@ -52,6 +52,7 @@ from drake_tc.experiments.design.robot_goal import (
 )
 from drake_tc.experiments.design.robot_search import STEP, Collisions, RobotSearch
 from drake_tc.experiments.design.run import DesignOptions
+from drake_tc.experiments.design.search import Progress
 from drake_tc.experiments.fitted import moving_seconds
 from drake_tc.logs.prepare import in_order
 from drake_tc.logs.record import Run
@@ -62,13 +63,10 @@ from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import FloatArray
 
-Progress = Callable[[str, float], None]
 PERIOD = 15.0
 """Period of the motion [s], about: the experiment holds a whole number of them."""
 BANDWIDTH_HZ = 0.8
 FREQUENCIES = 12
-RANDOM_STARTS = 10
-"""Random motions among which the best are taken as starts."""
 LEAD_RATE_HZ = 10.0
 """Rate at which the whole motion, from rest to rest, is held against the distance [Hz]."""
 ACCELERATION_TIME = 0.4
@@ -93,7 +91,7 @@ class RobotDesign:
         repeats: Periods. expected, sentences: What it is expected to bring.
         value, start_value: Of the criterion, designed and of the best random motion.
         pairs: Pairs of shapes that could touch. distance: Least distance that was asked for [m].
-        sinusoids: (3, T, n) q, qdot, qddot of the growing sinusoids that it is compared with, at a step of `STEP`.
+        sinusoids: (4, T, n) the growing sinusoids that it is compared with, at a step of `STEP`.
         by_sinusoids: Whether these are the design, because no other motion is better by the criterion.
     """
 
@@ -115,7 +113,7 @@ class RobotDesign:
     def best(self) -> FloatArray:
         """(4, T, n) one period of the motion, or the sinusoids where these are the design."""
         if self.by_sinusoids:
-            return np.concatenate([self.sinusoids, np.zeros_like(self.sinusoids[:1])])
+            return self.sinusoids
         return np.stack([basis.motion(x) for basis, x in zip(self.bases, self.x, strict=True)], axis=-1)
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -213,7 +211,6 @@ def design_robot(
             f"{robot.source}: in its posture the robot's links are closer than {options.distance:g} m{where}; give "
             "another posture in the robot file, or a smaller --distance"
         )
-    links = link_model(robot)
     rng = np.random.default_rng(options.seed)
     repeats = max(1, round(options.duration / PERIOD))
     period = options.duration / repeats
@@ -221,66 +218,40 @@ def design_robot(
         scaled(motion_basis(options.basis, period, STEP, each.bandwidth_hz, FREQUENCIES), each) for each in limits
     )
     rotors = [i for i, name in enumerate(robot.joints) if name in options.rotors]
-    goal = robot_goal(links, limits, options.duration, rng, rotors, options.noise)
+    goal = robot_goal(link_model(robot), limits, options.duration, rng, rotors, options.noise)
     tight = tuple(each.with_margin(0.02) for each in limits)
     search = RobotSearch(robot, bases, tight, goal, Determinant(), collision)
     sinusoids = search.default(options.duration)
-    default = standard_errors(goal.information(*sinusoids))
-    search = replace(search, criterion=_criterion(options.criterion, goal, default))
-    tried = []
-    for number in range(RANDOM_STARTS):
-        x = search.random(rng)
-        tried.append((search.value(x), x))
-        progress("random motions", 0.1 * (number + 1) / RANDOM_STARTS)
-    tried.sort(key=lambda pair: -pair[0])
-    best = tried[0]
-    for number, (_, start) in enumerate(tried[: options.starts]):
-        x = search.within(search.solve(start, options.iterations))
-        best = max(best, (search.value(x), x), key=lambda pair: pair[0])
-        progress(f"start {number + 1} of {options.starts}", 0.1 + 0.9 * (number + 1) / options.starts)
-    found = _Found(search, repeats, best, tried[0][0], np.stack(sinusoids), default)
-    return _described(robot, limits, options, found)
-
-
-def _criterion(name: CriterionName, goal: RobotGoal, default: FloatArray) -> InformationCriterion:
-    if name == "intervals":
-        return RelativeIntervals(default, tuple(goal.groups.values()))
-    return Determinant() if name == "D" else SmallestEigenvalue()
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Result of the search: best (value, x), value of the best random motion, (3, T, n) sinusoids and the standard
-    errors after them.
-    """
-
-    search: RobotSearch
-    repeats: int
-    best: tuple[float, FloatArray]
-    start_value: float
-    sinusoids: FloatArray
-    default: FloatArray
-
-
-def _described(robot: Robot, limits: tuple[JointLimits, ...], options: RobotOptions, found: _Found) -> RobotDesign:
-    """Intervals of all parameters with the designed motion and with a growing sinusoid of each joint."""
-    search, goal, best = found.search, found.search.goal, found.best
-    of_sinusoids = search.criterion.value(goal.information(*found.sinusoids))
-    worse = of_sinusoids > best[0] and search.collision.allows(found.sinusoids[0, :: max(1, round(0.1 / STEP))])
-    spread = found.default if worse else standard_errors(goal.information(*search.motions(best[1])[:3]))
-    names, units = goal.names(robot.joints), goal.units
-    rows = tuple(
-        Expected(f"{name}, half 95 % interval", "SI", float("nan"), 1.96 * u * float(d), 1.96 * u * float(b))
-        for name, u, d, b in zip(names, units.tolist(), found.default, spread, strict=True)
+    default = standard_errors(goal.information(*sinusoids[:3]))
+    if options.criterion != "D":
+        relative = RelativeIntervals(default, tuple(goal.groups.values()))
+        search = replace(search, criterion=relative if options.criterion == "intervals" else SmallestEigenvalue())
+    (value, x), start_value = search.best(rng, options.starts, options.iterations, progress)
+    of_sinusoids = search.criterion.value(goal.information(*sinusoids[:3]))
+    worse = of_sinusoids > value and collision.allows(sinusoids[0, :: max(1, round(0.1 / STEP))])
+    spread = default if worse else standard_errors(goal.information(*search.motions(x)[:3]))
+    expected = tuple(
+        Expected(f"{name}, half 95 % interval", "SI", float("nan"), CRITICAL * u * float(d), CRITICAL * u * float(b))
+        for name, u, d, b in zip(goal.names(robot.joints), goal.units.tolist(), default, spread, strict=True)
     )
-    text = _sentences(goal, spread / found.default, options.noise)
-    text = (*text, *([BETTER_SINUSOIDS] if worse else []))
+    text = (*_sentences(goal, spread / default, options.noise), *([BETTER_SINUSOIDS] if worse else []))
     made = RobotDesign(
-        robot.joints, limits, search.bases, best[1], found.repeats, rows, (*text, *search.collision.sentences), best[0],
-        found.start_value, search.collision.pairs, options.distance, found.sinusoids, worse,
-    )  # fmt: skip
+        robot.joints,
+        limits,
+        bases,
+        x,
+        repeats,
+        expected,
+        (*text, *collision.sentences),
+        value,
+        start_value,
+        collision.pairs,
+        options.distance,
+        sinusoids,
+        worse,
+    )
     motions = made.motion(LEAD_RATE_HZ)[1]
-    if search.collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):
+    if collision.allows(np.stack([motions[name][0] for name in robot.joints], axis=-1)):
         return made
     warning = (
         f"On the way from rest into the motion or out of it, links come closer than {options.distance:g} m: raise "

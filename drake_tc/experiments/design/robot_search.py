@@ -18,10 +18,10 @@ from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_tc.errors import ParamsError
-from drake_tc.experiments.design.lead import DEFAULT_HZ
-from drake_tc.experiments.design.motions import JointLimits, MotionBasis
+from drake_tc.experiments.design.lead import growing_sinusoids
+from drake_tc.experiments.design.motions import JointLimits, MotionBasis, shrunk
 from drake_tc.experiments.design.robot_goal import InformationCriterion, RobotGoal
-from drake_tc.identification.excitation import MotionLimits, growing_sinusoid
+from drake_tc.experiments.design.search import Progress
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf import links_without_solids
@@ -145,13 +145,12 @@ def _pairs(scene_graph: SceneGraph) -> int:
     return len(scene_graph.model_inspector().GetCollisionCandidates())
 
 
+RANDOM_STARTS = 10
+"""Random motions among which the best are taken as starts."""
 STEP = 0.05
 """Time between the samples of a robot's motion [s]."""
 COLLISION_SAMPLES, CHECKED_SAMPLES = 25, 100
 """Postures of one period at which the distance is constrained, and at which it is checked at the end."""
-
-SHRINKING = 0.9
-"""Factor by which a motion is made smaller until it keeps torques and distances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,30 +180,26 @@ class RobotSearch:
         rows = [np.einsum("otm,ot->m", b.matrices[:3], slopes[:, :, i]) for i, b in enumerate(self.bases)]
         return value, np.stack(rows)
 
-    def random(self, rng: np.random.Generator) -> FloatArray:
-        """A random motion about the robot's posture that keeps all limits."""
-        x = rng.normal(size=(len(self.bases), self.bases[0].size)) * 0.5
-        return self.within(x)
+    def best(
+        self, rng: np.random.Generator, starts: int, iterations: int, progress: Progress
+    ) -> tuple[tuple[float, FloatArray], float]:
+        """((value, x (n, m)) of the best motion, value of the best random one), from several starts of the solver."""
+        tried = []
+        for number in range(RANDOM_STARTS):
+            x = self.within(0.5 * rng.normal(size=(len(self.bases), self.bases[0].size)))
+            tried.append((self.value(x), x))
+            progress("random motions", 0.1 * (number + 1) / RANDOM_STARTS)
+        tried.sort(key=lambda pair: -pair[0])
+        best = tried[0]
+        for number, (_, start) in enumerate(tried[:starts]):
+            x = self.within(self.solve(start, iterations))
+            best = max(best, (self.value(x), x), key=lambda pair: pair[0])
+            progress(f"start {number + 1} of {starts}", 0.1 + 0.9 * (number + 1) / starts)
+        return best, tried[0][0]
 
-    def default(self, duration: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(q, v, a) (T, n) of a growing sinusoid of each joint, at frequencies that differ, within all limits."""
-        time: FloatArray = np.asarray(np.arange(round(duration / STEP)) * STEP, dtype=np.float64)
-        size = 1.0
-        while True:
-            made = []
-            for i, (each, centre) in enumerate(zip(self.limits, self.robot.posture, strict=True)):
-                low, high = each.position
-                half = size * 0.5 * (high - low)
-                bounds = MotionLimits(each.position, each.velocity, each.acceleration)
-                middle = float(np.clip(centre, low + 0.05 * (high - low), high - 0.05 * (high - low)))
-                grows = 0.95 * half / duration
-                made.append(growing_sinusoid(time, DEFAULT_HZ * (1.0 + 0.1 * i), 0.05 * half, grows, bounds, middle))
-            q, v, a = (
-                np.stack([getattr(m, name) for m in made], axis=-1) for name in ("position", "velocity", "acceleration")
-            )
-            if (np.abs(self.goal.torque(q, v, a)) <= self.goal.effort).all() or size < 0.01:
-                return q, v, a
-            size *= 0.8
+    def default(self, duration: float) -> FloatArray:
+        """(4, T, n) of a growing sinusoid of each joint, at frequencies that differ, within all limits."""
+        return growing_sinusoids(self.limits, duration, STEP, self._within_torques, self.robot.posture)
 
     def within(self, x: FloatArray) -> FloatArray:
         """The motion shrunk about the posture until it keeps limits, torques and distances.
@@ -212,34 +207,20 @@ class RobotSearch:
         Raises:
             ParamsError: Not even a motion of a thousandth of the size keeps them.
         """
-        centre = np.array([np.clip(p, *each.position) for p, each in zip(self.robot.posture, self.limits, strict=True)])
-        rows = []
-        for basis, limits, row, middle in zip(self.bases, self.limits, x, centre, strict=True):
-            ones = np.linalg.lstsq(basis.matrices[0], np.ones(basis.matrices.shape[1]), rcond=None)[0]
-            own = float(np.mean(basis.matrices[0] @ row))
-            low, high = limits.position
-            mean = float(
-                np.clip(own if abs(own) > 1e-9 else middle, low + 0.05 * (high - low), high - 0.05 * (high - low))
+        found = shrunk(self.bases, self.limits, x, self._allowed, self.robot.posture)
+        if found is None:
+            raise ParamsError(
+                f"{self.robot.source}: no motion about the posture keeps the torque limits and the distance between "
+                "links"
             )
-            swing = row - own * ones
-            share = limits.share_kept(mean, basis.motion(swing))
-            rows.append((mean, ones, share * swing, middle))
-        factor = 1.0
-        while factor > 1e-3:
-            tried = np.stack([(m + (1.0 - factor) * (c - m)) * one + factor * s for m, one, s, c in rows])
-            if self._allowed(tried):
-                return tried
-            factor *= SHRINKING
-        raise ParamsError(
-            f"{self.robot.source}: no motion about the posture keeps the torque limits and the distance between links"
-        )
+        return found
 
-    def _allowed(self, x: FloatArray) -> bool:
-        q, v, a, _ = self.motions(x)
-        if (np.abs(self.goal.torque(q, v, a)) > self.goal.effort).any():
-            return False
-        every = max(1, q.shape[0] // CHECKED_SAMPLES)
-        return not self.collision.active or self.collision.allows(q[::every])
+    def _within_torques(self, motion: FloatArray) -> bool:
+        return bool((np.abs(self.goal.torque(*motion[:3])) <= self.goal.effort).all())
+
+    def _allowed(self, motion: FloatArray) -> bool:
+        every = max(1, motion.shape[1] // CHECKED_SAMPLES)
+        return self._within_torques(motion) and self.collision.allows(motion[0, ::every])
 
     def solve(self, start: FloatArray, iterations: int) -> FloatArray:
         """What the solver finds from a start (n, m)."""

@@ -23,7 +23,7 @@ from drake_tc.config.joint_units import TORQUE
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import Criterion, Worth
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.motions import JointLimits, MotionBasis
+from drake_tc.experiments.design.motions import JointLimits, MotionBasis, shrunk
 from drake_tc.experiments.design.next_log import PlannedRun, rough_log
 from drake_tc.types import FloatArray
 
@@ -207,23 +207,13 @@ def single_waves(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) ->
     waves = np.eye(basis.size)[basis.size // 2 + 1 :] * 0.5 * (high - low) / basis.scale[basis.size // 2 + 1 :, None]
     middle = 0.5 * (low + high)
     largest = [within(joint, basis, limits, _centred(basis, wave, middle)) for wave in waves]
-    rest = middle * _constant(basis)
+    rest = middle * basis.one
     return [rest + share * (wave - rest) for share in SHARES for wave in largest]
-
-
-def _constant(basis: MotionBasis) -> FloatArray:
-    """(n,) parameters of the constant motion 1."""
-    one = np.zeros(basis.size)
-    if basis.kind == "fourier":
-        one[0] = 1.0
-    else:
-        one[:] = 1.0
-    return np.asarray(one / basis.scale)
 
 
 def _centred(basis: MotionBasis, x: FloatArray, middle: float) -> FloatArray:
     span = basis.matrices[0] @ x
-    return np.asarray(x + (middle - 0.5 * (float(span.max()) + float(span.min()))) * _constant(basis))
+    return np.asarray(x + (middle - 0.5 * (float(span.max()) + float(span.min()))) * basis.one)
 
 
 def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: FloatArray) -> FloatArray:
@@ -232,22 +222,19 @@ def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: Float
     Raises:
         ParamsError: Not even a motion without amplitude keeps them.
     """
-    low, high = limits.position
-    one = _constant(basis)
-    mean = float(np.mean(basis.matrices[0] @ x))
-    mean = float(np.clip(mean, low + 0.02 * (high - low), high - 0.02 * (high - low)))
-    swing = x - float(np.mean(basis.matrices[0] @ x)) * one
-    share = limits.share_kept(mean, basis.motion(swing))
-    for _ in range(60):
-        motion = basis.motion(mean * one + share * swing)
-        torque = np.abs(joint.motor_torque(motion, basis.step))
-        if float(torque.max()) <= limits.torque * (1.0 + 1e-9):
-            return np.asarray(mean * one + share * swing)
-        share *= 0.93
-    raise ParamsError(
-        f"joint {joint.name}: no motion about {mean:.3g} {limits.units.position} keeps the torque limit of "
-        f"{limits.torque:.3g} {limits.units.text(TORQUE)}; raise it or move the position limits"
-    )
+
+    def allowed(motion: FloatArray) -> bool:
+        torque = joint.motor_torque(motion[:, :, 0], basis.step)
+        return float(np.abs(torque).max()) <= limits.torque * (1.0 + 1e-9)
+
+    found = shrunk((basis,), (limits,), x[None], allowed)
+    if found is None:
+        raise ParamsError(
+            f"joint {joint.name}: no motion about {float(np.mean(basis.matrices[0] @ x)):.3g} {limits.units.position} "
+            f"keeps the torque limit of {limits.torque:.3g} {limits.units.text(TORQUE)}; raise it or move the position "
+            "limits"
+        )
+    return np.asarray(found[0])
 
 
 def slow_passes(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) -> list[FloatArray]:

@@ -19,18 +19,15 @@ from threadpoolctl import threadpool_limits
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.effects.base import Effect
 from drake_tc.effects.library import effect
 from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
 from drake_tc.experiments.causes import cause_of, cause_values
+from drake_tc.experiments.check.effects import Visibility
 from drake_tc.experiments.rehearsal.twin import Twin
 from drake_tc.experiments.sizes import Size, size_of
-from drake_tc.logs.record import Run
-from drake_tc.logs.rig import Rig
 from drake_tc.report.numbers import percent, pretty_unit, significant
 from drake_tc.report.plain_page import PageSection, PageTable, plain_page
 from drake_tc.report.plots.svg import BACKWARD, FORWARD, new_figure, page_style, to_svg
-from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0)
@@ -112,14 +109,14 @@ def parse_effect(text: str) -> tuple[str, float | None]:
     name, _, number = text.partition("=")
     known = cause_of(name.strip())
     if not number:
-        return effect(name.strip()).id, None
+        return known, None
     try:
         size = float(number)
     except ValueError:
         raise ParamsError(f"--with {text}: expected EFFECT=SIZE with a number, got {number!r}") from None
     if not (np.isfinite(size) and size > 0.0):
-        raise ParamsError(f"--with {text}: expected a positive size of {known.name}, got {number}")
-    return effect(name.strip()).id, size
+        raise ParamsError(f"--with {text}: expected a positive size of {known}, got {number}")
+    return known, size
 
 
 def rehearse(
@@ -150,58 +147,49 @@ def rehearse(
     Raises:
         ParamsError: An effect that cannot act on this joint, or no run left to fit or to test.
     """
-    member = _member(twin, effect_id)
+    forms = _forms(twin, effect(effect_id).id)
+    shown = next((each for each in forms if not each.obstacle), None)  # the form that these logs can show
+    member = effect(effect_id if shown is None else shown.key)
     told = size_of(member, twin.effects.numbers, twin.prepared.context)
-    typical = told.typical if size is None else size
     names = [run.name for run in twin.runs]
     if not set(held) or not set(names) - set(held):
         raise ParamsError(f"expected training runs and held-out runs; runs: {', '.join(names)}; held out: {held}")
-    _require_possible(twin, member.id)
-    jobs = [(0.0, seed + k) for k in range(repeats)]
-    jobs += [(float(factor * typical), seed + k) for factor in factors for k in range(repeats)]
-    work = [(twin, effect_id, each, number, tuple(held)) for each, number in jobs]
+    tried = [0.0, *(float(factor * (told.typical if size is None else size)) for factor in factors)]
+    work = [(twin, member.id, each, seed + k, tuple(held)) for each in tried for k in range(repeats)]
     trials = []
     for done, trial in enumerate(_each(work, executor)):
         trials.append(trial)
         progress(f"trial {done + 1} of {len(work)}", (done + 1) / len(work))
     trials.sort(key=lambda t: (t.size, t.seed))
-    sizes = sorted({t.size for t in trials})
-    visible = [e for e in twin.effects.effects if e.id == member.id]
-    predicted = min((e.smallest for e in visible), default=float("inf"))
-    points = tuple(_point([t for t in trials if t.size == each], member.id) for each in sizes)
+    points = tuple(_point([t for t in trials if t.size == each]) for each in sorted({t.size for t in trials}))
+    predicted = min((each.smallest for each in forms), default=float("inf"))
     return Rehearsal(twin.joint, member.id, told, predicted, points, tuple(trials))
 
 
-def _member(twin: Twin, effect_id: str) -> Effect:
-    """The form of the effect that these logs can show, else its first form."""
-    for each in twin.effects.effects:
-        if each.id == effect(effect_id).id and not each.obstacle:
-            return effect(each.key)
-    return effect(effect_id)
+def _forms(twin: Twin, effect_id: str) -> list[Visibility]:
+    """What the logs show of each form of an effect.
 
-
-def _require_possible(twin: Twin, effect_id: str) -> None:
+    Raises:
+        ParamsError: The effect cannot act on this joint, or cannot be looked for.
+    """
     forms = [each for each in twin.effects.effects if each.id == effect_id]
     if forms and all(each.obstacle for each in forms):
         raise ParamsError(f"joint {twin.joint}: {effect_id}: {forms[0].reason} A rehearsal would never find it")
-    if twin.rig.units_of(twin.joint).slides and effect(effect_id).id in ONLY_REVOLUTE:
+    if twin.rig.units_of(twin.joint).slides and effect_id in ONLY_REVOLUTE:
         raise ParamsError(
             f"joint {twin.joint}: {effect_id}: the simulator has this effect for revolute joints only, and the "
-            f"joint is prismatic; the same holds for {', '.join(sorted(ONLY_REVOLUTE - {effect(effect_id).id}))}"
+            f"joint is prismatic; the same holds for {', '.join(sorted(ONLY_REVOLUTE - {effect_id}))}"
         )
-    declared = twin.rig.declared[twin.joint]
-    if effect_id in declared:
+    if effect_id in twin.rig.declared[twin.joint]:
         raise ParamsError(f"joint {twin.joint}: {effect_id} is declared in the rig file, and is part of every model")
+    return forms
 
 
 def _each(work: Sequence[tuple[Twin, str, float, int, tuple[str, ...]]], executor: Executor | None) -> Iterator[Trial]:
     if executor is None:
-        for each in work:
-            yield trial_of(*each)
-        return
-    futures = [executor.submit(trial_of, *each) for each in work]
-    for future in as_completed(futures):
-        yield future.result()
+        yield from (trial_of(*each) for each in work)
+    else:
+        yield from (future.result() for future in as_completed([executor.submit(trial_of, *each) for each in work]))
 
 
 def trial_of(twin: Twin, effect_id: str, size: float, seed: int, held: tuple[str, ...]) -> Trial:
@@ -209,24 +197,15 @@ def trial_of(twin: Twin, effect_id: str, size: float, seed: int, held: tuple[str
     causes: dict[str, Mapping[str, float]] = {}
     if size > 0.0:
         rng = np.random.default_rng([seed, 9])
-        values = cause_values(effect_id, size, twin.spec.joint, twin.spec.pendulum, rng)
-        causes[cause_of(effect_id).name] = values
+        causes[cause_of(effect_id)] = cause_values(effect_id, size, twin.spec.joint, twin.spec.pendulum, rng)
     try:
         (runs,) = twin.simulated([causes], [seed])
     except DrakeTcError:
         return Trial(size, seed, (RAN_AWAY,), found=False, alone=False, verdict="")
-    return diagnosed(runs, twin.rig, twin.joint, effect(effect_id).id, size, seed, held)
-
-
-def diagnosed(
-    runs: Sequence[Run], rig: Rig, joint: str, effect_id: str, size: float, seed: int, held: tuple[str, ...]
-) -> Trial:
-    """The answer to simulated runs."""
-    train = [run for run in runs if run.name not in held]
-    held_out = [run for run in runs if run.name in held]
+    train, held_out = ([run for run in runs if (run.name in held) == out] for out in (False, True))
     try:
         with threadpool_limits(1):
-            report = diagnose_joint(train, held_out, rig, joint, DiagnosisOptions())
+            report = diagnose_joint(train, held_out, twin.rig, twin.joint, DiagnosisOptions())
     except IdentificationError:
         return Trial(size, seed, (REFUSED,), found=False, alone=False, verdict="")
     named = tuple(dict.fromkeys(e.id for e in report.effects))
@@ -235,7 +214,7 @@ def diagnosed(
     return Trial(size, seed, named, found=found, alone=found and len(named) == 1, verdict=report.verdict)
 
 
-def _point(trials: Sequence[Trial], effect_id: str) -> PowerPoint:
+def _point(trials: Sequence[Trial]) -> PowerPoint:
     found = sum(t.found for t in trials)
     firsts = Counter(t.named[0] if t.named else NOTHING for t in trials if not t.found)
     return PowerPoint(
@@ -257,12 +236,12 @@ def share_interval(found: int, trials: int) -> tuple[float, float]:
 
 def half_power(points: Sequence[PowerPoint]) -> float:
     """Smallest size from which on at least half of the joints are found; infinite where there is none."""
-    sizes: FloatArray = np.array([p.size for p in points if p.size > 0.0])
-    enough = np.array([p.found >= 0.5 * p.trials for p in points if p.size > 0.0])
-    for at in range(sizes.size):
-        if enough[at:].all():
-            return float(sizes[at])
-    return float("inf")
+    smallest = float("inf")
+    for point in sorted(points, key=lambda p: -p.size):
+        if point.size > 0.0 and point.found < 0.5 * point.trials:
+            break
+        smallest = point.size or smallest
+    return smallest
 
 
 FILES = ("rehearsal.html", "rehearsal.json")
@@ -270,19 +249,9 @@ FILES = ("rehearsal.html", "rehearsal.json")
 
 def rehearsal_json(found: Rehearsal) -> dict[str, Any]:
     """The whole rehearsal as plain data."""
-    out: dict[str, Any] = json_value(
-        {
-            "name": "rehearse",
-            "schema": 1,
-            "joint": found.joint,
-            "effect": found.effect,
-            "size": asdict(found.size),
-            "predicted_smallest": found.predicted,
-            "found_from": half_power(found.points),
-            "points": [asdict(each) for each in found.points],
-            "trials": [asdict(each) for each in found.trials],
-        }
-    )
+    document = {"name": "rehearse", "schema": 1, **asdict(found), "found_from": half_power(found.points)}
+    document["predicted_smallest"] = document.pop("predicted")
+    out: dict[str, Any] = json_value(document)
     return out
 
 

@@ -1,6 +1,6 @@
 """A simulated twin of a recorded joint: its declared model, its motions, its sensors and its noise.
 
-The twin is simulated by `benchmarks.blind`, which shares no formula with the diagnosis: bristle friction, two masses
+The twin is simulated by `joint_simulator`, which shares no formula with the diagnosis: bristle friction, two masses
 where the gear has play or gives, a drive in continuous time. What a log does not tell (break-away length, heat
 capacity) has typical values.
 """
@@ -16,12 +16,13 @@ from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
 from drake_tc.errors import ParamsError, SimulationError
 from drake_tc.experiments.check.effects import JointEffects, joint_effects
 from drake_tc.experiments.check.run import with_loads
+from drake_tc.experiments.fitted import rig_alone
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.joint_simulator.measurement import CLEAN_COLUMNS, clean_log, coloured_noise, measured
 from drake_tc.joint_simulator.physics import CHANNELS, Batch, Record
 from drake_tc.joint_simulator.reference import LOG_PERIOD, Motion
 from drake_tc.joint_simulator.spec import Joint, RigSpec, Sensors
-from drake_tc.logs.loads import Pendulum, RobotLoad, unknown_form
+from drake_tc.logs.loads import Pendulum, unknown_form
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
 from drake_tc.types import FloatArray
@@ -132,10 +133,9 @@ class SimulatedJoint:
         Raises:
             SimulationError: A joint ran away.
         """
-        chosen = tuple(runs)
         specs = [self.with_causes(each, seed) for each, seed in zip(causes, seeds, strict=True)]
         out: list[list[Run]] = [[] for _ in specs]
-        for number, run in enumerate(chosen):
+        for number, run in enumerate(runs):
             records = integrated(specs, [run] * len(specs))
             for made, record, seed in zip(out, records, seeds, strict=True):
                 made.append(self.measured(record, run, np.random.default_rng([seed, number, 5])))
@@ -241,21 +241,7 @@ def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
         extra_time=0.5 * found.fitted.seconds / found.noise.independent,
         recorded=prepared.context.recorded,
     )
-    return Twin(simulator, _own_rig(rig_used, joint), repeated, found, prepared)
-
-
-def _own_rig(rig: Rig, joint: str) -> Rig:
-    """The rig of one joint; a load that a robot's model gives is a column here."""
-    load = rig.load[joint]
-    return replace(
-        rig,
-        joints=(joint,),
-        drive={joint: rig.drive[joint]},
-        load={joint: "torque" if isinstance(load, RobotLoad) else load},
-        declared={joint: rig.declared[joint]},
-        robot=None,
-        coupled={},
-    )
+    return Twin(simulator, rig_alone(rig_used, joint), repeated, found, prepared)
 
 
 def _link(prepared: Prepared, load: object) -> tuple[float, float]:

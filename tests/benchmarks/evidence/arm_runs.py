@@ -101,7 +101,7 @@ def compared_motions(design: RobotDesign) -> tuple[FloatArray, dict[str, Motion]
     time = np.arange(round(length / STEP) + 1, dtype=np.float64) * STEP
     made = design.motion(1.0 / STEP)[1]
     q, v, a = np.stack([made[joint][:3, : time.size] for joint in design.joints], axis=-1)
-    return time, {MOTIONS[0]: (q, v, a), MOTIONS[1]: resampled(design.sinusoids, DESIGN_STEP, time)}
+    return time, {MOTIONS[0]: (q, v, a), MOTIONS[1]: resampled(design.sinusoids[:3], DESIGN_STEP, time)}
 
 
 def resampled(motion: FloatArray, step: float, time: FloatArray) -> Motion:

@@ -100,5 +100,5 @@ def drawn_joint(pair: Pair, truth: tuple[str, float], seed: int) -> PairJoint:
     if pair.pendulum is not None:
         declared["load"] = {"pendulum": {"mass": pair.pendulum[0], "length": pair.pendulum[1]}}
     values = {} if name == DRIVE_GAIN else cause_values(name, size, joint, pair.pendulum, rng)
-    causes = {} if name == DRIVE_GAIN else {cause_of(name).name: values}
+    causes = {} if name == DRIVE_GAIN else {cause_of(name): values}
     return PairJoint(spec, causes, parse_rig(declared))
