@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -17,10 +18,19 @@ from drake_tc.diagnosis.result.models import gap_between_encoders
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
 from drake_tc.logs.rig import parse_rig
-from drake_tc.report.comparison import comparison_json
+from drake_tc.report.comparison import comparison_json, effect_sentence
 from drake_tc.types import GRAVITY
 from drake_tc.watch.changes import Known
-from drake_tc.watch.compare import ABSENT, PAYLOAD, SAME_AGES, VISCOUS, common_variances, opened_by_payload
+from drake_tc.watch.compare import (
+    ABSENT,
+    PAYLOAD,
+    SAME_AGES,
+    VISCOUS,
+    EffectChange,
+    EffectStatus,
+    common_variances,
+    opened_by_payload,
+)
 
 QUICK = DiagnosisOptions(assess_residual=False)
 
@@ -155,3 +165,9 @@ def test_what_the_age_of_a_servos_command_leaves_open_is_in_no_difference(drive,
     pairs = {VISCOUS: (Known(30.0, 5.0), Known(31.0, 6.0)), ("coulomb", "coulomb"): (Known(4.0, 0.1), Known(4.0, 0.1))}
     common = common_variances(pairs, joint, ActuatorModel("knee", Drive(drive, 1.4e-4), ()))
     np.testing.assert_allclose(common, [SAME_AGES * expected, 0.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("status", get_args(EffectStatus))
+def test_every_status_of_an_effect_has_its_words(status):
+    told = effect_sentence(EffectChange("deadzone", "dead zone", status, 2.0, {"deadzone": Known(0.01, 0.001)}))
+    assert told.startswith("dead zone ") and "0.01" in told
