@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drake_tc.diagnosis.problem.prepared import prepare_joint
-from drake_tc.experiments.check.consistency import LATE_VELOCITY, findings, late_columns
+from drake_tc.experiments.check.consistency import findings
+from drake_tc.experiments.check.delays import LATE_VELOCITY, late_columns
 from drake_tc.experiments.fitted import fitted_joint
 from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean
 from drake_tc.joint_simulator.physics import simulate

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from drake_tc.effects.library import effect
 from drake_tc.experiments import log_odds
 from drake_tc.experiments.check.consistency import findings
 from drake_tc.experiments.check.effects import SEPARABLE_WITHIN, Visibility, joint_effects
-from drake_tc.experiments.check.reasons import Hidden, sentence
+from drake_tc.experiments.check.reasons import why_hidden
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size
 from drake_tc.logs.prepare import load_runs
@@ -162,7 +163,7 @@ def test_a_wrong_drive_gain_is_not_hidden_by_a_gain_that_is_declared(demo, prepa
     wrong = prepare_joint(runs, [], replace(rig, drive_gain={joint: 1.3 * gain}), joint)
     found = joint_effects(wrong, SCALES)
     assert next(each for each in found.effects if each.key == "servo_gain").status in ("seen", "not_separable")
-    assert_allclose(found.noise.left, checked.noise.left, rtol=0.3)
+    assert_allclose(found.fitted.balance.left, checked.fitted.balance.left, rtol=0.3)
 
 
 def test_predictions_compare_the_true_size_with_both_stated_sizes():
@@ -203,10 +204,13 @@ def test_torques_of_unknown_scale_are_stated_in_the_unit_of_the_effort(prepared)
 
 
 def test_a_reason_agrees_with_the_number_of_terms_that_explain_the_effect(checked):
-    facts, size = checked.facts, Size("bias", "N*m", 1.0)
-    one, two = (
-        sentence(effect("asymmetric_friction"), Hidden(facts, size, math.inf, 0.0, names, 0.0, 1.0))
-        for names in (["A"], ["A", "B"])
-    )
-    assert one == "In these motions, A imitates all of its contribution."
-    assert two == "In these motions, A and B together imitate all of its contribution."
+    member = effect("asymmetric_friction")
+
+    def told(*imitators: str) -> str:
+        odds = SimpleNamespace(
+            sizes={member.key: Size("bias", "N*m", 1.0)}, middle=lambda _: None, imitators=lambda *_: list(imitators)
+        )
+        return why_hidden(member, odds, checked.facts, math.inf, 0.0)
+
+    assert told("A") == "In these motions, A imitates all of its contribution."
+    assert told("A", "B") == "In these motions, A and B together imitate all of its contribution."

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.effects.base import Effect, JointNumbers
+from drake_tc.effects.base import Effect
 from drake_tc.effects.library import looked_for
 from drake_tc.effects.obstacle import Obstacle
-from drake_tc.experiments.check.reasons import Hidden, MotionFacts, sentence
-from drake_tc.experiments.fitted import FittedJoint, Noise, fitted_joint
+from drake_tc.experiments.check.reasons import MotionFacts, why_hidden
+from drake_tc.experiments.fitted import FittedJoint, fitted_joint
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size, size_of
 
@@ -114,16 +114,6 @@ class JointEffects:
     facts: MotionFacts
     effects: tuple[Visibility, ...]
 
-    @property
-    def numbers(self) -> JointNumbers:
-        """The declared model."""
-        return self.fitted.numbers
-
-    @property
-    def noise(self) -> Noise:
-        """Of the balance."""
-        return self.fitted.balance
-
 
 def joint_effects(
     prepared: Prepared, effects: Sequence[Effect] | None = None, *, links_fitted: bool = False
@@ -185,7 +175,7 @@ def _visibility(effect: Effect, odds: EffectOdds, facts: MotionFacts) -> Visibil
     strongest = float(variant.sizes[-1]) if variant.by_shape else 1.0
     kept = odds.left(variant, strongest) / max(odds.whole(variant, strongest), 1e-300)
     if status in ("not_seen", "weakly"):
-        reason = sentence(effect, _why_hidden(odds, effect, facts, smallest, kept))
+        reason = why_hidden(effect, odds, facts, smallest, kept)
     return Visibility(
         effect.key, effect.id, effect.title, status, size, smallest, easiest, same, kept, reason, separable, below
     )
@@ -206,11 +196,3 @@ def _separable(effect: Effect, odds: EffectOdds, sizes: tuple[float, float]) -> 
         found = odds.confused_with(effect, middle)
         low, high, same = (middle, high, found) if found else (low, middle, same)
     return high, same
-
-
-def _why_hidden(odds: EffectOdds, effect: Effect, facts: MotionFacts, smallest: float, kept: float) -> Hidden:
-    size, variant = odds.sizes[effect.key], odds.middle(effect)
-    gain = odds.fitted.gain
-    typical = odds.left(variant, size.typical) / gain if size.typical > 0.0 else 0.0
-    asked = odds.left(variant, smallest) / gain if 0.0 < smallest < math.inf else math.inf
-    return Hidden(facts, size, smallest, kept, odds.imitators(variant, max(size.typical, 1e-300)), typical, asked)

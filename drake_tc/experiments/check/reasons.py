@@ -1,7 +1,7 @@
 """What a joint's rows contain, and why an effect cannot show in them, in a sentence that an engineer can act on."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,7 @@ from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.within_tolerance import WithinTolerance
-from drake_tc.experiments.log_odds import NUMERICAL
-from drake_tc.experiments.sizes import Size
+from drake_tc.experiments.log_odds import NUMERICAL, EffectOdds
 
 SLOW = 0.1
 """Share of the largest speed, below which a row counts as slow."""
@@ -77,127 +76,100 @@ class MotionFacts:
 
 IMITATED = 0.25
 """Share of a contribution that the declared model must leave, below which it is said to imitate the effect."""
-Reason = Callable[[MotionFacts], str]
-"""A sentence where the motion explains why the effect does not show; empty where it does not."""
-
-
-def _load_sign(f: MotionFacts) -> str:
-    if f.load_crosses:
-        return ""
-    low, high = f.load
-    return (
-        f"The load torque never changes its sign in motion: it stays between {low:.3g} and {high:.3g} {f.units.torque}."
-    )
-
-
-def _load_change(f: MotionFacts) -> str:
-    if f.load_change > 0.35:
-        return ""
-    return f"The magnitude of the load torque hardly changes: it varies by {100 * f.load_change:.0f} % about its mean."
-
-
-def _never_slow(f: MotionFacts) -> str:
-    if f.slow > 0.05:
-        return ""
-    tenth = f"a tenth of {f.speed:.3g} {f.units.position}/s"
-    return f"The joint is rarely slow: only {100 * f.slow:.0f} % of the samples are below {tenth}."
-
-
-def _temperature(f: MotionFacts) -> str:
-    return "" if not f.rise < 5.0 else f"The recorded temperature changes by only {f.rise:.2g} K."
-
-
-def _effort_sign(f: MotionFacts) -> str:
-    return "" if f.effort_crosses else "The effort never changes its sign, so that it never crosses the dead zone."
-
-
-def _few_reversals(f: MotionFacts) -> str:
-    return "" if f.reversals >= 8 else f"The motion reverses only {f.reversals} times."
-
-
-def _slow_accelerations(f: MotionFacts) -> str:
-    largest = max(abs(f.load[0]), abs(f.load[1]), 1e-12)
-    if f.inertial > 0.15 * largest:
-        return ""
-    shares = f"{f.inertial:.2g} {f.units.torque} of torques up to {largest:.3g} {f.units.torque}"
-    return f"The accelerations are low: inertia accounts for {shares}."
-
-
-def _small_travel(f: MotionFacts) -> str:
-    return "" if f.span > f.units.large_travel else f"The joint moves over only {f.span:.2g} {f.units.position}."
-
-
-def _short(f: MotionFacts) -> str:
-    return "" if f.duration > 60.0 else f"The longest run lasts only {f.duration:.3g} s."
-
-
-def _limit(f: MotionFacts) -> str:
-    return f"A limit shows only where the effort reaches it; the largest effort is {f.effort:.3g}."
-
-
-REASONS: Mapping[str, Reason] = {
-    "backlash": _load_sign,
-    "load_dependent_friction": _load_change,
-    "directional_efficiency": _load_change,
-    "stribeck": _never_slow,
-    "thermal_friction": _temperature,
-    "winding_temperature": _temperature,
-    "deadzone": _effort_sign,
-    "presliding_hysteresis": _few_reversals,
-    "rotor_inertia": _slow_accelerations,
-    "torque_sensor_gain": _slow_accelerations,
-    "payload": _slow_accelerations,
-    "elasticity": _slow_accelerations,
-    "delay": _slow_accelerations,
-    "current_lag": _slow_accelerations,
-    "cable_spring": _small_travel,
-    "torque_ripple": _small_travel,
-    "position_dependent_friction": _small_travel,
-    "position_dependent_load": _small_travel,
-    "encoder_eccentricity": _small_travel,
-    "torque_sensor_drift": _short,
-    "servo_integrator": _short,
-    "saturation": _limit,
+HIDDEN_BY: Mapping[str, str] = {
+    "backlash": "load sign",
+    "load_dependent_friction": "load change",
+    "directional_efficiency": "load change",
+    "stribeck": "never slow",
+    "thermal_friction": "temperature",
+    "winding_temperature": "temperature",
+    "deadzone": "effort sign",
+    "presliding_hysteresis": "few reversals",
+    "rotor_inertia": "slow accelerations",
+    "torque_sensor_gain": "slow accelerations",
+    "payload": "slow accelerations",
+    "elasticity": "slow accelerations",
+    "delay": "slow accelerations",
+    "current_lag": "slow accelerations",
+    "cable_spring": "small travel",
+    "torque_ripple": "small travel",
+    "position_dependent_friction": "small travel",
+    "position_dependent_load": "small travel",
+    "encoder_eccentricity": "small travel",
+    "torque_sensor_drift": "short",
+    "servo_integrator": "short",
+    "saturation": "limit",
 }
 """By effect id, the property of the motion that usually hides it."""
 
 
-@dataclass(frozen=True)
-class Hidden:
-    """What is known of an effect that does not show.
+def by_motion(effect_id: str, f: MotionFacts) -> str:
+    """A sentence where the motion explains why the effect does not show; empty where it does not."""
+    torque, position, largest = f.units.torque, f.units.position, max(abs(f.load[0]), abs(f.load[1]), 1e-12)
+    reasons = {
+        "load sign": (
+            not f.load_crosses,
+            f"The load torque never changes its sign in motion: it stays between {f.load[0]:.3g} and "
+            f"{f.load[1]:.3g} {torque}.",
+        ),
+        "load change": (
+            f.load_change <= 0.35,
+            f"The magnitude of the load torque hardly changes: it varies by {100 * f.load_change:.0f} % about its "
+            "mean.",
+        ),
+        "never slow": (
+            f.slow <= 0.05,
+            f"The joint is rarely slow: only {100 * f.slow:.0f} % of the samples are below a tenth of "
+            f"{f.speed:.3g} {position}/s.",
+        ),
+        "temperature": (f.rise < 5.0, f"The recorded temperature changes by only {f.rise:.2g} K."),
+        "effort sign": (
+            not f.effort_crosses,
+            "The effort never changes its sign, so that it never crosses the dead zone.",
+        ),
+        "few reversals": (f.reversals < 8, f"The motion reverses only {f.reversals} times."),
+        "slow accelerations": (
+            f.inertial <= 0.15 * largest,
+            f"The accelerations are low: inertia accounts for {f.inertial:.2g} {torque} of torques up to "
+            f"{largest:.3g} {torque}.",
+        ),
+        "small travel": (f.span <= f.units.large_travel, f"The joint moves over only {f.span:.2g} {position}."),
+        "short": (f.duration <= 60.0, f"The longest run lasts only {f.duration:.3g} s."),
+        "limit": (
+            True,
+            f"A limit shows only where the effort reaches it; the largest effort is {f.effort:.3g}.",
+        ),
+    }
+    hidden, text = reasons.get(HIDDEN_BY.get(effect_id, ""), (False, ""))
+    return text if hidden else ""
 
-    Attributes:
+
+def why_hidden(effect: Effect, odds: EffectOdds, facts: MotionFacts, smallest: float, kept: float) -> str:
+    """Why the effect is not seen, or only weakly: tolerances first, then motion, what imitates it, and noise.
+
+    Args:
+        effect: The effect.
+        odds: Of the logs.
         facts: Of the motion.
-        size: Of the effect. smallest: that is found.
-        kept: Share of its contribution that the rest of the model leaves. imitators: what imitates it.
-        remainder: RMS that it leaves at its typical size [N m]. least: that it would need [N m].
+        smallest: Size that is found.
+        kept: Share of its contribution that the rest of the model leaves.
     """
-
-    facts: MotionFacts
-    size: Size
-    smallest: float
-    kept: float
-    imitators: Sequence[str]
-    remainder: float
-    least: float
-
-
-def sentence(effect: Effect, hidden: Hidden) -> str:
-    """Why the effect is not seen, or only weakly: tolerances first, then motion, what imitates it, and noise."""
-    if hidden.imitators[:1] == [WithinTolerance.title] and hidden.kept < IMITATED:
-        upto = f" up to {hidden.smallest:.2g} {hidden.size.unit}".removesuffix(" -") * math.isfinite(hidden.smallest)
+    size, variant = odds.sizes[effect.key], odds.middle(effect)
+    imitators = odds.imitators(variant, max(size.typical, 1e-300))
+    if imitators[:1] == [WithinTolerance.title] and kept < IMITATED:
+        upto = f" up to {smallest:.2g} {size.unit}".removesuffix(" -") * math.isfinite(smallest)
         return f"Sizes{upto} may be errors of the joint's sensors within their tolerances."
-    found = REASONS.get(effect.id)
-    by_motion = found(hidden.facts) if found is not None else ""
-    if by_motion:
-        return by_motion
-    size = "" if not math.isfinite(hidden.size.typical) else f" of {hidden.size.typical:.2g} {hidden.size.unit}"
-    size = size.removesuffix(" -")
-    if hidden.kept < IMITATED and hidden.imitators:
-        share = min(99.9, 100.0 * (1.0 - hidden.kept**2))
-        verb = "imitates" if len(hidden.imitators) == 1 else "together imitate"
-        part = "all" if hidden.kept <= NUMERICAL else f"{share:.3g} %"
-        return f"In these motions, {' and '.join(hidden.imitators)} {verb} {part} of its contribution."
-    unit = hidden.facts.units.torque
-    asked = f", but the noise requires at least {hidden.least:.2g} {unit}" if math.isfinite(hidden.least) else ""
-    return f"An effect{size} changes the torque by {hidden.remainder:.2g} {unit}{asked}."
+    moved = by_motion(effect.id, facts)
+    if moved:
+        return moved
+    if kept < IMITATED and imitators:
+        verb = "imitates" if len(imitators) == 1 else "together imitate"
+        part = "all" if kept <= NUMERICAL else f"{min(99.9, 100.0 * (1.0 - kept**2)):.3g} %"
+        return f"In these motions, {' and '.join(imitators)} {verb} {part} of its contribution."
+    unit, gain = facts.units.torque, odds.fitted.gain
+    typical = odds.left(variant, size.typical) / gain if size.typical > 0.0 else 0.0
+    asked = ""
+    if 0.0 < smallest < math.inf:
+        asked = f", but the noise requires at least {odds.left(variant, smallest) / gain:.2g} {unit}"
+    of = f" of {size.typical:.2g} {size.unit}".removesuffix(" -") * math.isfinite(size.typical)
+    return f"An effect{of} changes the torque by {typical:.2g} {unit}{asked}."

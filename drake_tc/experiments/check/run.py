@@ -18,7 +18,8 @@ from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.errors import IdentificationError
 from drake_tc.estimation.coupled_gears import at_motors, motor_turns
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
-from drake_tc.experiments.check.consistency import Finding, findings, late_columns
+from drake_tc.experiments.check.consistency import Finding, findings
+from drake_tc.experiments.check.delays import late_columns
 from drake_tc.experiments.check.effects import JointEffects, Visibility, by_reason, joint_effects
 from drake_tc.logs.loads import RobotLoad
 from drake_tc.logs.prepare import in_order, load_runs
@@ -179,9 +180,8 @@ def _check_joint(runs: Sequence[Run], rig: Rig, joint: str, *, links_fitted: boo
 def _run_facts(run: Run) -> RunFacts:
     usable = run.segment >= 0
     count = int(np.unique(run.segment[usable]).size)
-    return RunFacts(
-        run.name, float(run.time[-1] - run.time[0]), 1.0 / run.period, float(np.mean(usable)), count, run.notes
-    )
+    seconds = float(run.time[-1] - run.time[0])
+    return RunFacts(run.name, seconds, 1.0 / run.period, float(np.mean(usable)), count, run.notes)
 
 
 def _column_facts(run: Run, rig: Rig) -> list[ColumnFacts]:
@@ -202,21 +202,8 @@ WORDS = {"seen": "seen", "weakly": "weakly seen", "not_seen": "not seen", "not_s
 def check_page(result: CheckResult) -> str:
     """The HTML of a check."""
     sections = [section for name, joint in result.joints.items() for section in _joint(name, joint)]
-    runs = PageTable(
-        ("run", "length", "rate", "usable", "stretches", "repairs on reading"),
-        [
-            (
-                run.name,
-                f"{significant(run.seconds)} s",
-                f"{significant(run.rate, 4)} Hz",
-                percent(run.usable),
-                str(run.stretches),
-                " ".join(run.notes) or "none",
-            )
-            for run in result.runs
-        ],
-        ("length", "rate", "usable", "stretches"),
-    )
+    numbers = ("length", "rate", "usable", "stretches")
+    runs = PageTable(("run", *numbers, "repairs on reading"), [_run_row(run) for run in result.runs], numbers)
     columns = PageTable(
         ("run", "column", "from", "to", "step"),
         [
@@ -230,31 +217,30 @@ def check_page(result: CheckResult) -> str:
     return plain_page("What these logs can show", f"check · rig {result.rig_file.rpartition('/')[2]}", lead, sections)
 
 
+def _run_row(run: RunFacts) -> tuple[str, ...]:
+    length, rate = f"{significant(run.seconds)} s", f"{significant(run.rate, 4)} Hz"
+    return run.name, length, rate, percent(run.usable), str(run.stretches), " ".join(run.notes) or "none"
+
+
 def summary(name: str, joint: JointCheck) -> str:
     """One sentence: how many effects would be found, and what speaks against the columns."""
     if joint.effects is None:
         return f"{name}: the declared model cannot be fitted. {joint.refusal}"
-    shown = [e for e in joint.effects.effects if e.status == "seen"]
-    blurred = [e for e in joint.effects.effects if e.status == "not_separable"]
-    possible = sum(not e.obstacle for e in joint.effects.effects)
+    status = [e.status for e in joint.effects.effects if not e.obstacle]
     doubts = sum(f.level == "warning" for f in joint.findings)
     text = (
-        f"{name}: of the {possible} effects that can be looked for, these logs would show {len(shown)} at their "
-        f"typical size, and cannot separate {len(blurred)} from another effect."
+        f"{name}: of the {len(status)} effects that can be looked for, these logs would show {status.count('seen')} at "
+        f"their typical size, and cannot separate {status.count('not_separable')} from another effect."
     )
-    if not doubts:
-        return text
-    return text + (
-        " One property of the columns is doubtful." if doubts == 1 else f" {doubts} properties are doubtful."
-    )
+    doubtful = {0: "", 1: " One property of the columns is doubtful."}
+    return text + doubtful.get(doubts, f" {doubts} properties are doubtful.")
 
 
 def _joint(name: str, joint: JointCheck) -> list[PageSection]:
     if joint.effects is None:
         return [PageSection(name, warnings=(joint.refusal,))]
-    good = [f.text for f in joint.findings if f.level != "warning"]
-    doubtful = [f.text for f in joint.findings if f.level == "warning"]
-    noise, unit = joint.effects.noise, pretty_unit(joint.effects.facts.units.torque)
+    good, doubtful = ([f.text for f in joint.findings if (f.level == "warning") == bad] for bad in (False, True))
+    noise, unit = joint.effects.fitted.balance, pretty_unit(joint.effects.facts.units.torque)
     explain = (
         f"The sensor noise alone leaves an error of {significant(noise.floor)} {unit} (RMS) in the torque balance; the "
         f"most probable model leaves {significant(noise.left)} {unit}, with {significant(noise.independent)} "
@@ -268,31 +254,20 @@ def _joint(name: str, joint: JointCheck) -> list[PageSection]:
         ("smallest size", "typical size"),
     )
     labels = {each.key: _label(each) for each in joint.effects.effects}
-    never = PageTable(
-        ("cannot be looked for", "why"),
-        [
-            (", ".join(labels[key] for key in keys), f"{capital(reason)}.")
-            for reason, keys in by_reason(joint.effects.effects).items()
-        ],
-        (),
-    )
+    reasons = by_reason(joint.effects.effects).items()
+    rows = [(", ".join(labels[key] for key in keys), f"{capital(reason)}.") for reason, keys in reasons]
+    never = [PageTable(("cannot be looked for", "why"), rows)] if rows else []
     aside = f"{joint.drive}, {significant(joint.seconds)} s in motion"
     return [
         PageSection(f"{name}: columns", good, doubtful, aside=aside),
-        PageSection(f"{name}: effects", (explain,), tables=(table, *([never] if never.rows else []))),
+        PageSection(f"{name}: effects", (explain,), tables=(table, *never)),
     ]
 
 
 def _row(found: Visibility) -> tuple[str, ...]:
     why = found.reason or (f"In these motions it is {found.why}." if found.why else "")
-    return (
-        _label(found),
-        WORDS[found.status],
-        _size(found.smallest),
-        _size(found.size.typical),
-        pretty_unit(found.size.unit),
-        why,
-    )
+    sizes = _size(found.smallest), _size(found.size.typical), pretty_unit(found.size.unit)
+    return _label(found), WORDS[found.status], *sizes, why
 
 
 def _label(found: Visibility) -> str:
@@ -320,37 +295,25 @@ def check_json(result: CheckResult) -> dict[str, Any]:
 
 
 def _joint_json(joint: JointCheck) -> dict[str, Any]:
-    found = joint.effects
+    found, noise = joint.effects, None
+    if found is not None:
+        noise = asdict(found.fitted.balance)
+        noise["independent_samples"] = noise.pop("independent")
     return {
         "drive": joint.drive,
         "rows": joint.rows,
         "seconds_in_motion": joint.seconds,
         "refusal": joint.refusal or None,
         "findings": [asdict(each) for each in joint.findings],
-        "declared": None if found is None else asdict(found.numbers),
+        "declared": None if found is None else asdict(found.fitted.numbers),
         "motion": None if found is None else asdict(found.facts),
-        "noise": None
-        if found is None
-        else {"floor": found.noise.floor, "left": found.noise.left, "independent_samples": found.noise.independent},
+        "noise": noise,
         "effects": [] if found is None else [_effect(each) for each in found.effects],
     }
 
 
 def _effect(found: Visibility) -> dict[str, Any]:
-    return {
-        "id": found.id,
-        "key": found.key,
-        "status": found.status,
-        "size": {
-            "name": found.size.name,
-            "unit": found.size.unit,
-            "typical": found.size.typical,
-            "smallest": found.smallest,
-            "easiest": found.easiest,
-        },
-        "not_separable_from": list(found.not_separable_from),
-        "separable": found.separable,
-        "confused_below": list(found.confused_below),
-        "kept": found.kept,
-        "reason": found.reason or None,
-    }
+    same = ("id", "key", "status", "not_separable_from", "separable", "confused_below", "kept")
+    size = {name: getattr(found.size, name) for name in ("name", "unit", "typical")}
+    size |= {"smallest": found.smallest, "easiest": found.easiest}
+    return {name: getattr(found, name) for name in same} | {"size": size, "reason": found.reason or None}

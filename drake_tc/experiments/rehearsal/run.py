@@ -150,7 +150,7 @@ def rehearse(
     forms = _forms(twin, effect(effect_id).id)
     shown = next((each for each in forms if not each.obstacle), None)  # the form that these logs can show
     member = effect(effect_id if shown is None else shown.key)
-    told = size_of(member, twin.effects.numbers, twin.prepared.context)
+    told = size_of(member, twin.effects.fitted.numbers, twin.prepared.context)
     names = [run.name for run in twin.runs]
     if not set(held) or not set(names) - set(held):
         raise ParamsError(f"expected training runs and held-out runs; runs: {', '.join(names)}; held out: {held}")

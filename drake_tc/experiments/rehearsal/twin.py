@@ -231,14 +231,14 @@ def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
     repeated = tuple(_twin_run(by_name[run.name], rig_used, joint, (inertia, gravity, zero)) for run in runs)
     resolution = prepared.train.samples.resolution
     white = max(resolution.position_noise**2 - resolution.position_step**2 / 12.0, 0.0)
-    extra = max(found.noise.left**2 - found.noise.floor**2, 0.0)
+    extra = max(found.fitted.balance.left**2 - found.fitted.balance.floor**2, 0.0)
     simulator = SimulatedJoint(
         joint=joint,
         spec=_spec_of(prepared, found, load, (inertia, gravity)),
         zero=zero,
         position_noise=float(np.sqrt(white)),
         extra_noise=float(np.sqrt(extra)),
-        extra_time=0.5 * found.fitted.seconds / found.noise.independent,
+        extra_time=0.5 * found.fitted.seconds / found.fitted.balance.independent,
         recorded=prepared.context.recorded,
     )
     return Twin(simulator, rig_alone(rig_used, joint), repeated, found, prepared)
@@ -257,7 +257,7 @@ def _link(prepared: Prepared, load: object) -> tuple[float, float]:
 
 
 def _spec_of(prepared: Prepared, found: JointEffects, load: object, link: tuple[float, float]) -> RigSpec:
-    numbers, samples = found.numbers, prepared.train.samples
+    numbers, samples = found.fitted.numbers, prepared.train.samples
     rotor = max(numbers.rotor, LEAST_INERTIA * link[0])
     warm = prepared.context.temperature_span[0]
     joint = Joint(
