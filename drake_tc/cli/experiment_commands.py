@@ -22,8 +22,9 @@ from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.experiments.design.criteria import Expected
-    from drake_tc.experiments.design.request import DesignRequest, Progress
+    from drake_tc.experiments.design.request import DesignRequest
     from drake_tc.experiments.design.run import DesignOptions, JointDesign
+    from drake_tc.experiments.design.search import Progress
     from drake_tc.experiments.rehearsal.run import Rehearsal
 
 
@@ -113,7 +114,7 @@ def design_command(
         result_folder(out, "--out", names=(*FILES, *LOAD_FILES), inputs=read, force=force, error=ParamsError) as folder,
         progress_bar("design", quiet=as_json) as progress,
     ):
-        from drake_tc.experiments.design.known import parse_loads
+        from drake_tc.experiments.design.loads import parse_loads
         from drake_tc.experiments.design.request import DesignRequest, designed_robot, whole_robot
         from drake_tc.experiments.design.robot import RobotOptions
         from drake_tc.experiments.design.run import DesignOptions
@@ -149,17 +150,15 @@ def _designed_joints(
     from drake_tc.experiments.design.load_design import LoadDesign
     from drake_tc.experiments.design.load_output import LoadExperiment
     from drake_tc.experiments.design.output import design_json, write_design
-    from drake_tc.experiments.design.request import designed, designed_with_loads
+    from drake_tc.experiments.design.request import designed
 
-    if request.loads:
-        design = designed_with_loads(request, options, progress)
-        if isinstance(design, LoadDesign):
+    designs: dict[str, JointDesign] = {}
+    for name, design in designed(request, options, progress).items():
+        if isinstance(design, LoadDesign):  # of one joint
             experiment = LoadExperiment(design)
             experiment.write(folder, rate)
             return experiment.json(), [*experiment.lines(), *expected_lines(design.expected)]
-        designs = {design.joint.name: design}
-    else:
-        designs = designed(request, options, progress)
+        designs[name] = design
     write_design(designs, folder, rate)
     return design_json(designs), design_lines(designs)
 

@@ -14,8 +14,8 @@ from drake_tc.experiments.design.criteria import Discrimination, Parameters, for
 from drake_tc.experiments.design.goal import criterion_of, parse_goal
 from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import KnownLoad, carrying, declaring, parse_loads
 from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.loads import KnownLoad, carrying, declaring, parse_loads
 from drake_tc.experiments.design.motions import JointLimits, motion_basis, scaled
 from drake_tc.experiments.design.next_log import PlannedRun, rough_log
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint

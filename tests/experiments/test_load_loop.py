@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.experiments.design.known import KnownLoad
+from drake_tc.experiments.design.loads import KnownLoad
 from drake_tc.experiments.rehearsal.twin import TwinRun, integrated, on_clock
 from drake_tc.types import GRAVITY
 from tests.benchmarks.evidence.load_loop import LoadCase, hung, load_rows, run_load_cases

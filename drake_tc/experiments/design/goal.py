@@ -17,7 +17,7 @@ from drake_tc.experiments.design.criteria import (
 )
 from drake_tc.experiments.design.identity import identity
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import carrying, trial_load
+from drake_tc.experiments.design.loads import carrying, trial_load
 from drake_tc.experiments.sizes import is_late
 from drake_tc.report.notes import ISOLATES
 

@@ -10,7 +10,7 @@ from drake_tc.experiments.design.criteria import Criterion, Discrimination, Expe
 from drake_tc.experiments.design.following import tracking_warning
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import KnownLoad, carrying, require_usable
+from drake_tc.experiments.design.loads import KnownLoad, carrying, require_usable
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.run import TOLD, DesignOptions, JointDesign, design_joint, motion_search, with_sinusoid

@@ -7,8 +7,8 @@ from typing import Any
 import yaml
 
 from drake_tc.config.quoted import json_value
-from drake_tc.experiments.design.known import MOST_LOADS, declaring, hang_angle
 from drake_tc.experiments.design.load_design import BEYOND, LoadDesign, LoadRun
+from drake_tc.experiments.design.loads import MOST_LOADS, declaring, hang_angle
 from drake_tc.experiments.design.output import (
     expected_table,
     motion_plot,

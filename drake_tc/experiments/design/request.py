@@ -1,7 +1,7 @@
 """A design as the command line asks for it: which runs, which model, which joints and which goal."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,19 +16,19 @@ from drake_tc.diagnosis.data.preparation import load_scale
 from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.goal import Goal, parse_goal
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.known import KnownLoad, joint_from_logs, joint_from_model, limits_with
+from drake_tc.experiments.design.known import joint_from_logs, joint_from_model, limits_with
 from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
+from drake_tc.experiments.design.loads import KnownLoad
 from drake_tc.experiments.design.motions import JointLimits
 from drake_tc.experiments.design.robot import RobotDesign, RobotOptions, design_robot, robot_limits, robot_noise
 from drake_tc.experiments.design.run import DesignOptions, JointDesign, design_joint
+from drake_tc.experiments.design.search import Progress
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.sizes import sizes_found
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.robot.robot import load_robot
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -60,52 +60,34 @@ class DesignRequest:
 
 def designed(
     request: DesignRequest, options: DesignOptions, progress: Progress = lambda text, share: None
-) -> dict[str, JointDesign]:
-    """The designed motion of each joint.
+) -> dict[str, JointDesign | LoadDesign]:
+    """The designed motion of each joint, or the experiment under the known loads of one joint.
 
     Raises:
-        DrakeTcError: Input that cannot be used, limits that contradict each other, or a goal that cannot be reached.
+        DrakeTcError: Input that cannot be used, limits that contradict each other, a goal that cannot be reached, or
+            known loads and more than one joint.
     """
     rig = load_rig(request.rig, request.declared)
-    models, goals = _models(request, rig), _goals(request, rig)
-    logs = _given_logs(request)
-    with threadpool_limits(1):
-        progress("reading", 0.0)
-        runs = load_runs(logs, rig) if logs else []
-        out = {}
-        for number, (joint, goal) in enumerate(goals.items()):
-            share = number / len(goals)
-            out[joint] = _designed_joint(
-                request,
-                rig,
-                runs,
-                (joint, goal, models.get(joint)),
-                options,
-                lambda text, part, joint=joint, share=share: progress(f"{joint}, {text}", share + part / len(goals)),  # type: ignore[misc]
-            )
-        return out
-
-
-def designed_with_loads(
-    request: DesignRequest, options: DesignOptions, progress: Progress = lambda text, share: None
-) -> LoadDesign | JointDesign:
-    """The experiment under the known loads of the request.
-
-    Raises:
-        DrakeTcError: As `designed`; more than one joint.
-    """
-    rig = load_rig(request.rig, request.declared)
-    models, goals = _models(request, rig), _goals(request, rig)
-    if len(goals) > 1:
+    models, goals, logs = _models(request, rig), _goals(request, rig), _given_logs(request)
+    if request.loads and len(goals) > 1:
         raise ParamsError(
             f"--load: the loads hang on one joint, and the design is for {', '.join(goals)}; name one with --joint"
         )
-    (name, goal), *_ = goals.items()
-    logs = _given_logs(request)
+    out: dict[str, JointDesign | LoadDesign] = {}
     with threadpool_limits(1):
         progress("reading", 0.0)
-        known = _known(request, rig, load_runs(logs, rig) if logs else [], name, models.get(name))
-        return design_with_loads(known[0], known[1], goal, options, request.loads, known[2], progress)
+        runs = load_runs(logs, rig) if logs else []
+        for number, (name, goal) in enumerate(goals.items()):
+
+            def told(text: str, part: float, name: str = name, number: int = number) -> None:
+                progress(f"{name}, {text}", (number + part) / len(goals))
+
+            joint, limits, fitted = _known(request, rig, runs, name, models.get(name))
+            if request.loads:
+                out[name] = design_with_loads(joint, limits, goal, options, request.loads, fitted, told)
+            else:
+                out[name] = design_joint(joint, limits, goal, options, fitted, told)
+    return out
 
 
 def whole_robot(request: DesignRequest) -> bool:
@@ -143,19 +125,6 @@ def designed_robot(
         return design_robot(robot, limits, replace(options, rotors=fitted, noise=noise), progress)
 
 
-def _designed_joint(
-    request: DesignRequest,
-    rig: Rig,
-    runs: Sequence[Run],
-    what: tuple[str, Goal, ActuatorModel | None],
-    options: DesignOptions,
-    progress: Progress,
-) -> JointDesign:
-    name, goal, model = what
-    joint, limits, fitted = _known(request, rig, runs, name, model)
-    return design_joint(joint, limits, goal, options, fitted, progress)
-
-
 def _known(
     request: DesignRequest, rig: Rig, runs: Sequence[Run], name: str, model: ActuatorModel | None
 ) -> tuple[DesignJoint, JointLimits, FittedJoint | None]:
@@ -186,42 +155,33 @@ def _models(request: DesignRequest, rig: Rig) -> dict[str, ActuatorModel]:
 
 
 def _goals(request: DesignRequest, rig: Rig) -> dict[str, Goal]:
-    """The goal of each joint; of a report, the joints that have an open question."""
+    """The goal of each joint; of a report, the joints that have an open question.
+
+    That is two effects that were not told apart, and otherwise narrower intervals of the effects that were found.
+    """
     for joint in request.joints:
         if joint not in rig.joints:
             raise ParamsError(
                 f"no joint {joint!r} in the rig{did_you_mean(joint, rig.joints)}; joints: {', '.join(rig.joints)}"
             )
-    joints = request.joints or rig.joints
-    if request.after is None:
-        return dict.fromkeys(joints, parse_goal(request.goal or "parameters"))
-    entries = _report(request.after).get("joints", {})
-    if request.goal is not None:
-        asked = parse_goal(request.goal)
-        return {joint: replace(asked, strengths=_sizes(entries.get(joint, {}))) for joint in joints}
-    out = {}
+    joints, out = request.joints or rig.joints, {}
+    entries = {} if request.after is None else _report(request.after)["joints"]
     for joint in joints:
-        entry = entries.get(joint)
-        if entry is None:
-            raise ParamsError(f"{request.after}: no joint {joint!r}; joints here: {', '.join(entries) or 'none'}")
-        goal = _goal_of(entry)
-        if goal is not None:
-            out[joint] = goal
+        entry, text = entries.get(joint), request.goal
+        if request.after is not None and text is None:
+            if entry is None:
+                raise ParamsError(f"{request.after}: no joint {joint!r}; joints here: {', '.join(entries) or 'none'}")
+            found = ",".join(e["id"] for e in entry.get("effects", []))
+            ties = entry.get("indistinguishable")
+            text = f"tell:{','.join(ties[0])}" if ties else f"parameters:{found}" if found else None
+        if text is not None or request.after is None:
+            out[joint] = replace(parse_goal(text or "parameters"), strengths=_sizes(entry or {}))
     if not out:
         raise ParamsError(
             f"{request.after}: no joint has indistinguishable or named effects, so the report leaves no question open; "
             "add --goal parameters for narrower intervals of the declared model, or --goal all to show every effect"
         )
     return out
-
-
-def _goal_of(entry: Mapping[str, Any]) -> Goal | None:
-    """Two effects that were not told apart; else narrower intervals of the effects that were found."""
-    ties = entry.get("indistinguishable") or []
-    if ties:
-        return replace(parse_goal(f"tell:{ties[0][0]},{ties[0][1]}"), strengths=_sizes(entry))
-    found = [e["id"] for e in entry.get("effects", [])]
-    return parse_goal("parameters:" + ",".join(found)) if found else None
 
 
 def _sizes(entry: Mapping[str, Any]) -> dict[str, float]:
@@ -245,19 +205,14 @@ def _report(path: Path) -> dict[str, Any]:
 
 
 def _given_logs(request: DesignRequest) -> list[Path]:
-    """The logs of the request, or else those of its report."""
+    """The logs of the request, or else the runs that its report was fitted to, as named there or beside it."""
     if request.logs or request.after is None:
         return list(request.logs)
-    return _logs_of(request.after)
-
-
-def _logs_of(path: Path) -> list[Path]:
-    """The runs that the report was fitted to, as named there or beside it."""
-    out = []
-    for name in _report(path).get("logs", []):
-        candidates = [Path(name), path.parent / name, path.parent / Path(name).name]
+    out, after = [], request.after
+    for name in _report(after).get("logs", []):
+        candidates = [Path(name), after.parent / name, after.parent / Path(name).name]
         found = next((each for each in candidates if is_file(each)), None)
         if found is None:
-            raise ParamsError(f"{path}: its run {name} is not there any more; name the runs with --log")
+            raise ParamsError(f"{after}: its run {name} is not there any more; name the runs with --log")
         out.append(found)
     return out

@@ -12,9 +12,10 @@ import numpy as np
 
 from drake_tc.errors import DrakeTcError
 from drake_tc.experiments.design.goal import Goal
-from drake_tc.experiments.design.known import KnownLoad, joint_from_logs
+from drake_tc.experiments.design.known import joint_from_logs
 from drake_tc.experiments.design.load_design import LoadDesign, design_with_loads
 from drake_tc.experiments.design.load_output import LoadExperiment
+from drake_tc.experiments.design.loads import KnownLoad
 from drake_tc.experiments.design.run import TOLD, DesignOptions, JointDesign
 from drake_tc.experiments.rehearsal.twin import TwinRun, integrated
 from drake_tc.joint_simulator.reference import LOG_PERIOD

@@ -5,8 +5,8 @@ import time
 import pytest
 
 from drake_tc.cli.demo import DemoLength, record_demo
-from drake_tc.experiments.design.known import KnownLoad
-from drake_tc.experiments.design.request import DesignRequest, designed, designed_with_loads
+from drake_tc.experiments.design.loads import KnownLoad
+from drake_tc.experiments.design.request import DesignRequest, designed
 from drake_tc.experiments.design.run import DesignOptions
 
 from .machine import require
@@ -41,7 +41,8 @@ def test_the_motions_under_two_known_loads_are_designed_quickly(demo, goal):
 
     def design():
         begin = time.process_time()
-        assert designed_with_loads(request, DesignOptions()).expected
+        (found,) = designed(request, DesignOptions()).values()
+        assert found.expected
         return {f"design with two loads, {goal}": time.process_time() - begin}
 
     require({f"design with two loads, {goal}": 22.0}, design, rounds=3)
