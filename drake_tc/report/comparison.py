@@ -137,7 +137,7 @@ def effect_sentence(e: EffectChange) -> str:
         "present": "is still there",
         "gone": "is gone",
         "uncertain": "may have appeared",
-        "unlikely": "would explain the new logs alone and contradicts the stored numbers",
+        "unlikely": "is found in the new logs alone, and either contradicts the stored numbers or explains too little",
         "heat": "depends on the temperature and is no change of the joint",
     }
     return f"{e.title}{where} {words[e.status]} (log odds {significant(e.log_odds)}): {values}."

@@ -7,7 +7,7 @@ has appeared; one whose size is more probably 0 than the stored one is gone.
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -62,6 +62,8 @@ BETWEEN_ENCODERS = ("backlash", "gap_between_encoders")
 """Key and name of the gap that two encoders show; the balance at the motor does not contain it."""
 ABSENT = Known(0.0, 0.0)
 """Size of an effect that the stored model does not have."""
+LARGEST_SHARE = 1e3
+"""What is left over what a new effect explains, at most: an effect that explains nothing is nothing but discrepancy."""
 VISCOUS = ("viscous", "viscous")
 SAME_AGES = 0.9
 """Correlation of the errors of a channel's age on two days: way and hold are the same, the clocks start anew."""
@@ -118,8 +120,9 @@ class EffectChange:
     Attributes:
         key, title: Of the effect. where: link or sensor, of a cause that no joint owns.
         status: "appeared", "present", "gone"; "uncertain" for one that the search found and whose size may be 0;
-            "unlikely" for one that the new logs alone show and that the stored numbers contradict; or "heat" for an
-            effect of the temperature, which is no change of the joint.
+            "unlikely" for one that the new logs alone show, and that the stored numbers contradict or that explains
+            no more than the fit leaves unexplained; or "heat" for an effect of the temperature, which is no change of
+            the joint.
         log_odds: That it is there, for one that appeared or is present; that it is not, for one that is gone.
         parameters: Value and interval by name; those of the new logs.
     """
@@ -332,7 +335,7 @@ def _parameters(
     own = [p for p in then if p in now and math.isfinite(then[p].deviation + now[p][0].deviation)]
     if not own:
         return (), {}
-    groups = {found.key: [p for p in sizes_of(found.key) if p in now and p not in then] for found in joint.effects}
+    groups = {f.key: [p for p in sizes_of(f.key, f.parameters) if p in now and p not in then] for f in joint.effects}
     groups = {key: g for key, g in groups.items() if g and all(math.isfinite(now[p][0].deviation) for p in g)}
     both = [*own, *(p for group in groups.values() for p in group)]
     pairs = {p: (then.get(p, ABSENT), now[p][0]) for p in both}
@@ -343,7 +346,7 @@ def _parameters(
     shift = _shift(pairs, _correlation(joint, both), common, spread, warmer)
     together = {key: tuple(map(both.index, group)) for key, group in groups.items()}
     opened = {together[key][0]: opened_by_payload(pairs, model, rig) for key in together if key == PAYLOAD}
-    shift = replace(shift, together=tuple(together.values()), opened=opened)
+    shift = with_discrepancy(replace(shift, together=tuple(together.values()), opened=opened), _unexplained(joint))
     which, odds = shift.best()
     cool = _shift(pairs, _correlation(joint, both), common, spread, 0.0)
     cold = replace(shift, between=cool.between, expected=None).best()[0]
@@ -394,6 +397,27 @@ def _shift(pairs: Pairs, correlation: FloatArray, common: FloatArray, spread: fl
     return Shift(value - stored, before, covariance, session**2 + heat**2, prior, expected)
 
 
+def _unexplained(joint: JointResult) -> float:
+    """RMS error that the fit of the new logs leaves beyond noise, over the RMS of what their new effects explain."""
+    before, after = (_pooled(joint, (errors.train, errors.heldout)) for errors in (joint.before, joint.after))
+    left = max(after**2 - joint.noise_floor**2, 0.0)
+    return math.sqrt(min(left / max(before**2 - after**2, 1e-12 * before**2, 1e-300), LARGEST_SHARE**2))
+
+
+def with_discrepancy(shift: Shift, share: float) -> Shift:
+    """The shift whose new effects may be the discrepancy of the fit: it is as wrong along each as it is elsewhere.
+
+    With the sizes x_g of an effect as the logs have them, and S_1 of the fit, S_1 grows by f f', f = share S_1g S_gg^-1
+    x_g: the sizes move by that share of themselves, and other parameters with them.
+    """
+    now = shift.now.copy()
+    for group in map(list, shift.together):
+        own = shift.now[np.ix_(group, group)]
+        f = share * shift.now[:, group] @ np.linalg.solve(own, shift.difference[group])
+        now += np.outer(f, f)
+    return replace(shift, now=now)
+
+
 def common_variances(pairs: Pairs, joint: JointResult, model: ActuatorModel) -> FloatArray:
     """(p,) variance of the errors that both fits share: the age of a position servo's command, in its viscous friction.
 
@@ -433,10 +457,11 @@ def _now(joint: JointResult) -> dict[Place, tuple[Known, str]]:
     return found if gap is None else found | {BETWEEN_ENCODERS: (Known.of(*gap), joint.units.position)}
 
 
-def sizes_of(key: str) -> list[Place]:
-    """Parameters that are 0 of an effect that is not there: its coefficients, or else its shapes."""
+def sizes_of(key: str, told: Container[str]) -> list[Place]:
+    """Of the parameters that are `told`, those that are 0 where an effect is not: coefficients, or else shapes."""
     member = effect(key)
-    return [(key, p.name) for p in (member.coefficients or member.shapes)]
+    sizes = [p.name for p in member.coefficients if p.name in told] or [p.name for p in member.shapes]
+    return [(key, name) for name in sizes if name in told]
 
 
 def opened_by_payload(pairs: Pairs, model: ActuatorModel, rig: Rig) -> FloatArray:
@@ -451,7 +476,10 @@ def opened_by_payload(pairs: Pairs, model: ActuatorModel, rig: Rig) -> FloatArra
     inertia = model.inertia + (load.inertia if isinstance(load, Pendulum) else 0.0)
     share = PAYLOAD_ARM * abs(moment.value) / inertia if inertia > 0.0 else 0.0
     torques = {
-        place for value in model.effects if isinstance(value.effect, TorqueEffect) for place in sizes_of(value.key)
+        place
+        for value in model.effects
+        if isinstance(value.effect, TorqueEffect)
+        for place in sizes_of(value.key, value.parameters)
     }
     signs = [1.0 if place[0] == "drive" else -float(place in torques) for place in pairs]
     return np.array([share * sign * then.value for sign, (then, _) in zip(signs, pairs.values(), strict=True)])
@@ -500,7 +528,7 @@ def _appeared(joint: JointResult, odds: Mapping[str, float]) -> tuple[EffectChan
     out = []
     for found in joint.effects:
         known = {name: Known.of(e.value, e.ci95) for name, e in found.parameters.items()}
-        sizes = [known[name] for _, name in sizes_of(found.key) if name in known] or [*known.values()]
+        sizes = [known[name] for _, name in sizes_of(found.key, known)] or [*known.values()]
         sure = any(not k.ci95[0] <= 0.0 <= k.ci95[1] for k in sizes)
         told = min(_logit(found.stability), odds.get(found.key, math.inf))
         status: EffectStatus = "unlikely" if told < 0.0 else "appeared" if sure else "uncertain"

@@ -45,13 +45,17 @@ class History:
 
 @dataclass(frozen=True)
 class ToldTrend:
-    """Of one parameter of one joint: the true rate, and value and interval of the trend's."""
+    """Of one parameter of one joint: the true rate, and value and interval of the trend's.
+
+    `invented`: for each session of the joint, whether an effect was told, of which there is none.
+    """
 
     number: int
     name: str
     slope: float
     found: float
     ci95: tuple[float, float]
+    invented: tuple[bool, ...]
 
     @property
     def holds(self) -> bool:
@@ -102,6 +106,7 @@ def watch_history(seed: int, number: int, root: Path) -> list[ToldTrend]:
     warnings.simplefilter("ignore")
     history, folder = draw_history(seed, number), root / f"history_{number}"
     kept, options = folder / "history", DiagnosisOptions(assess_residual=False)
+    invented: list[bool] = []
     rng = np.random.default_rng([history.first.seed, 1])
     then = record(history.first, ("static", "sine", "multisine"), folder, "then", np.ones(2), rng)
     write_rig(history.first, folder)
@@ -111,12 +116,13 @@ def watch_history(seed: int, number: int, root: Path) -> list[ToldTrend]:
         logs = record(spec, ("static", "multisine"), folder, f"day_{session}", spread, rng)
         try:
             found = compare(folder / "model_after.yaml", logs, options=options)
+            invented.append(found.verdict == "new_effect")
         except DrakeTcError:
             continue  # a session that is refused leaves no record
         add_session(found, kept, "unit", BEGIN + timedelta(days=day))
     drawn = trends(read_history(kept), "unit", "joint")
     return [
-        ToldTrend(number, name, slope, drawn[name].slope, drawn[name].slope_ci95)
+        ToldTrend(number, name, slope, drawn[name].slope, drawn[name].slope_ci95, tuple(invented))
         for name, slope in history.slopes.items()
         if name in drawn
     ]
@@ -136,8 +142,10 @@ def history_rows(told: list[ToldTrend]) -> list[FigureRow]:
     """Shares of trends whose interval holds the true rate, and of drifts that are seen or invented."""
     still = [t for t in told if t.slope == 0.0]
     moving = [t for t in told if t.slope != 0.0]
+    invented = [each for t in told if t.name == NAMES["gain"] for each in t.invented]
     rows = [
         FigureRow.share("trends whose interval holds the true rate", [t.holds for t in told], "within", 0.95, 0.03),
+        FigureRow.share("sessions in which an effect is told that is not there", invented, "max", 0.01),
         FigureRow.share("trends of what does not drift: told to drift", [not t.holds for t in still]),
         FigureRow.share("trends of what drifts: told to drift", [not t.ci95[0] <= 0.0 <= t.ci95[1] for t in moving]),
     ]

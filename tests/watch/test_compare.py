@@ -20,7 +20,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.logs.rig import parse_rig
 from drake_tc.report.comparison import comparison_json, effect_sentence
 from drake_tc.types import GRAVITY
-from drake_tc.watch.changes import Known
+from drake_tc.watch.changes import Known, Shift
 from drake_tc.watch.compare import (
     ABSENT,
     PAYLOAD,
@@ -30,6 +30,7 @@ from drake_tc.watch.compare import (
     EffectStatus,
     common_variances,
     opened_by_payload,
+    with_discrepancy,
 )
 
 QUICK = DiagnosisOptions(assess_residual=False)
@@ -171,3 +172,19 @@ def test_what_the_age_of_a_servos_command_leaves_open_is_in_no_difference(drive,
 def test_every_status_of_an_effect_has_its_words(status):
     told = effect_sentence(EffectChange("deadzone", "dead zone", status, 2.0, {"deadzone": Known(0.01, 0.001)}))
     assert told.startswith("dead zone ") and "0.01" in told
+
+
+def test_an_effect_that_explains_no_more_than_is_left_is_none_and_moves_nothing_with_it():
+    """New logs that tell (1 + x)/K well, and both alone worse; x and K are off by seven deviations, in this ratio."""
+    deviation, off = 0.01, -0.07
+    now = deviation**2 * np.array([[1.0, 0.9999], [0.9999, 1.0]])
+    then, prior = np.diag([1e-8, 0.0]), np.array([0.3, 0.3])
+    found = Shift(np.array([off, off]), then, now, np.array([9e-6, 0.0]), prior, together=((1,),))
+    assert found.best()[0] == (0, 1)
+    assert with_discrepancy(found, 0.05).best()[0] == (0, 1)  # it explains twenty times what is left
+    half_left = with_discrepancy(found, 2.0)
+    assert half_left.best()[0] == ()
+    np.testing.assert_allclose(
+        half_left.now - now, (2.0 * off) ** 2 * np.array([[0.9998, 0.9999], [0.9999, 1.0]]), rtol=1e-4
+    )
+    assert half_left.new(0, ()).value == pytest.approx(0.0, abs=0.002)  # the stored gain stays
