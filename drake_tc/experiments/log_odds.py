@@ -181,11 +181,13 @@ class EffectOdds:
 
         For a falling size (a limit) the largest sizes are told. Infinite, or 0 for a falling size, where none is found.
         """
-        falling = self.sizes[key].falling
-        most, least = ([self._from(v, z) for v in self.variants[key]] for z in (CERTAIN, -CERTAIN))
-        most.sort(reverse=falling)
-        place = min(math.ceil(SHAPES_SEEN * len(most)), len(most)) - 1
-        return most[place], (max if falling else min)(least)
+        least = [self._from(v, -CERTAIN) for v in self.variants[key]]
+        return self.smallest(key), max(least) if self.sizes[key].falling else min(least)
+
+    def smallest(self, key: str) -> float:
+        """The first of these."""
+        most = sorted((self._from(v, CERTAIN) for v in self.variants[key]), reverse=self.sizes[key].falling)
+        return most[min(math.ceil(SHAPES_SEEN * len(most)), len(most)) - 1]
 
     def _from(self, variant: Variant, sure: float) -> float:
         """Size from which on a variant is found, with noise for or against it by so many standard deviations."""
@@ -325,16 +327,12 @@ AGES = {
 
 def crossing(sizes: FloatArray, margin: FloatArray) -> float:
     """Weakest size of a grid from which on a margin reaches 1, between two sizes in proportion."""
-    never = 0.0 if sizes[0] > sizes[-1] else math.inf
-    reached = np.flatnonzero(margin >= 1.0)
-    if not reached.size:
-        return never
-    at = int(reached[0])
-    if at == 0:
-        return float(sizes[0] / margin[0]) if sizes[0] <= sizes[-1] else float(sizes[0])
-    low, high = max(float(margin[at - 1]), 1e-12), float(margin[at])
-    share = -math.log(low) / math.log(high / low)
-    return float(math.exp((1.0 - share) * math.log(sizes[at - 1]) + share * math.log(sizes[at])))
+    falling, reached = sizes[0] > sizes[-1], np.maximum.accumulate(np.maximum(margin, 1e-12))
+    if reached[-1] < 1.0:
+        return 0.0 if falling else math.inf
+    if reached[0] >= 1.0:
+        return float(sizes[0] if falling else sizes[0] / margin[0])
+    return float(np.exp(np.interp(0.0, np.log(reached), np.log(sizes))))
 
 
 class _Columns:

@@ -41,17 +41,7 @@ def recorded(folder, spec, rate, runs, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("drive", "rate", "seed"),
-    [
-        pytest.param(
-            "position_servo",
-            500,
-            821,
-            marks=pytest.mark.xfail(
-                strict=True, reason="a stiff servo's simulated log tells less of the drive gain than a recorded one"
-            ),
-        ),
-        ("current", 2000, 822),
-    ],
+    [("position_servo", 500, 821), ("current", 2000, 822)],
 )
 def test_stated_intervals_are_those_of_the_diagnosis_within_a_factor_of_one_and_a_half(tmp_path, drive, rate, seed):
     rng = np.random.default_rng(seed)

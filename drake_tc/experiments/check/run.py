@@ -121,28 +121,22 @@ def check_rig(
         rig = load_rig(rig_path, declared)
         progress("reading", 0.0)
         runs = load_runs(logs, rig)
-        return replace(check_runs(rig, runs, progress), seconds=time.perf_counter() - start)
-
-
-def check_runs(rig: Rig, runs: Sequence[Run], progress: Progress = lambda text, share: None) -> CheckResult:
-    """The same of runs that were read already."""
-    prepared_runs, rig_used = with_loads(rig, runs)
-    links_fitted = _fits_links(rig)
-    joints = {}
-    for number, joint in enumerate(rig.joints):
-        progress(joint, (number + 0.5) / len(rig.joints))
-        joints[joint] = _check_joint(prepared_runs, rig_used, joint, links_fitted=links_fitted)
-    refused = [each for each in joints.values() if each.refusal]
-    if len(refused) == len(joints):
-        raise IdentificationError(refused[0].refusal)
-    return CheckResult(
-        rig_file=str(rig.source or "rig"),
-        logs=tuple(run.file_name for run in runs),
-        joints=joints,
-        runs=tuple(_run_facts(run) for run in runs),
-        columns=tuple(each for run in runs for each in _column_facts(run, rig)),
-        seconds=float("nan"),
-    )
+        prepared_runs, rig_used = with_loads(rig, runs)
+        links_fitted, joints = _fits_links(rig), {}
+        for number, joint in enumerate(rig.joints):
+            progress(joint, (number + 0.5) / len(rig.joints))
+            joints[joint] = _check_joint(prepared_runs, rig_used, joint, links_fitted=links_fitted)
+        refused = [each for each in joints.values() if each.refusal]
+        if len(refused) == len(joints):
+            raise IdentificationError(refused[0].refusal)
+        return CheckResult(
+            rig_file=str(rig.source or "rig"),
+            logs=tuple(run.file_name for run in runs),
+            joints=joints,
+            runs=tuple(_run_facts(run) for run in runs),
+            columns=tuple(each for run in runs for each in _column_facts(run, rig)),
+            seconds=time.perf_counter() - start,
+        )
 
 
 def with_loads(rig: Rig, runs: Sequence[Run]) -> tuple[list[Run], Rig]:

@@ -309,7 +309,7 @@ class AllEffects(Criterion):
         odds = _odds(fitted, self.forms)
         values, gains = [], []
         for form in self.forms:
-            size = (odds.found_from(form.effect.key)[0] if odds else 0.0) or math.inf
+            size = (odds.smallest(form.effect.key) if odds else 0.0) or math.inf
             word = "largest" if form.size.falling else "smallest"
             values.append((f"{word} {form.effect.key} that is found", form.size.unit, size))
             ratio = size / form.strength if form.size.falling else form.strength / size

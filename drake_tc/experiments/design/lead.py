@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.interpolate import BPoly
@@ -64,64 +63,55 @@ def lead_in(
 
 
 @dataclass(frozen=True, eq=False)
-class Core:
-    """The part of one joint's experiment between rest and rest: a motion that is repeated, or made once.
+class Experiment:
+    """A motion of some joints from rest to rest.
 
     Attributes:
-        joint: Name. limits: That lead-in and lead-out keep.
-        motion: (4, T) position and its three derivatives, from the first sample to the one at which it ends.
-        step: Between samples [s]. repeats: How often it is made.
-        torque: (4, T) motion to the motor's torque (T,) [N m]; None where the torque has no limit.
+        joints: Names. limits: That lead-in and lead-out of each keep.
+        motion: (4, T, n) position and its three derivatives: one period, or the whole motion.
+        step: Between samples [s]. periods: Of the motion; 0 for one that is made once, as it is.
+        torque: (4, T) motion to the motor's torque (T,) [N m] of a single joint; None where torques have no limit.
     """
 
-    joint: str
-    limits: JointLimits
+    joints: Sequence[str]
+    limits: Sequence[JointLimits]
     motion: FloatArray
     step: float
-    repeats: int = 1
+    periods: int
     torque: Callable[[FloatArray], FloatArray] | None = None
 
-    @property
-    def seconds(self) -> float:
-        """Length of all repeats [s]."""
-        return float(self.repeats * (self.motion.shape[1] - 1) * self.step)
+    def sampled(self, rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """(time (T,), joint to motion (4, T)) at a rate [Hz]: all lead in and out together, and rest before and after.
 
-    def leads(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """(rest, length) of lead-in and lead-out; a lead-out is a lead-in backwards in time."""
-        backwards = TURNED[:3, 0] * self.motion[:3, -1]
-        turned = None if self.torque is None else partial(_backwards, self.torque)
-        into = lead_in(self.motion[:3, 0], self.limits, self.joint, self.torque)
-        return into, lead_in(backwards, self.limits, self.joint, turned)
+        A lead-out is a lead-in backwards in time.
 
-
-def _backwards(torque: Callable[[FloatArray], FloatArray], motion: FloatArray) -> FloatArray:
-    return torque(TURNED * motion)
-
-
-def from_rest_to_rest(cores: Sequence[Core], rate_hz: float) -> tuple[FloatArray, list[FloatArray]]:
-    """(time (T,), motion (4, T) of each core) at a rate [Hz]: all lead in and out together, and rest before and after.
-
-    Raises:
-        ParamsError: No lead-in keeps the limits.
-    """
-    found = [core.leads() for core in cores]
-    before, after = (max(pair[side][1] for pair in found) for side in (0, 1))
-    whole = cores[0].seconds
-    time = np.arange(int(np.ceil((before + whole + after) * rate_hz - 1e-6)) + 1) / rate_hz
-    out = []
-    for core, ((start, first), (end, last)) in zip(cores, found, strict=True):
-        spline = BPoly.from_derivatives(np.arange(core.motion.shape[1]) * core.step, core.motion[:3].T)
-        place = np.mod(time - before, whole / core.repeats)
-        rows = np.stack([spline(place, order) for order in range(4)])
-        leading, leaving = time < before, time > before + whole
-        at = np.maximum(time[leading] - (before - first), 0.0)
-        rows[:, leading] = quintic(np.array([start, 0.0, 0.0]), core.motion[:3, 0], first, at)
-        ago = np.maximum(before + whole + last - time[leaving], 0.0)
-        state = TURNED[:3, 0] * core.motion[:3, -1]
-        rows[:, leaving] = TURNED * quintic(np.array([end, 0.0, 0.0]), state, last, ago)
-        rows[1:, (time < before - first) | (time > before + whole + last)] = 0.0
-        out.append(rows)
-    return time, out
+        Raises:
+            ParamsError: No lead-in keeps the limits.
+        """
+        motion = np.concatenate([self.motion, self.motion[:, : min(self.periods, 1)]], axis=1)
+        starts, ends = motion[:3, 0], TURNED[:3] * motion[:3, -1]
+        back = None if self.torque is None else lambda made: self.torque(TURNED * made)  # type: ignore[misc]
+        into, out = (
+            [
+                lead_in(state, limits, joint, torque)
+                for state, limits, joint in zip(states.T, self.limits, self.joints, strict=True)
+            ]
+            for states, torque in ((starts, self.torque), (ends, back))
+        )
+        before, after = (max(length for _, length in leads) for leads in (into, out))
+        period = (motion.shape[1] - 1) * self.step
+        end = before + max(self.periods, 1) * period
+        time = np.arange(int(np.ceil((end + after) * rate_hz - 1e-6)) + 1) / rate_hz
+        leading, leaving, made = time < before, time > end, {}
+        for i, (joint, (start, first), (stop, last)) in enumerate(zip(self.joints, into, out, strict=True)):
+            spline = BPoly.from_derivatives(np.arange(motion.shape[1]) * self.step, motion[:3, :, i].T)
+            rows = np.stack([spline(np.mod(time - before, period), order) for order in range(4)])
+            at, ago = time[leading] - (before - first), end + last - time[leaving]
+            rows[:, leading] = quintic(np.array([start, 0.0, 0.0]), starts[:, i], first, np.maximum(at, 0.0))
+            rows[:, leaving] = TURNED * quintic(np.array([stop, 0.0, 0.0]), ends[:, i], last, np.maximum(ago, 0.0))
+            rows[1:, (time < before - first) | (time > end + last)] = 0.0
+            made[joint] = rows
+        return time, made
 
 
 DEFAULT_HZ, APART = 0.4, 0.1

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicHermiteSpline
 from drake_tc.diagnosis.data.preparation import build_samples, load_scale
 from drake_tc.diagnosis.data.resolution import SPEED_OF_NOISE, NoiseFloor, Resolution
 from drake_tc.diagnosis.evidence import Evidence, Scored
-from drake_tc.diagnosis.linear import posterior
+from drake_tc.diagnosis.linear import mode, posterior
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.problem.columns import Columns, coefficients_by_term
 from drake_tc.diagnosis.problem.prepared import Prepared, prepare_joint
@@ -65,9 +65,10 @@ def next_log(runs: Sequence[PlannedRun], seed: int = 0) -> FittedJoint | None:
     rng = np.random.default_rng(seed)
     made = [_simulated(run, rng) for run in runs]
     try:
-        return _at_truth(prepare_joint(made, [], rig_of(runs), runs[0].joint.name), runs[0].joint)
+        prepared = prepare_joint(made, [], rig_of(runs), runs[0].joint.name)
     except IdentificationError:
         return None
+    return _at_truth(prepared, runs[0].joint, runs[0].joint.resolution or prepared.train.samples.resolution)
 
 
 def rough_log(runs: Sequence[PlannedRun], repeats: int = 1) -> FittedJoint | None:
@@ -92,19 +93,20 @@ def rough_log(runs: Sequence[PlannedRun], repeats: int = 1) -> FittedJoint | Non
         made.append(replace(clean, columns=dict(clean.columns) | {name: noisy}))
     try:
         samples = build_samples(made, rig, joint.name, at_rest=joint.slowest / SPEED_OF_NOISE)
-        floor = NoiseFloor.of(known, samples.light, samples.kernel, samples.signals, samples.rows, servo=servo)
-        samples = replace(samples, resolution=known, floor=floor)
         columns = Columns(samples, declared_gain=load_scale(rig, joint.name).gain)
         plain = fit(columns, joint.declared)
         columns = with_fitted_load(columns.with_model(plain.terms, plain.beta, servo=servo), plain)
     except IdentificationError:
         return None
-    return _at_truth(Prepared(columns, columns, plain.terms, 0.0, joint.context, ()), joint, repeats)
+    return _at_truth(Prepared(columns, columns, plain.terms, 0.0, joint.context, ()), joint, known, repeats)
 
 
-def _at_truth(prepared: Prepared, joint: DesignJoint, repeats: int = 1) -> FittedJoint:
+def _at_truth(prepared: Prepared, joint: DesignJoint, resolution: Resolution, repeats: int = 1) -> FittedJoint:
     """The posterior of a log at the joint's own parameters, with the noise that the logs so far have."""
-    numbers, columns, terms = joint.numbers, prepared.train, prepared.terms
+    numbers, samples, terms = joint.numbers, prepared.train.samples, prepared.terms
+    servo, kernels = joint.context.drive == "position_servo", (samples.light, samples.kernel)
+    sensors = NoiseFloor.of(resolution, *kernels, samples.signals, samples.rows, servo=servo)
+    columns = prepared.train.changed(samples=replace(samples, resolution=resolution, floor=sensors))
     known = {"viscous": numbers.viscous, "coulomb": numbers.coulomb}
     fitted = coefficients_by_term(terms, fit(columns, terms).beta)
     theta = [np.full(v.size, known[t.effect.key]) if t.effect.key in known else v for t, v in fitted]
@@ -114,15 +116,20 @@ def _at_truth(prepared: Prepared, joint: DesignJoint, repeats: int = 1) -> Fitte
         split, split, terms, prepared.context, columns.declared_gain, numbers.gain, numbers.coulomb, numbers.viscous
     )
     floor = noise_floor(columns, Fit(terms, beta, np.zeros(0), 0.0, 0.0, np.zeros(0)))
-    white = joint.noise**2 / (1.0 + joint.left.ratio)
-    variance = (floor / numbers.gain) ** 2 + max(white - joint.floor**2, 0.0)
+    white, known_floor = joint.noise**2 / (1.0 + joint.left.ratio), joint.floor**2
+    shown = white / max(white, known_floor)  # of the sensors' noise: the logs leave no more than they do
+    variance = shown * (floor / numbers.gain) ** 2 + max(white - known_floor, 0.0)
     # the slow discrepancy is as large as it is, beside more or less noise
     slow = replace(joint.left, ratio=joint.left.ratio * white / variance, share=joint.left.share * repeats)
     # simulated runs do not differ, and tell nothing of how much runs do
     evidence = Evidence(model, slow, replace(joint.spread, known=True))
-    found = posterior(*evidence.products(split, terms), numbers.gain**2 * variance)
-    own = found.beta.copy()
-    own[: beta.size] = numbers.gain * np.concatenate([[1.0], beta[1:]])
+    products, prior = evidence.products(split, terms)
+    found = posterior(products, prior, numbers.gain**2 * variance)
+    own = np.concatenate([numbers.gain * np.concatenate([[1.0], beta[1:]]), np.zeros(found.beta.size - beta.size)])
+    others = np.arange(beta.size, own.size)  # ages and runs as they then are
+    rest = products.at(others)
+    rest = replace(rest, moment=rest.moment - products.gram[others] @ own)
+    own[others] = mode(rest, prior.part(others), found.variance)
     scored = Scored(terms, found.log_evidence, replace(found, beta=own), beta.size)
     return FittedJoint(prepared, evidence, scored, (evidence, scored), floor, known=numbers)
 

@@ -36,7 +36,7 @@ from drake_tc.diagnosis.robot.whole import declared_robot
 from drake_tc.errors import ParamsError
 from drake_tc.estimation.robot_loads import robot_logs, with_robot_loads
 from drake_tc.experiments.design.criteria import Expected
-from drake_tc.experiments.design.lead import Core, from_rest_to_rest
+from drake_tc.experiments.design.lead import Experiment
 from drake_tc.experiments.design.motions import JointLimits, MotionBasis, motion_basis, scaled
 from drake_tc.experiments.design.robot_goal import (
     NOISE_SHARE,
@@ -118,15 +118,8 @@ class RobotDesign:
 
     def motion(self, rate_hz: float) -> tuple[FloatArray, dict[str, FloatArray]]:
         """(time (T,), joint to motion (4, T)): all joints lead in together and begin and end at rest."""
-        one, repeats = self.best, 1 if self.by_sinusoids else self.repeats
-        if not self.by_sinusoids:
-            one = np.concatenate([one, one[:, :1]], axis=1)
-        cores = [
-            Core(name, limits, one[:, :, i], self.bases[0].step, repeats)
-            for i, (name, limits) in enumerate(zip(self.joints, self.limits, strict=True))
-        ]
-        time, motions = from_rest_to_rest(cores, rate_hz)
-        return time, dict(zip(self.joints, motions, strict=True))
+        periods = 0 if self.by_sinusoids else self.repeats
+        return Experiment(self.joints, self.limits, self.best, self.bases[0].step, periods).sampled(rate_hz)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from drake_tc.experiments.design.criteria import Criterion, Discrimination, Expe
 from drake_tc.experiments.design.following import tracking_warning, what_limits
 from drake_tc.experiments.design.goal import Goal, criterion_of
 from drake_tc.experiments.design.joint import DesignJoint
-from drake_tc.experiments.design.lead import Core, default_motion, from_rest_to_rest
+from drake_tc.experiments.design.lead import Experiment, default_motion
 from drake_tc.experiments.design.motions import BasisKind, JointLimits, MotionBasis, motion_basis, scaled, whole_step
 from drake_tc.experiments.design.next_log import PlannedRun, next_log
 from drake_tc.experiments.design.robot_goal import CriterionName
@@ -98,12 +98,11 @@ class JointDesign:
     def motion(self, rate_hz: float) -> tuple[FloatArray, FloatArray]:
         """(time (T,), motion (4, T)) of the whole experiment at a rate [Hz]; it begins and ends at rest."""
         one, step = self.one
-        core = Core(self.joint.name, self.limits, one, step, torque=self._torque)
-        if self.sinusoid is None:
-            one = _from_reversal(one)
-            core = replace(core, motion=np.concatenate([one, one[:, :1]], axis=1), repeats=self.repeats)
-        time, (motion,) = from_rest_to_rest([core], rate_hz)
-        return time, motion
+        periods = 0 if self.sinusoid is not None else self.repeats
+        one = _from_reversal(one) if periods else one
+        made = Experiment((self.joint.name,), (self.limits,), one[:, :, None], step, periods, self._torque)
+        time, motions = made.sampled(rate_hz)
+        return time, motions[self.joint.name]
 
     def _torque(self, motion: FloatArray) -> FloatArray:
         return self.joint.motor_torque(motion, self.basis.step)

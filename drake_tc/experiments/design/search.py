@@ -186,14 +186,13 @@ def candidates(
 
 def random_start(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, rng: np.random.Generator) -> FloatArray:
     """A random motion that fills the limits: amplitudes fall with a random power of the frequency."""
-    power = rng.uniform(0.3, 1.8)
+    power, (low, high) = rng.uniform(0.3, 1.8), limits.position
     scale = np.where(basis.frequency_hz > 0.0, (basis.frequency_hz + 1e-9) ** -power, 0.0)
     x = scale * rng.normal(size=basis.size) / basis.scale
-    span = basis.matrices[0] @ x
-    low, high = limits.position
+    swing = basis.matrices[0] @ x
+    x = (x - float(np.mean(swing)) * basis.one) * (high - low) / max(float(np.ptp(swing)), 1e-12)
     middle = rng.uniform(-0.5, 0.5) * 0.5 * (high - low) + 0.5 * (low + high)
-    x = x / max(float(np.ptp(span)), 1e-12)
-    return within(joint, basis, limits, _centred(basis, x * (high - low), middle))
+    return within(joint, basis, limits, x + middle * basis.one)
 
 
 def single_waves(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) -> list[FloatArray]:
@@ -203,17 +202,11 @@ def single_waves(joint: DesignJoint, basis: MotionBasis, limits: JointLimits) ->
     """
     if basis.kind != "fourier":
         return []
-    low, high = limits.position
-    waves = np.eye(basis.size)[basis.size // 2 + 1 :] * 0.5 * (high - low) / basis.scale[basis.size // 2 + 1 :, None]
-    middle = 0.5 * (low + high)
-    largest = [within(joint, basis, limits, _centred(basis, wave, middle)) for wave in waves]
-    rest = middle * basis.one
+    (low, high), sines = limits.position, slice(basis.size // 2 + 1, None)
+    rest = 0.5 * (low + high) * basis.one
+    waves = np.eye(basis.size)[sines] * 0.5 * (high - low) / basis.scale[sines, None]
+    largest = [within(joint, basis, limits, rest + wave) for wave in waves]
     return [rest + share * (wave - rest) for share in SHARES for wave in largest]
-
-
-def _centred(basis: MotionBasis, x: FloatArray, middle: float) -> FloatArray:
-    span = basis.matrices[0] @ x
-    return np.asarray(x + (middle - 0.5 * (float(span.max()) + float(span.min()))) * basis.one)
 
 
 def within(joint: DesignJoint, basis: MotionBasis, limits: JointLimits, x: FloatArray) -> FloatArray:
