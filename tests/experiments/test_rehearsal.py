@@ -41,7 +41,7 @@ def twin(read):
 @pytest.fixture(scope="module")
 def simulated(twin):
     """The twin's runs with the seed 3."""
-    return twin.simulated([{}], [3])[0]
+    return twin.simulated({}, 3)
 
 
 def test_the_twin_repeats_the_recorded_motion_with_the_recorded_load(simulated, read):
@@ -58,7 +58,7 @@ def test_the_twin_repeats_the_recorded_motion_with_the_recorded_load(simulated, 
 
 def test_the_same_seed_gives_the_same_runs_and_another_one_other_noise(twin, simulated):
     one = replace(twin, runs=twin.runs[:1])
-    same, other = (one.simulated([{}], [seed])[0][0].columns for seed in (3, 4))
+    same, other = (one.simulated({}, seed)[0].columns for seed in (3, 4))
     torque = f"{twin.joint}/torque"
     assert_allclose(same[torque], simulated[0].columns[torque], rtol=0.0, atol=0.0)
     assert np.std(same[torque] - other[torque]) > 0.0

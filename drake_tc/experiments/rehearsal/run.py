@@ -199,7 +199,7 @@ def trial_of(twin: Twin, effect_id: str, size: float, seed: int, held: tuple[str
         rng = np.random.default_rng([seed, 9])
         causes[cause_of(effect_id)] = cause_values(effect_id, size, twin.spec.joint, twin.spec.pendulum, rng)
     try:
-        (runs,) = twin.simulated([causes], [seed])
+        runs = twin.simulated(causes, seed)
     except DrakeTcError:
         return Trial(size, seed, (RAN_AWAY,), found=False, alone=False, verdict="")
     train, held_out = ([run for run in runs if (run.name in held) == out] for out in (False, True))

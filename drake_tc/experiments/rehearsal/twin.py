@@ -117,29 +117,17 @@ class SimulatedJoint:
     extra_time: float = 0.0
     recorded: frozenset[str] = frozenset()
 
-    def simulated(
-        self,
-        causes: Sequence[Mapping[str, Mapping[str, float]]],
-        seeds: Sequence[int],
-        runs: Sequence[TwinRun],
-    ) -> list[list[Run]]:
-        """The runs of joints with causes, each with its own seed of noise: one list of runs for each joint.
-
-        Args:
-            causes: Of each joint, as the simulator names them.
-            seeds: Of each joint's noise.
-            runs: References and loads.
+    def simulated(self, causes: Mapping[str, Mapping[str, float]], seed: int, runs: Sequence[TwinRun]) -> list[Run]:
+        """The runs of the joint with causes, as the simulator names them, and with a seed of its noise.
 
         Raises:
-            SimulationError: A joint ran away.
+            SimulationError: The joint ran away.
         """
-        specs = [self.with_causes(each, seed) for each, seed in zip(causes, seeds, strict=True)]
-        out: list[list[Run]] = [[] for _ in specs]
-        for number, run in enumerate(runs):
-            records = integrated(specs, [run] * len(specs))
-            for made, record, seed in zip(out, records, seeds, strict=True):
-                made.append(self.measured(record, run, np.random.default_rng([seed, number, 5])))
-        return out
+        records = integrated([self.with_causes(causes, seed)] * len(runs), runs)
+        return [
+            self.measured(record, run, np.random.default_rng([seed, number, 5]))
+            for number, (record, run) in enumerate(zip(records, runs, strict=True))
+        ]
 
     def with_causes(self, causes: Mapping[str, Mapping[str, float]], seed: int) -> RigSpec:
         """The joint with causes, and with its sensors' seed."""
@@ -199,9 +187,9 @@ class Twin:
         """The simulated joint without any cause."""
         return self.simulator.spec
 
-    def simulated(self, causes: Sequence[Mapping[str, Mapping[str, float]]], seeds: Sequence[int]) -> list[list[Run]]:
-        """Its own runs of joints with causes: see `SimulatedJoint.simulated`."""
-        return self.simulator.simulated(causes, seeds, self.runs)
+    def simulated(self, causes: Mapping[str, Mapping[str, float]], seed: int) -> list[Run]:
+        """Its own runs with causes: see `SimulatedJoint.simulated`."""
+        return self.simulator.simulated(causes, seed, self.runs)
 
 
 def twin_of(rig: Rig, runs: Sequence[Run], joint: str) -> Twin:
