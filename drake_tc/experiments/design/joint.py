@@ -68,11 +68,6 @@ class DesignJoint:
     spread: RunSpread = field(default_factory=RunSpread)
     rig: Rig | None = None
 
-    @property
-    def inertia(self) -> float:
-        """Rotor and link together [kg m^2]."""
-        return self.rotor_inertia + self.link_inertia
-
     def load(self, position: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Load torque (T,) [N m]."""
         return np.asarray(
