@@ -15,6 +15,7 @@ from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.held_out import confirmed, timing_holds
 from drake_tc.diagnosis.intervals import correlated_parameters, friction_spread, of_runs, parameters_of
 from drake_tc.diagnosis.left import visible_share
+from drake_tc.diagnosis.linear import Prior
 from drake_tc.diagnosis.model import JointModel
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.priors import (
@@ -297,10 +298,11 @@ def contributions(evidence: Evidence, split: Split, scored: Scored) -> list[tupl
             continue
         rest = [t for t in scored.terms if t is not term]
         blocks = model.blocks(split, rest)
-        reach = np.concatenate([block.prior.deviation for block in blocks])
-        columns = np.concatenate([block.values for block in blocks], axis=1) * reach
+        prior = Prior.stacked([block.prior for block in blocks])
+        values = np.concatenate([block.values for block in blocks], axis=1)
         whole = np.concatenate([block.values for block in model.blocks(split, scored.terms)], axis=1) @ scored.b
-        added = whole - split.target(scored.terms) + split.target(rest)
+        added = whole - split.target(scored.terms) + split.target(rest) - values @ prior.mean
+        columns = values * prior.deviation
         turn, root = np.linalg.qr(columns)
         taken = lsq_linear(root, turn.T @ added, (-TAKEN_OVER, TAKEN_OVER)).x
         out.append((term, rms(added - columns @ taken)))

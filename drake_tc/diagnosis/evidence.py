@@ -43,7 +43,8 @@ class Scored:
         log_odds: log Z + log prior odds, comparable under one noise model.
         posterior: Of [K, b ..., shapes ..., ages ..., runs ...].
         coefficients: Number of [K, b ...]; shapes: number of shape parameters that follow.
-        passed: The sensors' noise in its columns over what the set leaves; above 1 where noise is overestimated.
+        passed: Sensors' noise that it lets through over what it leaves, mean squares; above 1 if it is overestimated.
+        left: Variance of what it leaves at the coefficients that noise does not bias, over `Evidence.by_load`.
     """
 
     terms: tuple[Term, ...]
@@ -52,6 +53,7 @@ class Scored:
     coefficients: int
     shapes: int = 0
     passed: float = 0.0
+    left: float = 0.0
 
     @property
     def b(self) -> FloatArray:
@@ -229,17 +231,17 @@ class Evidence:
         gain beside a payload. The rows do not tell these apart (`Products.without_noise`).
         """
         products, prior = self.products(self.model.train, scored.terms)
-        gram, moment = self.noise_products(scored.terms)
+        gram, moment, square = self.noise_products(scored.terms)
         taken, variance = products.without_noise(gram, moment), scored.posterior.variance
-        b = mode(products, prior, variance)
-        left = products.rss(b)
+        true = mode(taken, prior, variance)
+        left = products.rss(true)
         if left <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
             return replace(scored, log_odds=-np.inf)
-        passed = max(float(b @ gram @ b - 2.0 * b @ moment) / left, 0.0)
-        true = mode(taken, prior, variance)
-        whole = posterior(taken.leaving(products.rss(true), true), prior)
+        passed = float(true @ gram @ true - 2.0 * true @ moment + square) / left
+        whole = posterior(taken.leaving(left, true), prior)
         shapes = scored.log_odds - self.score(scored.terms).log_odds if scored.shapes else 0.0
-        return replace(scored, passed=passed, log_odds=self.odds(scored.terms, whole) + shapes)
+        own = whole.variance / self.by_load(float(true[0]))
+        return replace(scored, passed=passed, left=own, log_odds=self.odds(scored.terms, whole) + shapes)
 
     def corrected(self, scored: Scored) -> Scored:
         """The set with coefficients that noise does not attenuate; how well the noise is known widens their covariance.
@@ -249,7 +251,7 @@ class Evidence:
         """
         train, held = self.model.train, scored.posterior
         products, prior = self.products(train, scored.terms)
-        gram, moment = self.noise_products(scored.terms)
+        gram, moment, _ = self.noise_products(scored.terms)
         size, shapes = scored.coefficients, scored.shapes
         places = np.r_[:size, size + shapes : held.beta.size]
         b = held.beta[places]
@@ -271,12 +273,12 @@ class Evidence:
         covariance += NOISE_LEVEL**2 * np.outer(shift, shift)
         return replace(scored, posterior=replace(held, beta=held.beta + shift).with_covariance(covariance))
 
-    def noise_products(self, terms: Sequence[Term]) -> tuple[FloatArray, FloatArray]:
-        """E[dX'dX] (m, m) and E[dX'du] (m,): dX is whitened noise of the columns of `design`, du that of the target."""
+    def noise_products(self, terms: Sequence[Term]) -> tuple[FloatArray, FloatArray, float]:
+        """E[dX'dX] (m, m), E[dX'du] (m,), E[du'du]: whitened noise dX of the columns of `design`, du of the target."""
         train, acting = self.model.train, drives(terms)
         parts: list[Term | str] = ["gain", *(t for t in terms if t.effect.coefficients), "ages"]
         size = self.design(train, terms)[0].shape[1]
-        gram, moment = np.zeros((size, size)), np.zeros(size)
+        gram, moment, square = np.zeros((size, size)), np.zeros(size), 0.0
         for number, noisy in enumerate(train.noisy):
             columns = np.concatenate([self._noise_of(number, part) for part in parts], axis=1)
             key = ("noise", number, "target", *(k for t in acting for k in t.cache_key))
@@ -284,7 +286,8 @@ class Evidence:
             k = columns.shape[1]
             gram[:k, :k] += self.noise.share * columns.T @ columns
             moment[:k] += self.noise.share * columns.T @ change[:, 0]
-        return gram, moment
+            square += self.noise.share * float(change[:, 0] @ change[:, 0])
+        return gram, moment, square
 
     def _noise_of(self, number: int, part: Term | str) -> FloatArray:
         """(n, k) whitened noise of a channel in the columns of a term, of the drive gain, or of the ages."""
@@ -363,7 +366,7 @@ class Evidence:
 
         Both estimates of the coefficients are right if the model is, whatever the noise (Hausman, 1978).
         """
-        alike, train = NoiseModel(rest=self.noise.rest), self.model.train
+        alike, train = NoiseModel(rest=self.noise.rest, moving=self.noise.moving), self.model.train
         plain = Evidence(self.model, alike, self.spread)
         errors = (self.residual(train, scored, runs=True), plain.residual(train, plain.score(scored.terms), runs=True))
         own, least = (rms(train.rows.weighed(each, alike)) for each in errors)

@@ -1,10 +1,11 @@
 """Noise of the rows: white noise beside a slow discrepancy, and what the sensors' own noise leaves in them.
 
-The residual of a model on the rows is n + d: n white, from the sensors, of variance s^2 (1 + c e^(-|v|/v_r)); d what
+The residual of a model on the rows is n + d: n white, of variance s^2 (1 + c e^(-|v|/v_r) + m (v/v_rms)^2); d what
 the model does not explain, an Ornstein-Uhlenbeck process of variance r s^2 and correlation time T that begins anew in
 each run. c is what a model of friction leaves near rest, where the force is not that of sliding and its direction is
-that of a creep. All are estimated from the residual itself by maximum likelihood. Whitening by the Kalman filter of
-n + d is exact for gaps.
+that of a creep. m is what instants that scatter leave: a command that is held, or a bus that is late now and then, errs
+by the speed times a time. All are estimated from the residual itself by maximum likelihood. Whitening by the Kalman
+filter of n + d is exact for gaps.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import Samples, rms
-from drake_tc.diagnosis.priors import MEMORIES_S, NEAR_REST, RATIOS, RESTS
+from drake_tc.diagnosis.priors import MEMORIES_S, MOVING, NEAR_REST, RATIOS, RESTS
 from drake_tc.kernels.calls import Kernel
 from drake_tc.types import FloatArray, IntArray
 
@@ -31,12 +32,13 @@ INDEPENDENT = 0.6
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Ratio r and correlation time T [s] of the slow discrepancy, share of independent rows, and c near rest."""
+    """Ratio r and correlation time T [s] of the discrepancy, share of independent rows, c near rest, m in motion."""
 
     ratio: float = 0.0
     memory: float = 1.0
     share: float = 1.0
     rest: float = 0.0
+    moving: float = 0.0
 
 
 def independent_rows(samples: Samples) -> IntArray:
@@ -81,9 +83,15 @@ class Rows:
         speed = np.abs(self.samples.signals.velocity[self.samples.rows])
         return np.asarray(np.exp(-speed / max(NEAR_REST * rms(speed), 1e-300)))
 
+    @cached_property
+    def _moving(self) -> FloatArray:
+        """(N,) (v/v_rms)^2 of all rows."""
+        speed = self.samples.signals.velocity[self.samples.rows]
+        return np.asarray((speed / max(rms(speed), 1e-300)) ** 2)
+
     def variances(self, noise: NoiseModel) -> FloatArray:
         """(N,) variance of the white noise of all rows over s^2."""
-        return np.asarray(1.0 + noise.rest * self._at_rest)
+        return np.asarray(1.0 + noise.rest * self._at_rest + noise.moving * self._moving)
 
     def weighed(self, residual: FloatArray, noise: NoiseModel) -> FloatArray:
         """(N,) residual of all rows over the deviation of its white noise."""
@@ -101,7 +109,7 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
     """The samples with the noise of position, torque sensor (`measured`) and effort drawn once more, one at a time.
 
     As large as the log shows each channel's, after the light kernel; where the instants of sampling scatter, the
-    position's grows with the speed. Channels are drawn apart because a product of the
+    position's and the command's grow with the speed. Channels are drawn apart because a product of the
     noise of two is 0 on average, and not in one draw.
     """
     level, s, light = samples.resolution, samples.signals, samples.light
@@ -122,8 +130,9 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
     if measured and level.torque_noise > 0.0:
         changes.append({"load_torque": level.torque_noise * light.smooth(white)})
     own = max(level.effort_noise, level.effort_step / np.sqrt(12.0))
-    if own > 0.0:
-        changes.append({"effort": own * light.smooth(third)})
+    if own > 0.0 or level.command_scatter > 0.0:
+        noise = light.smooth(third * np.hypot(own, level.command_scatter * s.velocity))
+        changes.append({"effort": noise} | ({"command": noise} if samples.floor.servo else {}))
     return [
         replace(samples, signals=replace(s, **{name: getattr(s, name) + more for name, more in each.items()}))
         for each in changes
@@ -151,15 +160,16 @@ def fitted_noise(rows: Rows, residual: FloatArray, *, slow: bool = True) -> Nois
         white, log_determinant = rows.whitened(residual, model)
         return -0.5 * count * float(np.log(max(float(np.mean(white**2)), 1e-300))) - 0.5 * log_determinant
 
-    def near_rest(model: NoiseModel) -> NoiseModel:
-        return max((replace(model, rest=rest) for rest in RESTS), key=likelihood)
+    def uneven(model: NoiseModel) -> NoiseModel:
+        best = max((replace(model, rest=rest) for rest in RESTS), key=likelihood)
+        return max((replace(best, moving=moving) for moving in MOVING), key=likelihood)
 
-    alike = near_rest(NoiseModel())
+    alike = uneven(NoiseModel())
     if not slow:
         return alike
     tried = [NoiseModel(r, memory) for r in RATIOS for memory in (MEMORIES_S if r > 0.0 else MEMORIES_S[:1])]
     found = []
-    for rest in sorted({0.0, alike.rest}):
-        best = max((replace(model, rest=rest) for model in tried), key=likelihood)
-        found.append(near_rest(best))
+    for rest, moving in sorted({(0.0, 0.0), (alike.rest, alike.moving)}):
+        best = max((replace(model, rest=rest, moving=moving) for model in tried), key=likelihood)
+        found.append(uneven(best))
     return max(found, key=likelihood)

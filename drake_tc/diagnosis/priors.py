@@ -61,6 +61,8 @@ MEMORIES_S = (0.03, 0.1, 0.3, 1.0, 3.0)
 """Tried correlation times of the slow discrepancy [s]."""
 RESTS = (0.0, 3.0, 30.0, 300.0, 3e3, 3e4)
 """Tried variances of what friction leaves near rest over that of the white noise."""
+MOVING = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+"""Tried variances of what grows with the speed over that of the white noise, at the RMS speed."""
 NEAR_REST = 0.02
 """Speed within which a joint is near rest over its RMS speed."""
 

@@ -157,7 +157,7 @@ def as_fit(scored: Scored) -> Fit:
 
 
 def _impossible(scored: Scored) -> Scored:
-    return Scored(scored.terms, -np.inf, scored.posterior, scored.coefficients, scored.shapes)
+    return replace(scored, log_odds=-np.inf)
 
 
 def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lambda text, share: None) -> Found:
@@ -235,20 +235,21 @@ def _pool(sets: Sets, best: Scored) -> list[Scored]:
 
 
 def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.inf) -> list[tuple[Evidence, Scored]]:
-    """The sets with the odds that they have if noise in the columns of all is as loud as in the loudest.
+    """The sets with the odds that they have if all let as much of the sensors' noise through as the loudest one.
 
-    A set whose columns have no noise leaves less than the true one whose columns have some. Sets with noise models of
-    their own are compared by the white noise that they tell of effort and load. A set that leaves more than a part
-    of itself is not at its optimum, and its noise does not count against that part. `least`: log odds from which a set
-    counts among the loud ones.
+    A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
+    Sets with noise models of their own are compared by the white noise that they tell of effort and load. A set that
+    leaves more than a part of itself is not at its optimum, and its noise does not count against that part. `least`:
+    log odds from which a set counts among the loud ones.
     """
-    left = [s.posterior.variance / (evidence.noise_gain * evidence.by_load(s.b[0])) for evidence, s in sets]
+    left = [s.left / evidence.noise_gain for evidence, s in sets]
     loud = [(s, n, s.passed * n) for n, (_, s) in zip(left, sets, strict=True) if s.log_odds > least]
     out = []
     for variance, (evidence, s) in zip(left, sets, strict=True):
         others = [noise for other, more, noise in loud if not (s.ids < other.ids and variance < more)]
         rows = evidence.noise.share * evidence.model.train.rows.index.size
-        less = 0.5 * rows * np.log1p(max(max(others, default=0.0) - s.passed * variance, 0.0) / variance)
+        quieter = max(max(others, default=0.0) - s.passed * variance, 0.0)
+        less = 0.5 * rows * np.log1p(quieter / variance) if np.isfinite(s.log_odds) else 0.0
         out.append((evidence, replace(s, log_odds=float(s.log_odds - less))))
     return out
 

@@ -122,7 +122,7 @@ def test_a_shift_by_half_a_sample_smooths_nothing() -> None:
 def scored(names: str, variance: float, passed: float) -> Scored:
     terms = tuple(SimpleNamespace(effect=SimpleNamespace(key=name)) for name in names)
     posterior = Posterior(np.zeros(1), np.eye(1), variance, 0.0)
-    return Scored(cast(Any, terms), 100.0, posterior, 1, passed=passed)
+    return Scored(cast(Any, terms), 100.0, posterior, 1, passed=passed, left=variance)
 
 
 def test_noise_counts_against_a_set_beside_the_one_that_is_louder_but_not_against_a_part_that_leaves_less() -> None:
@@ -131,7 +131,6 @@ def test_noise_counts_against_a_set_beside_the_one_that_is_louder_but_not_agains
         Any,
         SimpleNamespace(
             noise_gain=1.0,
-            by_load=lambda gain: 1.0,
             noise=SimpleNamespace(share=1.0),
             model=SimpleNamespace(train=SimpleNamespace(rows=rows)),
         ),

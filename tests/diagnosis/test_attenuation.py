@@ -12,6 +12,7 @@ from drake_tc.diagnosis.model import RunSpread
 from drake_tc.diagnosis.priors import NAMED
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.diagnosis.search import equally_noisy
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.payload import Payload
@@ -50,7 +51,7 @@ def test_the_drawn_noise_of_the_gain_s_column_is_what_the_filters_pass(noisy: tu
     evidence, scored = noisy
     samples = evidence.model.train.samples
     taps = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
-    gram, _ = evidence.noise_products(scored.terms)
+    gram = evidence.noise_products(scored.terms)[0]
     drawn = np.sqrt(gram[0, 0] / (evidence.noise.share * evidence.model.train.rows.index.size))
     unit = evidence.model.train.rows.whitened(
         np.random.default_rng(1).normal(size=(samples.rows.size, 1)), evidence.noise
@@ -71,7 +72,7 @@ def test_a_set_of_whose_load_all_is_noise_stays_as_it_is(
     """Nothing would be left of the drive gain, and every parameter is over it."""
     evidence, scored = noisy
     whole = evidence.products(evidence.model.train, scored.terms)[0]
-    monkeypatch.setattr(Evidence, "noise_products", lambda self, terms: (whole.gram, whole.moment))
+    monkeypatch.setattr(Evidence, "noise_products", lambda self, terms: (whole.gram, whole.moment, 0.0))
     assert evidence.corrected(scored) is scored
 
 
@@ -89,11 +90,26 @@ def test_what_differs_from_run_to_run_takes_no_part_of_the_correction(noisy: tup
 def test_what_lets_less_noise_through_is_no_merit_of_a_set(noisy: tuple[Evidence, Scored]) -> None:
     """Half the drive gain beside a payload in place of the measured load: its columns have no noise."""
     evidence, scored = noisy
-    terms = [*scored.terms, Term(Payload())]
-    with_noise = evidence.score(terms)
+    with_noise = evidence.score([*scored.terms, Term(Payload())])
     assert with_noise.posterior.log_evidence > scored.posterior.log_evidence + NAMED  # of the effort alone
-    assert with_noise.log_odds < scored.log_odds - NAMED
-    assert evidence.refined(with_noise).log_odds < evidence.refined(scored).log_odds - NAMED
+    sets = [(evidence, evidence.refined(each)) for each in (scored, with_noise)]
+    truth, other = (each for _, each in equally_noisy(sets))
+    assert other.log_odds < truth.log_odds - NAMED
+
+
+def test_a_set_without_the_load_that_leaves_as_much_is_less_probable_by_the_noise_that_the_load_passes(
+    noisy: tuple[Evidence, Scored],
+) -> None:
+    """Closed form: n/2 log(1 + v/s^2), v the variance that the torque sensor's noise has in the effort."""
+    evidence, scored = noisy
+    refined = evidence.refined(scored)
+    quiet = replace(refined, passed=0.0, terms=(*refined.terms, Term(Payload())))
+    loud, less = (each.log_odds for _, each in equally_noisy([(evidence, refined), (evidence, quiet)]))
+    samples = evidence.model.train.samples
+    taps = np.convolve(samples.light.kernels[0], samples.kernel.kernels[0])
+    passed = (Joint().gain * NOISE) ** 2 * float(taps @ taps) * evidence.noise_gain
+    rows = evidence.noise.share * evidence.model.train.rows.index.size
+    assert loud - less == pytest.approx(0.5 * rows * np.log1p(passed / refined.left), rel=0.25)
 
 
 def test_the_density_of_effort_and_load_is_that_of_the_load_where_the_effort_has_no_noise(

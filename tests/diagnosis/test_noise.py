@@ -18,6 +18,7 @@ class PlainRows:
 
     apart: FloatArray
     at_rest: FloatArray | float = 0.0
+    moving: FloatArray | float = 0.0
 
     @property
     def index(self) -> IntArray:
@@ -26,7 +27,7 @@ class PlainRows:
     def whitened(self, values: FloatArray, noise: NoiseModel) -> tuple[FloatArray, float]:
         columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
         out = np.empty_like(columns)
-        white = np.full(self.apart.size, 1.0) + noise.rest * self.at_rest
+        white = np.full(self.apart.size, 1.0) + noise.rest * self.at_rest + noise.moving * self.moving
         return out, float(whiten(columns, self.apart, white, noise.ratio, noise.memory, out))
 
 
@@ -66,6 +67,18 @@ def test_the_fitted_noise_is_that_of_the_process() -> None:
     found = fitted_noise(PlainRows(apart), 0.01 * residual)  # type: ignore[arg-type]
     assert found.memory == 1.0
     assert 3.0 <= found.ratio <= 30.0  # the next steps of the grid
+
+
+@pytest.mark.parametrize("ratio", [0.0, 3.0])
+def test_noise_that_grows_with_the_speed_is_told_from_white_noise(ratio: float) -> None:
+    rng = np.random.default_rng(7)
+    apart = _apart(rng, 1500)
+    speed2 = 2.0 * np.sin(np.arange(1500) / 20.0) ** 2  # of mean 1
+    residual = np.linalg.cholesky(_covariance(apart, ratio, 0.3, 10.0 * speed2)) @ rng.normal(size=1500)
+    rows = PlainRows(apart, moving=speed2)
+    found = fitted_noise(rows, residual)  # type: ignore[arg-type]
+    assert 3.0 <= found.moving <= 30.0  # the next steps of the grid
+    assert fitted_noise(rows, rng.normal(size=1500)).moving <= 0.1  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("ratio", [0.0, 3.0])

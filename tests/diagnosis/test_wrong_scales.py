@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
@@ -10,7 +11,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.library import effect
 from drake_tc.logs.rig import parse_rig
 
-from .rigs import Joint, record
+from .rigs import Joint, motion, record
 
 NOISY = Joint(torque_noise=1.5, inertia=1.5)
 """Noise of the torque sensor [N m], a quarter of the torque's RMS, before the filters."""
@@ -46,3 +47,12 @@ def test_a_wrong_drive_gain_is_not_taken_for_a_wrong_scale_of_the_sensor(error):
     assert [e.id for e in result.effects] == ["servo_gain"]
     low, high = result.effects[0].parameters["gain_error"].ci95
     assert low <= error <= high
+
+
+def test_a_wrong_drive_gain_contributes_its_error_of_the_effort_that_the_load_needs():
+    """And not all of the effort, of which a gain that is held at its declared value takes over the most."""
+    joint, error = Joint(), 0.02
+    result = found(joint, joint.gain * (1.0 + error), "servo_gain")
+    held = motion(joint, 2.1)
+    need = joint.gain * (held.tau + joint.inertia * held.a)
+    assert result.effects[0].contribution == pytest.approx(error * np.sqrt(np.mean(need**2)), rel=0.2)

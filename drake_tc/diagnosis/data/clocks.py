@@ -59,6 +59,8 @@ STEPS = 2.0
 UNEVEN = 1.5
 """Ratio of delta^2 in the upper and in the lower half of the frequencies, and of the noise over the model in the faster
 and the slower half of the blocks in which the scatter is the larger part of it, at most."""
+BANDS = 4
+"""In which the scatter of a command is looked for."""
 MOST_POWER = 5.0
 """Power of a block over its mean that counts at most: an exponential variable is larger in 0.7 % of the cases."""
 MEDIAN_OF_CORRELATED = 3.0
@@ -122,6 +124,26 @@ def timing_scatter(position: FloatArray, segments: Sequence[slice], period: floa
     speed = float(np.sqrt(np.mean(speed2)))
     own = max(float(np.sqrt(noise)), step / float(np.sqrt(12.0)), LEAST_NOISE)
     return TimingScatter(float(np.sqrt(growth)), own, speed, float(np.sqrt(speed2.max())))
+
+
+def command_scatter(command: FloatArray, segments: Sequence[slice], period: float) -> float:
+    """Standard deviation [s] of the instants at which a position command was read; 0 where the log shows none.
+
+    A command that is held until its next step is read with a random age of up to one step, and errs by the speed times
+    this age. That of a regular pattern of the two clocks lies near a few frequencies, and passes no filter: the band
+    with the least error counts.
+
+    Args:
+        command: (T,) [rad].
+        segments: Uniform stretches.
+        period: [s].
+    """
+    power, speed2 = _blocks(command, segments, period)
+    if len(speed2) < LEAST_BLOCKS or not np.any(speed2 > 0.0):
+        return 0.0
+    fits = [_fitted(part, speed2) for part in np.array_split(power, BANDS, axis=1)]
+    _, growth, deviation = min(fits, key=lambda fit: fit[1])
+    return float(np.sqrt(growth)) if growth > CERTAIN * deviation else 0.0
 
 
 def _blocks(position: FloatArray, segments: Sequence[slice], period: float) -> tuple[FloatArray, FloatArray]:

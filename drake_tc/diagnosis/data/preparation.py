@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels, aged, channels_of, silent_effort
-from drake_tc.diagnosis.data.clocks import between_samples, timing_of_rows, timing_scatter
+from drake_tc.diagnosis.data.clocks import between_samples, command_scatter, timing_of_rows, timing_scatter
 from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sensors import encoder_of, resolution_of
@@ -163,7 +163,13 @@ def build_samples(
     q, v, a = signals.position, signals.velocity, signals.acceleration
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
-    resolution = replace(resolution_of(channels, rig, step, noise, light), speed_at_rest=at_rest, timing=timing)
+    servo = rig.drive[joint] == "position_servo"
+    resolution = replace(
+        resolution_of(channels, rig, step, noise, light),
+        speed_at_rest=at_rest,
+        timing=timing,
+        command_scatter=command_scatter(raw_command, segments, period) if servo else 0.0,
+    )
     direction, travel, moving = direction_of_motion(
         q, v, inner, resolution, rig.joint_type(joint), both_sides=both_sides
     )
@@ -176,7 +182,6 @@ def build_samples(
     final = final_kernel(moving, segments, light, widths)
     rows, block = choose_rows(moving, segments, final, light, period)
     moments = None if timing is None else timing_of_rows(timing.time, channels, light, final, v, rows)
-    servo = rig.drive[joint] == "position_servo"
     require_rows(rows, moving, resolution, final, f"joint {joint}, {', '.join(r.name for r in runs)}")
     return Samples(
         signals=signals,

@@ -57,6 +57,7 @@ class Resolution:
         speed_at_rest: RMS of the filtered velocity of a joint at rest [rad/s]; 0 where it hardly rests.
         timing: Scatter of the instants at which the position was sampled, and the noise of a position beside it; None
             where the log shows no scatter. `position_noise` is then that of the typical motion.
+        command_scatter: Of the instants at which a position command was read [s], see `clocks.command_scatter`.
     """
 
     position_step: float
@@ -72,6 +73,7 @@ class Resolution:
     raw_velocity_noise: float = 0.0
     speed_at_rest: float = 0.0
     timing: TimingScatter | None = None
+    command_scatter: float = 0.0
 
     @property
     def least_speed(self) -> float:

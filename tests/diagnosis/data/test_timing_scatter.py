@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.data.clocks import timing_moments, timing_scatter
+from drake_tc.diagnosis.data.clocks import command_scatter, timing_moments, timing_scatter
 from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
@@ -119,3 +119,27 @@ def test_moments_at_constant_speed_are_those_of_white_noise():
         [[wide @ wide, 0.5 * wide @ padded], [0.5 * wide @ padded, 0.25 * narrow @ narrow]]
     )
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * expected[0, 0])
+
+
+HOLD = 2e-3
+"""Time [s] for which a command is held."""
+
+
+def _read(time: np.ndarray, hold: float) -> np.ndarray:
+    """A command that is held, at these instants."""
+    return np.asarray(motion(hold * np.floor(time / hold))[0])
+
+
+def test_a_command_that_is_held_is_read_with_an_age_that_is_uniform_over_the_hold() -> None:
+    rng = np.random.default_rng(4)
+    time = np.arange(6000) * 4e-3
+    assert command_scatter(
+        motion(time - HOLD * rng.random(time.size))[0], [slice(0, time.size)], 4e-3
+    ) == pytest.approx(HOLD / np.sqrt(12.0), rel=0.1)
+
+
+@pytest.mark.parametrize("period", [1e-3, 2e-3, 4e-3, 5e-3])
+def test_the_regular_pattern_of_two_clocks_is_no_scatter(period: float) -> None:
+    """Its frequencies are those at which the clocks beat."""
+    time = np.arange(12000) * period + 0.3e-3
+    assert command_scatter(_read(time, HOLD), [slice(0, time.size)], period) < 0.02 * HOLD
