@@ -229,12 +229,16 @@ class EffectOdds:
     ) -> tuple[float, float]:
         """(log odds that another effect gets from a contribution, the log likelihood in them)."""
         if other.by_shape:
-            along = remainders.gram[np.ix_(other.changes, places)] @ weights
-            squares = np.maximum(np.diag(remainders.gram)[other.changes], 1e-300)
-            share = np.clip(along / squares, 0.5, 2.0)  # between two sizes the change is nearly in proportion
-            each = share * along - 0.5 * share**2 * squares
+            # between two sizes, and below the weakest one, the change is on the straight line between the two
+            along = np.concatenate([[0.0], remainders.gram[np.ix_(other.changes, places)] @ weights])
+            gram = np.pad(remainders.gram[np.ix_(other.changes, other.changes)], (1, 0))
+            own, inner = np.diag(gram)[:-1], np.diag(gram, 1) - np.diag(gram)[:-1]
+            rise, square = np.diff(along), np.diff(np.diag(gram)) - 2.0 * inner
+            share = np.clip((rise - inner) / np.maximum(square, 1e-300), 0.0, 1.0)
+            each = along[:-1] + share * rise - 0.5 * (own + 2.0 * share * inner + share**2 * square)
             best = int(np.argmax(each))
-            return float(each[best]) - self.occam(other, float(other.sizes[best])), float(each[best])
+            near = max(best - int(share[best] < 0.5), 0)
+            return float(each[best]) - self.occam(other, float(other.sizes[near])), float(each[best])
         prior = other.prior.prior
         along = remainders.gram[np.ix_(other.places, places)] @ weights
         gram = remainders.gram[np.ix_(other.places, other.places)]

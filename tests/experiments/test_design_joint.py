@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
+from drake_tc.diagnosis.noise import NoiseModel
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.effects.base import Context, JointNumbers
 from drake_tc.effects.library import effect
@@ -24,6 +25,7 @@ from drake_tc.experiments.design.run import DesignOptions, design_joint
 from drake_tc.experiments.design.search import random_start
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import sizes_found
+from drake_tc.logs.rig import parse_rig
 
 LIMITS = JointLimits((-0.7, 0.9), 2.0, 9.0, jerk=300.0, torque=120.0, bandwidth_hz=2.0)
 QUICK = DesignOptions(duration=10.0, starts=1, iterations=40)
@@ -132,6 +134,50 @@ def test_a_designed_motion_keeps_every_limit_and_is_no_worse_than_any_random_one
     assert np.abs(torque).max() <= LIMITS.torque
 
 
+@pytest.fixture(scope="module")
+def arm_joint(joint) -> DesignJoint:
+    """A joint of an arm, whose rotor inertia is fitted and whose gain is held, with more slow noise than white."""
+    context = replace(joint.context, drive="current", load="robot", declared={}, period=1e-2, effort_span=(-4.0, 4.0))
+    numbers = replace(joint.numbers, gain=0.15, viscous=8.0, coulomb=6.0, torque=26.0, effort=4.0, rotor=0.8)
+    declared = (*joint.declared, Term(effect("rotor_inertia")))
+    rest = {"rotor_inertia": 0.0, "noise": 0.5, "independent_per_second": 30.0, "gain_held": True}
+    servo = {"joint": "joint", "drive": "current", "load": "torque", "declared": {"rotor_inertia": None}}
+    rest |= {"rig": parse_rig({**servo, "drive_gain": 0.15})}
+    return replace(
+        joint, numbers=numbers, context=context, declared=declared, left=NoiseModel(10.0, 3.0), floor=0.15, **rest
+    )
+
+
+@pytest.mark.parametrize("starts", [0, 1])
+@pytest.mark.parametrize("name", ["joint", "arm_joint"])
+@pytest.mark.parametrize(
+    "goal",
+    [
+        "parameters",
+        "parameters:stribeck",
+        "tell:load_dependent_friction,quadratic_viscous",
+        "tell:delay,current_lag",
+        pytest.param("all", marks=pytest.mark.slow),
+    ],
+)
+def test_a_design_states_nothing_worse_than_its_comparison(request, name, goal, starts):
+    """By the stated figures alone: intervals, the probability, and the sizes at which effects are found."""
+    limits = replace(LIMITS, velocity=1.5, acceleration=4.0)
+    options = replace(QUICK, starts=starts)
+    design = design_joint(request.getfixturevalue(name), limits, parse_goal(goal), options)
+    after, default = (np.array([getattr(each, which) for each in design.expected]) for which in ("after", "default"))
+    if goal.startswith("tell"):
+        assert after[0] >= default[0]
+    elif goal == "all":
+        forms = criterion_of(design.goal, design.joint).forms
+        strengths = np.array([each.strength for each in forms])
+        power = np.array([-2.0 if each.size.falling else 2.0 for each in forms])
+        lost = [np.mean(np.log1p(np.clip((sizes / strengths) ** power, 1e-12, 1e12))) for sizes in (after, default)]
+        assert lost[0] <= lost[1] + 1e-9
+    else:
+        assert np.mean(np.log(after / default)) <= 0.0
+
+
 def test_the_same_seed_gives_the_same_motion(joint):
     first, second = (design_joint(joint, LIMITS, parse_goal("parameters"), QUICK).x for _ in range(2))
     assert_allclose(first, second, rtol=0.0, atol=0.0)
@@ -222,7 +268,7 @@ def test_the_distance_of_a_delay_from_a_lag_is_the_least_over_a_fine_grid_of_lag
     white = split.rows.whitened(apart, evidence.noise)[0]
     left = left_by(rows, np.vstack([weight * white, np.zeros((columns.shape[1], len(lags)))]))
     least = float(np.min(np.sum(left**2, axis=0)))
-    # between two sizes of its grid, a lag is taken to be in proportion
+    # between two sizes of its grid, the change by a lag is taken to be on a straight line
     assert_allclose(odds.apart(variant, other.effect, size)[1], least, rtol=0.15)
 
 

@@ -33,7 +33,7 @@ class Hill(Criterion):
         q = fitted.evidence.model.train.samples.signals.position
         return Worth((), float(np.mean(q**2)) / LIMITS.position[1] ** 2, 0.0)
 
-    def sentences(self, rows, noun):
+    def sentences(self, rows, noun, gain):
         return ()
 
 

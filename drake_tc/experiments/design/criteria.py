@@ -99,7 +99,7 @@ class Worth:
 
     def gain_over(self, other: "Worth") -> float:
         """Factor by which distances are larger, or intervals and sizes smaller; infinite where the other has none."""
-        apart = self.scale - other.scale
+        apart = 0.0 if self.scale == other.scale else self.scale - other.scale
         return math.exp(apart) if apart < 50.0 else math.inf
 
 
@@ -119,8 +119,8 @@ class Criterion(ABC):
         """What a log is worth; nothing where it does not identify the joint."""
 
     @abstractmethod
-    def sentences(self, rows: Sequence[Expected], noun: str) -> tuple[str, ...]:
-        """What an experiment, which a sentence calls `noun`, is worth in words."""
+    def sentences(self, rows: Sequence[Expected], noun: str, gain: float) -> tuple[str, ...]:
+        """What an experiment, which a sentence calls `noun`, is worth in words; `gain`: over a growing sinusoid."""
 
 
 def expected_of(before: Worth | None, default: Worth, designed: Worth) -> tuple[Expected, ...]:
@@ -216,12 +216,12 @@ class Parameters(Criterion):
         logs = np.log(np.maximum(eigen, 1e-300))
         return -float(logs.max() if self.smallest else logs.sum())
 
-    def sentences(self, rows: Sequence[Expected], noun: str) -> tuple[str, ...]:
-        """The median ratio of the intervals."""
-        ratio = float(np.nanmedian([row.after / row.default for row in rows]))
+    def sentences(self, rows: Sequence[Expected], noun: str, gain: float) -> tuple[str, ...]:
+        """The ratio of the standard errors, as the criterion has it."""
+        mean = "largest one" if self.smallest else "geometric mean"
         return (
-            f"The 95 % intervals after the {noun} are {ratio:.2f} times as wide as those after a growing sinusoid of "
-            "the same length and limits (median over the parameters).",
+            f"Along the axes of the confidence ellipsoid of all parameters, the standard error ({mean}) after the "
+            f"{noun} is {1.0 / gain:.2g} times that after a growing sinusoid of the same length and limits.",
         )
 
 
@@ -276,7 +276,7 @@ class Discrimination(Criterion):
         probability = ("probability that the runs distinguish them", "-", float(norm.cdf(total)))
         return Worth((probability, *distances, *seen), total, math.log(least) if least > 0.0 else -math.inf)
 
-    def sentences(self, rows: Sequence[Expected], noun: str) -> tuple[str, ...]:
+    def sentences(self, rows: Sequence[Expected], noun: str, gain: float) -> tuple[str, ...]:
         """Both probabilities, and what no motion rules out."""
         names = " and ".join(
             f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")") for form in self.orders[0]
@@ -317,7 +317,7 @@ class AllEffects(Criterion):
         total = float(np.mean(gains)) if gains else -math.inf
         return Worth(tuple(values), total, 0.5 * total)
 
-    def sentences(self, rows: Sequence[Expected], noun: str) -> tuple[str, ...]:
+    def sentences(self, rows: Sequence[Expected], noun: str, gain: float) -> tuple[str, ...]:
         """How many effects of typical size are shown, and which ones at no size."""
         pairs = list(zip(self.forms, rows, strict=True))
 
@@ -327,7 +327,8 @@ class AllEffects(Criterion):
         after, default = (sum(shown(f, getattr(r, name)) for f, r in pairs) for name in ("after", "default"))
         text = (
             f"Of {len(rows)} effects of typical size, the {noun} shows {after}; a growing sinusoid of the same length "
-            f"and limits shows {default}."
+            f"and limits shows {default}. The smallest sizes that are found are {1.0 / gain:.2g} times as large "
+            "(geometric mean, in which sizes far below the typical ones count less)."
         )
         never = [form.effect.key for form, row in pairs if math.isinf(row.after)]
         return (text, *((f"The {noun} shows {', '.join(never)} at no size (∞).",) if never else ()))

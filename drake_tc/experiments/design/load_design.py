@@ -136,7 +136,7 @@ def design_with_loads(
         _gained(criterion, refusal, gain),
         _best_load(criterion, runs),
         *_most_changed(criterion, expected, without),
-        *criterion.sentences(expected, NOUN),
+        *criterion.sentences(expected, NOUN, designed.gain_over(default)),
         *dict.fromkeys(sentence for k in plan.used for sentence in made.resonance(k)),
     )
     if isinstance(criterion, Discrimination) and expected[0].after < TOLD:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from drake_tc.diagnosis.data.preparation import build_samples, load_scale
+from drake_tc.diagnosis.data.preparation import build_samples, context_of, load_scale
 from drake_tc.diagnosis.data.resolution import SPEED_OF_NOISE, NoiseFloor, Resolution
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import mode, posterior
@@ -35,6 +35,8 @@ from drake_tc.types import FloatArray
 
 PERIOD = 5e-3
 """Sampling period where no log tells it [s]."""
+SHORTEST = 4e-3
+"""Shortest sampling period of a rough log [s]: a third of the narrowest filter."""
 UNKNOWN = Resolution(position_step=0.0, position_noise=1e-7, torque_noise=0.0, velocity_noise=0.0)
 """Of sensors where no log tells it: all noise is the effort's."""
 
@@ -72,18 +74,20 @@ def next_log(runs: Sequence[PlannedRun], seed: int = 0) -> FittedJoint | None:
 
 
 def rough_log(runs: Sequence[PlannedRun], repeats: int = 1) -> FittedJoint | None:
-    """The same of runs at the motions' own step, with the noise of the position alone; quicker, for a search.
+    """The same of runs at a period of at least `SHORTEST`, with the noise of the position alone; quicker.
 
-    White noise is as loud as in a log at its own period: by the root of the period over the step.
+    White noise is as loud as in a log at its own period: by the root of the one period over the other. The ages of the
+    channels are those of a log at its own period.
 
     Args:
-        runs: Of the experiment; all of one joint, with one step.
+        runs: Of the experiment; all of one joint.
         repeats: How often all of them are made.
     """
-    joint, rig, step = runs[0].joint, rig_of(runs), runs[0].step
+    joint, rig, period = runs[0].joint, rig_of(runs), runs[0].joint.context.period or PERIOD
+    step = max(period, SHORTEST)
     known, servo = joint.resolution or UNKNOWN, joint.context.drive == "position_servo"
     louder = {
-        name: math.sqrt((joint.context.period or PERIOD) / step) * getattr(known, name)
+        name: math.sqrt(period / step) * getattr(known, name)
         for name in ("position_step", "position_noise", "torque_noise", "effort_noise")
     }
     known, rng, made = replace(known, **louder), np.random.default_rng(0), []
@@ -93,12 +97,14 @@ def rough_log(runs: Sequence[PlannedRun], repeats: int = 1) -> FittedJoint | Non
         made.append(replace(clean, columns=dict(clean.columns) | {name: noisy}))
     try:
         samples = build_samples(made, rig, joint.name, at_rest=joint.slowest / SPEED_OF_NOISE)
+        samples = replace(samples, effort_period=period, torque_period=period)
         columns = Columns(samples, declared_gain=load_scale(rig, joint.name).gain)
         plain = fit(columns, joint.declared)
         columns = with_fitted_load(columns.with_model(plain.terms, plain.beta, servo=servo), plain)
     except IdentificationError:
         return None
-    return _at_truth(Prepared(columns, columns, plain.terms, 0.0, joint.context, ()), joint, known, repeats)
+    context = replace(joint.context, load=context_of(samples, rig, joint.name).load)
+    return _at_truth(Prepared(columns, columns, plain.terms, 0.0, context, ()), joint, known, repeats)
 
 
 def _at_truth(prepared: Prepared, joint: DesignJoint, resolution: Resolution, repeats: int = 1) -> FittedJoint:

@@ -163,7 +163,7 @@ def _joint_json(design: JointDesign) -> dict[str, Any]:
         "repeats": design.repeats,
         "parameters": [float(x) for x in design.x],
         "criterion": {"random": plan.start_value, "designed": plan.value},
-        "solver": {"name": "random search", "starts": plan.starts, "converged": plan.solved},
+        "solver": {"name": "random search", "starts": plan.starts},
         "expected": [asdict(each) for each in design.expected],
         "sentences": list(design.sentences),
     }

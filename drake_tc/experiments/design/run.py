@@ -53,7 +53,7 @@ class DesignOptions:
     basis: BasisKind = "fourier"
     criterion: CriterionName = "D"
     starts: int = 2
-    iterations: int = 150
+    iterations: int = 100
     seed: int = 0
 
 
@@ -151,7 +151,8 @@ def design_joint(
     if designed.total < default.total:
         made, designed = replace(made, sinusoid=fill), default
     expected = expected_of(None if logs is None else criterion.worth(logs.alone()), default, designed)
-    sentences = [*criterion.sentences(expected, NOUN), *([BETTER_SINUSOID] if made.sinusoid is not None else [])]
+    sentences = [*criterion.sentences(expected, NOUN, designed.gain_over(default))]
+    sentences += [BETTER_SINUSOID] if made.sinusoid is not None else []
     contained: tuple[tuple[str, str, str], ...] = ()
     if isinstance(criterion, Discrimination):
         contained = criterion.contained
@@ -186,4 +187,4 @@ def motion_search(
     repeats = max(round(periods / slots), 1)
     period = options.duration / (slots * repeats)
     basis = motion_basis(options.basis, period, whole_step(period, STEP), limits.bandwidth_hz)
-    return MotionSearch(joints, scaled(basis, limits), limits, criterion, slots, repeats)
+    return MotionSearch(joints, scaled(basis, limits), limits, criterion, slots, repeats, options.seed)

@@ -8,10 +8,11 @@ for a criterion f of the log of the whole experiment, since a diagnosis fits all
 search begins with candidates (random motions, sinusoids, slow passes over the whole range in both directions). Under
 several loads it exchanges them load by load, and tries every split of the slots. From the best points,
 
-    x' = x + s m o n,   n ~ N(0, I),   m: a random third of the functions
+    x' = x + s m o n,   n ~ N(0, I),   m: a few random functions
 
 within the limits is kept where the criterion is larger; s grows by half after a success and shrinks after a failure, so
-that about one trial in five succeeds (Rechenberg, 1973).
+that about one trial in five succeeds (Rechenberg, 1973). A step that has become too small begins anew. All this is done
+with rough logs. Of the best candidates and of what became of them, the simulated logs tell the best.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +25,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.experiments.design.criteria import Criterion, Worth
 from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.design.motions import JointLimits, MotionBasis, shrunk
-from drake_tc.experiments.design.next_log import PlannedRun, rough_log
+from drake_tc.experiments.design.next_log import PlannedRun, next_log, rough_log
 from drake_tc.types import FloatArray
 
 Progress = Callable[[str, float], None]
@@ -36,13 +37,13 @@ SHARES = (1.0, 0.3, 0.1)
 """Sizes of single waves among the starts, over what the limits allow: effects of small speeds need slow motions."""
 PASSES = (1.0, 0.5)
 """Shares of the position range that slow passes cover."""
-TRIALS = 150
+TRIALS = 100
 """Motions that are tried from each start."""
 FIRST_STEP, LEAST_STEP = 0.1, 1e-3
-"""Steps s, over the amplitude that the limits allow each function alone; a search ends below the least one."""
+"""Steps s, over the amplitude that the limits allow each function alone."""
 GROWTH = 1.5
-SHARE = 1.0 / 3.0
-"""Of the functions that are changed together."""
+CHANGED = 3
+"""Functions of each motion that are changed together, on average: a change of many breaks a limit somewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +53,8 @@ class MotionPlan:
     Attributes:
         x: (loads, n) parameters of the motion under each load.
         slots: By load, the slots of time that it takes; 0 for one that is not used.
-        value: Of the criterion. start_value: of the best plan of candidates.
-        starts: Points from which the search began. solved: of them, those from which it ended by itself.
+        value: Of the criterion; in the end on a simulated log. start_value: of the best plan of candidates.
+        starts: Points from which the search began.
     """
 
     x: FloatArray
@@ -61,7 +62,6 @@ class MotionPlan:
     value: float
     start_value: float
     starts: int = 0
-    solved: int = 0
 
     @property
     def used(self) -> tuple[int, ...]:
@@ -79,6 +79,7 @@ class MotionSearch:
         limits: That every motion keeps.
         criterion: Of the whole log.
         slots: N. repeats: periods in a slot.
+        seed: Of the noise of simulated logs.
     """
 
     joints: tuple[DesignJoint, ...]
@@ -87,15 +88,24 @@ class MotionSearch:
     criterion: Criterion
     slots: int
     repeats: int = 1
+    seed: int = 0
 
     def worth(self, x: Sequence[FloatArray], slots: Sequence[int]) -> Worth:
-        """What motions (n,) under each load are worth with so many slots of each load."""
-        runs = [
+        """What the rough log of motions (n,) under each load is worth with so many slots of each load."""
+        return self.criterion.worth(rough_log(self._runs(x, slots), self.repeats))
+
+    def _runs(self, x: Sequence[FloatArray], times: Sequence[int]) -> list[PlannedRun]:
+        """Those of the loads that take part, with so many periods of each."""
+        return [
             PlannedRun(f"load_{k}", joint, np.tile(self.basis.motion(own), (1, count)), self.basis.step)
-            for k, (joint, own, count) in enumerate(zip(self.joints, x, slots, strict=True))
+            for k, (joint, own, count) in enumerate(zip(self.joints, x, times, strict=True))
             if count
         ]
-        return self.criterion.worth(rough_log(runs, self.repeats))
+
+    def _simulated(self, plan: MotionPlan) -> float:
+        """The criterion on the simulated log of a plan."""
+        runs = self._runs(list(plan.x), [self.repeats * count for count in plan.slots])
+        return self.criterion.worth(next_log(runs, self.seed)).total
 
     def best(
         self,
@@ -121,12 +131,13 @@ class MotionSearch:
         tight = self.limits.with_margin(MARGIN)
         tried = [candidates(joint, self.basis, tight, rng, known) for joint in self.joints]
         plans = self._first(tried, progress)[: max(starts, 1)]
-        found = plans[:1]
+        found = list(plans)
         for number, plan in enumerate(plans[:starts]):
             progress(f"start {number + 1} of {len(plans)}", 0.3 + 0.7 * number / len(plans))
             found.append(self._refined(plan, tight, rng, trials))
-        best, solved = max(found, key=lambda plan: plan.value), sum(plan.solved for plan in found)
-        return replace(best, start_value=plans[0].value, starts=len(found) - 1, solved=solved)
+        values = [self._simulated(plan) for plan in found]
+        best = int(np.argmax(values))
+        return replace(found[best], value=values[best], start_value=values[0], starts=len(found) - len(plans))
 
     def _first(self, tried: Sequence[Sequence[FloatArray]], progress: Progress) -> list[MotionPlan]:
         """Plans of candidates, the best first: each load alone, and all of them together."""
@@ -156,10 +167,10 @@ class MotionSearch:
         return max((plan, *each), key=lambda other: other.value)
 
     def _refined(self, plan: MotionPlan, tight: JointLimits, rng: np.random.Generator, trials: int) -> MotionPlan:
-        """The plan with better motions, and the time split anew; solved where its steps became too small."""
-        step = FIRST_STEP
+        """The plan with better motions, and the time split anew."""
+        step, share = FIRST_STEP, CHANGED / self.basis.size
         for _ in range(trials):
-            x = plan.x + step * (rng.random(plan.x.shape) < SHARE) * rng.normal(size=plan.x.shape)
+            x = plan.x + step * (rng.random(plan.x.shape) < share) * rng.normal(size=plan.x.shape)
             kept = [
                 within(joint, self.basis, tight, own) if count else old
                 for joint, own, old, count in zip(self.joints, x, plan.x, plan.slots, strict=True)
@@ -170,8 +181,7 @@ class MotionSearch:
             else:
                 step *= GROWTH**-0.25
             if step < LEAST_STEP:
-                plan = replace(plan, solved=1)
-                break
+                step = FIRST_STEP
         return self._split(plan) if len(self.joints) > 1 else plan
 
 
