@@ -119,7 +119,8 @@ class EffectColumns:
         values = strengths(effect, size, self._fitted.context)
         grid = effect.shape_grid(self._fitted.context)
         terms = [Term(effect, {**grid[len(grid) // 2], size.name: float(value)}) for value in values]
-        changes = np.stack([split.target([]) - split.target([term]) for term in terms], axis=1)
+        none = split.target([])
+        changes = np.stack([none - split.target([term]) for term in terms], axis=1)
         block = Block(np.zeros((len(changes), 0)), model.blocks(split, [])[0].prior.part(slice(0, 0)))
         unit: FloatArray = np.zeros(0)
         if effect.coefficients:

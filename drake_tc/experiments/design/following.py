@@ -73,16 +73,21 @@ def tracking_warning(joint: DesignJoint, limits: JointLimits, motion: FloatArray
 
 TRIES = 8
 """Random motions within each set of limits."""
+KEPT = 8
+"""Of these motions and the single waves, the best ones, which are tried within wider limits."""
 
 
 def what_limits(search: MotionSearch, seed: int) -> str:
     """One sentence: the limit whose doubling brings most, by the best of the same random motions and single waves.
 
+    Within the wider limits these are larger, and faster where the bandwidth is wider.
+
     Args:
         search: For one motion that separates two effects.
         seed: Of the random motions.
     """
-    limits, before = search.limits, _best(search, search.limits, seed)
+    limits, before = search.limits, _scales(search, search.limits, seed)
+    best = sorted(before, key=lambda number: -before[number])[:KEPT]
     low, high = limits.position
     half = 0.5 * (high - low)
     faster = replace(limits, acceleration=2.0 * limits.acceleration)
@@ -95,8 +100,9 @@ def what_limits(search: MotionSearch, seed: int) -> str:
             faster, torque=2.0 * limits.torque, bandwidth_hz=2.0 * limits.bandwidth_hz
         ),
     }
-    gains = {name: _best(search, each, seed) - before for name, each in wider.items()}
-    name, gain = max(gains.items(), key=lambda pair: pair[1])
+    found = {name: max(_scales(search, each, seed, best).values(), default=-math.inf) for name, each in wider.items()}
+    name = max(found, key=lambda each: found[each])
+    gain = found[name] - before[best[0]] if best else -math.inf
     if not gain > 0.5 * math.log(1.2):
         return (
             "Twice as wide limits would not bring the two much further apart; the distance grows with the square root "
@@ -108,17 +114,26 @@ def what_limits(search: MotionSearch, seed: int) -> str:
     )
 
 
-def _best(search: MotionSearch, limits: JointLimits, seed: int) -> float:
-    """The logarithm of the largest distance of rough motions within limits; minus infinity where none keeps them."""
+def _scales(
+    search: MotionSearch, limits: JointLimits, seed: int, kept: Sequence[int] | None = None
+) -> dict[int, float]:
+    """Logarithm of the distance of each rough motion within limits, by its number; none where a limit allows none.
+
+    Args:
+        search: For one motion.
+        limits: Of it.
+        seed: Of the random motions.
+        kept: Numbers of the motions; None for all.
+    """
     rng, old, (joint,) = np.random.default_rng(seed), search.basis, search.joints
     basis = scaled(
         motion_basis(old.kind, old.period, min(old.step, 0.02 / limits.bandwidth_hz), limits.bandwidth_hz), limits
     )
-    wide, found = replace(search, basis=basis, limits=limits), -math.inf
+    wide = replace(search, basis=basis, limits=limits)
     try:
-        motions: Sequence[FloatArray] = [random_start(joint, basis, limits, rng) for _ in range(TRIES)]
-        for x in (*motions, *single_waves(joint, basis, limits)):
-            found = max(found, wide.worth([x], (1,)).scale)
+        motions = [random_start(joint, basis, limits, rng) for _ in range(TRIES)]
+        motions += single_waves(joint, basis, limits)
     except ParamsError:
-        pass
-    return found
+        return {}
+    numbers = range(len(motions)) if kept is None else [number for number in kept if number < len(motions)]
+    return {number: wide.worth([motions[number]], (1,)).scale for number in numbers}
