@@ -29,8 +29,9 @@ from drake_tc.report.plots.svg import (
     to_svg,
 )
 from drake_tc.watch.changes import Known
-from drake_tc.watch.compare import ComparisonResult, EffectChange, JointComparison, ParameterChange
+from drake_tc.watch.compare import ComparisonResult, EffectChange, JointComparison
 from drake_tc.watch.history import FEWEST, Session, Trend, further_unit, trends
+from drake_tc.watch.parameters import ParameterChange
 
 VERDICTS = {
     "unchanged": "Nothing changed that these logs show",

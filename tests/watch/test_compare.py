@@ -21,13 +21,12 @@ from drake_tc.logs.rig import parse_rig
 from drake_tc.report.comparison import comparison_json, effect_sentence
 from drake_tc.types import GRAVITY
 from drake_tc.watch.changes import Known, Shift
-from drake_tc.watch.compare import (
+from drake_tc.watch.compare import EffectChange, EffectStatus
+from drake_tc.watch.parameters import (
     ABSENT,
     PAYLOAD,
     SAME_AGES,
     VISCOUS,
-    EffectChange,
-    EffectStatus,
     common_variances,
     opened_by_payload,
     with_discrepancy,
