@@ -31,6 +31,7 @@ from drake_tc.experiments.design.joint import DesignJoint
 from drake_tc.experiments.fitted import FittedJoint
 from drake_tc.experiments.log_odds import EffectOdds
 from drake_tc.experiments.sizes import Size, acts_through_shape, size_of
+from drake_tc.report.numbers import pretty_unit
 from drake_tc.types import FloatArray
 
 MOST_SHAPES = 3
@@ -278,9 +279,8 @@ class Discrimination(Criterion):
 
     def sentences(self, rows: Sequence[Expected], noun: str, gain: float) -> tuple[str, ...]:
         """Both probabilities, and what no motion rules out."""
-        names = " and ".join(
-            f"{form.effect.key} ({form.strength:.3g} {form.size.unit})".replace(" -)", ")") for form in self.orders[0]
-        )
+        sizes = [f"{form.strength:.3g} {pretty_unit(form.size.unit)}".strip() for form in self.orders[0]]
+        names = " and ".join(f"{f.effect.key} ({size})" for f, size in zip(self.orders[0], sizes, strict=True))
         text = (
             f"The {noun} distinguishes {names} with a probability of {100.0 * rows[0].after:.0f} %; a growing sinusoid "
             f"of the same length and limits does so with {100.0 * rows[0].default:.0f} %."
