@@ -5,13 +5,17 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy import ndimage
 
 from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.kernels.equations import delayed
 from drake_tc.kernels.joint_layout import DELAY
 from drake_tc.types import FloatArray
+
+
+REACH = 30
+"""Samples beyond which a cubic spline's weights are below the rounding error."""
 
 
 def shift(values: FloatArray, samples: float) -> FloatArray:
@@ -21,8 +25,8 @@ def shift(values: FloatArray, samples: float) -> FloatArray:
     """
     if samples == 0.0 or values.size < 4:
         return values
-    at = np.arange(values.size, dtype=np.float64)
-    return np.asarray(CubicSpline(at, values)(np.clip(at - samples, 0.0, at[-1])))
+    padded = np.pad(values, REACH, mode="edge")
+    return np.asarray(ndimage.shift(padded, samples, order=3, mode="nearest")[REACH:-REACH])
 
 
 DELAY_RANGE = Plausible(

@@ -21,6 +21,8 @@ from drake_tc.types import FloatArray, IntArray
 
 MOST_SHAPES = 14
 """Shapes of an effect that are looked at; a longer grid is thinned evenly."""
+THINNED = 3
+"""One in so many of the sizes that are shapes is looked at where shapes are given: the effort is smooth in them."""
 Shapes: TypeAlias = Mapping[str, Sequence[Mapping[str, float]]]
 """By effect key, values of its shape parameters."""
 
@@ -117,6 +119,8 @@ class EffectColumns:
     def _by_shape(self, effect: Effect, size: Size) -> Variant:
         split, model = self._model.train, self._model
         values = strengths(effect, size, self._fitted.context)
+        if effect.key in self._shapes:  # in a search for a motion
+            values = values[:: min(THINNED, max(values.size - 1, 1))]
         grid = effect.shape_grid(self._fitted.context)
         terms = [Term(effect, {**grid[len(grid) // 2], size.name: float(value)}) for value in values]
         none = split.target([])
@@ -127,7 +131,7 @@ class EffectColumns:
             block = model.blocks(split, [terms[0]])[1]
             changes = changes + 0.5 * model.gain * self._fitted.numbers.viscous * block.values[:, :1]
         at = [p.name for p in effect.shapes].index(size.name)
-        slopes = np.stack([self._slopes(term, np.zeros(0))[:, at] for term in terms], axis=1)
+        slopes = np.gradient(changes, values, axis=1) if values.size > 1 else changes / values
         return Variant(
             terms[0],
             block,

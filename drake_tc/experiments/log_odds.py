@@ -38,7 +38,7 @@ NUMERICAL = 1e-7
 """Share of a contribution (RMS) that must be left: less of it is the rounding error of an exact identity."""
 CERTAIN = 1.6448536269514722
 """95 % quantile of the standard normal distribution."""
-ROUNDS = 6
+ROUNDS = 3
 """Of the fixed point of a size and Occam's term, which grows with its logarithm."""
 
 
@@ -83,12 +83,13 @@ class EffectOdds:
         self.variants: Mapping[str, list[Variant]] = {e.key: made.variants(e, self.sizes[e.key]) for e in effects}
         self._columns = made.all()
         self._variance = fitted.best.posterior.variance
+        self._found = frozenset(t.effect.id for t in fitted.found)
         self._known: dict[tuple[str, bool], Remainders] = {}
         self._occam: dict[int, float] = {}
 
     def beside(self, effect: Effect, *, plain: bool = False) -> Remainders:
         """Remainders beside the set without this effect; `plain`: of the rows as they are, not whitened."""
-        out = effect.id if any(t.effect.id == effect.id for t in self.fitted.found) else ""
+        out = effect.id if effect.id in self._found else ""
         if (out, plain) not in self._known:
             terms = [t for t in self.fitted.best.terms if self.model.is_declared(t.effect) or t.effect.id != out]
             evidence, rows = self.fitted.evidence, self.model.train.rows
@@ -108,7 +109,7 @@ class EffectOdds:
             grows = 1.0
         else:
             grows = size**2
-        shapes = 0.5 * float(np.sum(np.log1p(variant.widths**2 * grows * np.diag(left)[slopes])))
+        shapes = 0.5 * float(np.sum(np.log1p(variant.widths**2 * grows * left[slopes, slopes])))
         return own + shapes
 
     def _of_coefficients(self, variant: Variant, left: FloatArray) -> float:

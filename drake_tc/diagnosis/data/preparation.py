@@ -16,7 +16,7 @@ import numpy as np
 
 from drake_tc.diagnosis.data.channels import Channels, aged, channels_of, silent_effort
 from drake_tc.diagnosis.data.clocks import between_samples, command_scatter, timing_of_rows, timing_scatter
-from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, final_widths, light_width
+from drake_tc.diagnosis.data.resolution import LEAST_COVER, NoiseFloor, Resolution, final_widths, light_width
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.data.sensors import encoder_of, resolution_of
 from drake_tc.diagnosis.data.sliding import choose_rows, covered, direction_of_motion, require_rows, speed_at_rest
@@ -134,6 +134,7 @@ def build_samples(
     *,
     effort_age: float = 0.0,
     both_sides: bool = False,
+    resolution: Resolution | None = None,
 ) -> Samples:
     """Filter the runs' channels with common kernels and choose the rows.
 
@@ -147,6 +148,7 @@ def build_samples(
         effort_age: How much older the command or effort that acts is [periods]; `HELD` if held until the next sample,
             negative if it is recorded after it acted.
         both_sides: As in `direction_of_motion`.
+        resolution: Of the sensors; None lets the data tell.
 
     Raises:
         IdentificationError: nothing usable, or the joint does not move long enough at a stretch.
@@ -154,8 +156,11 @@ def build_samples(
     channels = channels_of(runs, joint)
     period, segments, load = channels.period, channels.segments, rig.load[joint]
     raw_q = channels.raw("position")
-    step, noise = encoder_of(channels, rig, raw_q)
-    timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
+    if resolution is None:
+        step, noise = encoder_of(channels, rig, raw_q)
+        timing = None if channels.speed_only else timing_scatter(raw_q, segments, period, step)
+    else:
+        step, noise, timing = resolution.position_step, resolution.position_noise, None
     whole_noise = noise if timing is None else float(timing.position_noise(np.array(timing.speed)))
     light = CommonKernel(_width(channels, rig, raw_q, whole_noise) if width_s is None else width_s, period)
     raw_command = channels.raw(rig.command_column(joint).rpartition("/")[2])
@@ -164,12 +169,10 @@ def build_samples(
     inner = [slice(s.start + light.margin, max(s.stop - light.margin, s.start + light.margin)) for s in segments]
     at_rest = max(at_rest, speed_at_rest(q, v, inner, period))
     servo = rig.drive[joint] == "position_servo"
-    resolution = replace(
-        resolution_of(channels, rig, step, noise, light),
-        speed_at_rest=at_rest,
-        timing=timing,
-        command_scatter=command_scatter(raw_command, segments, period) if servo else 0.0,
-    )
+    if resolution is None:
+        scatter = command_scatter(raw_command, segments, period) if servo else 0.0
+        resolution = replace(resolution_of(channels, rig, step, noise, light), timing=timing, command_scatter=scatter)
+    resolution = replace(resolution, speed_at_rest=at_rest)
     direction, travel, moving = direction_of_motion(
         q, v, inner, resolution, rig.joint_type(joint), both_sides=both_sides
     )

@@ -35,8 +35,8 @@ from drake_tc.types import FloatArray
 
 PERIOD = 5e-3
 """Sampling period where no log tells it [s]."""
-SHORTEST = 4e-3
-"""Shortest sampling period of a rough log [s]: a third of the narrowest filter."""
+SHORTEST = 8e-3
+"""Shortest sampling period of a rough log [s]; of a designed motion, whose bandwidth is a few hertz, it shows all."""
 UNKNOWN = Resolution(position_step=0.0, position_noise=1e-7, torque_noise=0.0, velocity_noise=0.0)
 """Of sensors where no log tells it: all noise is the effort's."""
 
@@ -96,7 +96,7 @@ def rough_log(runs: Sequence[PlannedRun], repeats: int = 1) -> FittedJoint | Non
         noisy = clean.columns[name] + known.position_noise * rng.standard_normal(clean.time.size)
         made.append(replace(clean, columns=dict(clean.columns) | {name: noisy}))
     try:
-        samples = build_samples(made, rig, joint.name, at_rest=joint.slowest / SPEED_OF_NOISE)
+        samples = build_samples(made, rig, joint.name, at_rest=joint.slowest / SPEED_OF_NOISE, resolution=known)
         samples = replace(samples, effort_period=period, torque_period=period)
         columns = Columns(samples, declared_gain=load_scale(rig, joint.name).gain)
         plain = fit(columns, joint.declared)

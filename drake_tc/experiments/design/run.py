@@ -45,7 +45,7 @@ class DesignOptions:
         duration: Of the experiment [s].
         basis: Functions of the motion.
         criterion: D- or E-optimality of parameters.
-        starts: Of the search. iterations: from each of them.
+        starts: Of the search. iterations: motions that it tries after the candidates.
         seed: Of all that is drawn.
     """
 

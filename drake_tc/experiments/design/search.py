@@ -6,7 +6,7 @@ The experiment has N equal slots of time. Load k takes n_k of them, in which it 
 
 for a criterion f of the log of the whole experiment, since a diagnosis fits all logs of a joint with one model. The
 search begins with candidates (random motions, sinusoids, slow passes over the whole range in both directions). Under
-several loads it exchanges them load by load, and tries every split of the slots. From the best points,
+several loads it exchanges them load by load, and then tries every split of the slots. From the best points,
 
     x' = x + s m o n,   n ~ N(0, I),   m: a few random functions
 
@@ -38,7 +38,7 @@ SHARES = (1.0, 0.3, 0.1)
 PASSES = (1.0, 0.5)
 """Shares of the position range that slow passes cover."""
 TRIALS = 100
-"""Motions that are tried from each start."""
+"""Motions that are tried after the candidates."""
 FIRST_STEP, LEAST_STEP = 0.1, 1e-3
 """Steps s, over the amplitude that the limits allow each function alone."""
 GROWTH = 1.5
@@ -122,7 +122,7 @@ class MotionSearch:
             rng: Of the random motions.
             known: Motions (n,) that are candidates under every load.
             starts: Candidates of a single motion, or plans, from which the search begins; 0 leaves the best as it is.
-            trials: From each of them.
+            trials: Motions that are tried in all: half of them from each start, the others from the best.
             progress: Told how far it is.
 
         Raises:
@@ -131,43 +131,45 @@ class MotionSearch:
         tight = self.limits.with_margin(MARGIN)
         tried = [candidates(joint, self.basis, tight, rng, known) for joint in self.joints]
         plans = self._first(tried, progress)[: max(starts, 1)]
-        found = list(plans)
-        for number, plan in enumerate(plans[:starts]):
-            progress(f"start {number + 1} of {len(plans)}", 0.3 + 0.7 * number / len(plans))
-            found.append(self._refined(plan, tight, rng, trials))
+        found, short = list(plans), trials // (2 * len(plans)) if starts > 1 else 0
+        if starts:
+            begun = []
+            for number, plan in enumerate(plans):
+                progress(f"start {number + 1} of {len(plans)}", 0.3 + 0.35 * number / len(plans))
+                begun.append(self._refined(plan, tight, rng, short))
+            progress("the best start", 0.65)
+            most = max(begun, key=lambda plan: plan.value)
+            found.append(self._split(self._refined(most, tight, rng, trials - short * len(plans))))
         values = [self._simulated(plan) for plan in found]
         best = int(np.argmax(values))
-        return replace(found[best], value=values[best], start_value=values[0], starts=len(found) - len(plans))
+        return replace(found[best], value=values[best], start_value=values[0], starts=len(plans) if starts else 0)
 
     def _first(self, tried: Sequence[Sequence[FloatArray]], progress: Progress) -> list[MotionPlan]:
-        """Plans of candidates, the best first: each load alone, and all of them together."""
-        plans, chosen = [], []
+        """Plans of candidates, the best first; under several loads these are exchanged load by load."""
+        even = tuple(self.slots // len(tried) + (k < self.slots % len(tried)) for k in range(len(tried)))
+        plans, chosen = [], [xs[-1] for xs in tried]
         for k, xs in enumerate(tried):
-            own = tuple(self.slots * (j == k) for j in range(len(tried)))
-            alone = [self._plan([x if j == k else others[0] for j, others in enumerate(tried)], own) for x in xs]
-            chosen.append(xs[int(np.argmax([plan.value for plan in alone]))])
-            plans += alone
-            progress("candidates", 0.15 * (k + 1) / len(tried))
-        if len(tried) > 1:
-            even = tuple(self.slots // len(tried) + (k < self.slots % len(tried)) for k in range(len(tried)))
-            for k, xs in enumerate(tried):
-                together = [self._plan([*chosen[:k], x, *chosen[k + 1 :]], even) for x in xs]
-                chosen[k] = max(together, key=lambda plan: plan.value).x[k]
-                progress("loads", 0.15 + 0.15 * (k + 1) / len(tried))
-            plans.append(self._split(self._plan(chosen, even)))
-        return sorted(plans, key=lambda plan: -plan.value)
+            together = [self._plan([*chosen[:k], x, *chosen[k + 1 :]], even) for x in xs]
+            chosen[k] = max(together, key=lambda plan: plan.value).x[k]
+            plans += together
+            progress("candidates", 0.3 * (k + 1) / len(tried))
+        plans.append(self._split(max(plans, key=lambda plan: plan.value)))
+        distinct = {plan.value: plan for plan in plans}
+        return [distinct[value] for value in sorted(distinct, reverse=True)]
 
     def _plan(self, x: Sequence[FloatArray], slots: tuple[int, ...]) -> MotionPlan:
         value = self.worth(x, slots).total
         return MotionPlan(np.stack(x), slots, value, value)
 
     def _split(self, plan: MotionPlan) -> MotionPlan:
-        """The plan with the best split of the time."""
+        """The plan with the best split of the time among the loads."""
+        if len(self.joints) == 1:
+            return plan
         each = (self._plan(list(plan.x), slots) for slots in splits(self.slots, len(self.joints)))
         return max((plan, *each), key=lambda other: other.value)
 
     def _refined(self, plan: MotionPlan, tight: JointLimits, rng: np.random.Generator, trials: int) -> MotionPlan:
-        """The plan with better motions, and the time split anew."""
+        """The plan with better motions."""
         step, share = FIRST_STEP, CHANGED / self.basis.size
         for _ in range(trials):
             x = plan.x + step * (rng.random(plan.x.shape) < share) * rng.normal(size=plan.x.shape)
@@ -182,7 +184,7 @@ class MotionSearch:
                 step *= GROWTH**-0.25
             if step < LEAST_STEP:
                 step = FIRST_STEP
-        return self._split(plan) if len(self.joints) > 1 else plan
+        return plan
 
 
 def candidates(
