@@ -358,9 +358,11 @@ def _unit_of_file(canonical: str, name: str, table: pd.DataFrame, path: Path) ->
         LogError: It states another one: names the column and the unit.
     """
     in_name, below, unit = _stated_in_file(canonical, name, table)
-    where, stated = ("its name", in_name) if in_name else ("line 2 of the file", below)
+    told = None if name == canonical else meaning(name)
+    unknown = told.unknown_unit if told is not None and not unit else ""
+    where, stated = ("its name", in_name or unknown) if in_name or unknown else ("line 2 of the file", below)
     scale = parse_unit(canonical, unit) if unit else None
-    if stated and (scale.factor != 1.0 or scale.offset != 0.0 if scale else is_unit(stated)):
+    if stated and (scale.factor != 1.0 or scale.offset != 0.0 if scale else unknown or is_unit(stated)):
         remedy = f"{{{canonical}: {unit}}}" if unit else f"{{{canonical}: FACTOR}}, the factor to SI units"
         raise LogError(
             f"{path}: column {name!r} ({canonical}): {where} states the unit {stated!r}, and the rig file"

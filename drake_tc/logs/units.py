@@ -23,7 +23,7 @@ _ANGLE = {
     "rev": 2.0 * math.pi,
     "turn": 2.0 * math.pi,
 }
-_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 _ANGULAR_SPEED = {
     "rad/s": 1.0,
     "deg/s": math.pi / 180.0,
@@ -46,7 +46,7 @@ _TORQUE = {
     "lbf*in": 0.1129848290276,
     "ozf*in": 0.00706155181423,
 }
-_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665}
+_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time; minutes and hours are none, as no servo's log counts in them."""
 _CURRENT = {"A": 1.0, "mA": 1e-3}
@@ -205,13 +205,15 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "A": ("amp", "amps", "ampere"),
         "mA": ("milliamp", "milliamps"),
         "V": ("volt", "volts"),
+        "in": ("inch", "inches"),
+        "lbf": ("lb", "lbs"),
         "degC": ("°c", "c", "celsius"),
         "degF": ("°f", "f", "fahrenheit"),
     }
 )
 """Units of rig files to how others write them; small letters, and without the dots and stars of products."""
 _ONLY_IN_BRACKETS = (
-    *("m", "a", "v", "k", "g", "c", "f", "s", "amp", "amps", "volt", "volts", "rot", "1/s", "ampere", "hz"),
+    *("m", "in", "a", "v", "k", "g", "c", "f", "s", "amp", "amps", "volt", "volts", "rot", "1/s", "ampere", "hz"),
 )
 """At the end of a name without brackets these are parts of names: `theta_m` is the angle of a motor."""
 

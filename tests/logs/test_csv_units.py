@@ -36,6 +36,9 @@ TURN = 2.0 * np.pi
         ("Sollposition [°]", "position_command", "deg"),
         ("Istposition [°]", "position", "deg"),
         ("Sollstrom [mA]", "current_command", "mA"),
+        ("Position [inch]", "position", "in"),
+        ("force (lbf)", "torque", "lbf"),
+        ("pos_estimate [turns]", "position", "turn"),
         ("Drehzahl [1/min]", "velocity", "rpm"),
     ],
 )
@@ -50,6 +53,19 @@ def test_units_as_spreadsheets_and_data_sheets_write_them(name, quantity, unit):
         ("tau_J[3]", "joint_3", "torque"),
         ("tau_J_d[3]", "joint_3", "torque_command"),
         ("applied_torque_1", "joint_1", "torque_command"),
+        ("joint_positions_0", "joint_0", "position"),
+        ("jointVelocities[2]", "joint_2", "velocity"),
+        ("target_positions_1", "joint_1", "position_command"),
+        ("knee_qdes", "knee", "position_command"),
+        ("taumeas", "", "torque"),
+        ("actpos2", "joint_2", "position"),
+        ("Position actual value", "", "position"),
+        ("field.position0", "joint_0", "position"),
+        ("motor_state[3].tau_est", "motor_3", "torque"),
+        ("motor_cmd[3].q", "motor_3", "position_command"),
+        ("control_position", "", "position_command"),
+        ("q_current", "", "current"),
+        ("motor_torque", "", "torque_command"),
         ("obs/joint_pos_0", "joint_0", "position"),
         ("left / position", "left", "position"),
         ("list_position", "list", "position"),
@@ -66,7 +82,18 @@ def test_names_of_joints_are_no_units(name, joint):
     assert told is not None and (told.joint, told.unit, told.unknown_unit) == (joint, "", "")
 
 
-@pytest.mark.parametrize("unit", ["%", "µNm", "counts/s"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("bus_current", "dc_bus_current [A]", "phase_a_current", "d_current", "fet_temperature"),
+        *("tau_ff", "gravity_torque", "tau_g", "model_torque", "position_offset", "kp_cmd"),
+    ],
+)
+def test_names_of_what_is_no_signal_of_a_motor(name):
+    assert meaning(name) is None
+
+
+@pytest.mark.parametrize("unit", ["%", "µNm", "counts/s", "raw"])
 def test_a_unit_that_no_rig_file_may_name_is_not_taken_for_si(tmp_path, unit):
     table = mine().rename(columns={"torque": f"torque [{unit}]"})
     (tmp_path / "run.csv").write_text(table.to_csv(index=False))
@@ -74,6 +101,48 @@ def test_a_unit_that_no_rig_file_may_name_is_not_taken_for_si(tmp_path, unit):
     (torque,) = [column for column in found.columns if column.canonical == "joint/torque"]
     assert torque.unit == "" and unit.replace("µ", "µ") in torque.why
     assert any("is not clear: state it under `units:`" in note for note in found.notes)
+    assert "its name states the unit" in trial(found)
+
+
+@pytest.mark.parametrize("unit", ["min", "h"])
+def test_times_in_other_units_are_refused_until_the_rig_has_their_factor(tmp_path, unit):
+    name, seconds = f"time [{unit}]", {"min": 60.0, "h": 3600.0}[unit]
+    table = mine().rename(columns={"time": name, "angle": "angle [deg]", "target": "target [deg]"})
+    path = tmp_path / "run.csv"
+    table.assign(**{name: table[name] / seconds}).to_csv(path, index=False)
+    found = inspect_log(path)
+    assert f"its name states the unit {unit!r}" in trial(found)
+    run = load_run(path, parse_rig({**found.rig, "units": {**found.rig["units"], "time": seconds}}))
+    assert run.time[-1] == pytest.approx(bench()["time"].iloc[-1])
+
+
+def test_of_columns_of_one_meaning_the_plain_one_is_used(tmp_path):
+    table = mine()
+    table.insert(0, "loop_time", 0.004)
+    table.insert(1, "torque_est", 0.0)
+    table.to_csv(tmp_path / "run.csv", index=False)
+    found = inspect_log(tmp_path / "run.csv")
+    assert found.rig["columns"]["joint/torque"] == "torque" and "time" not in found.rig["columns"]
+    assert sum("seem to be the same" in note for note in found.notes) == 2
+
+
+@pytest.mark.parametrize(("whole", "rest"), [("secs", "nsecs"), ("header.stamp.sec", "header.stamp.nanosec")])
+def test_stamps_of_two_numbers(tmp_path, whole, rest):
+    table = mine().drop(columns="time")
+    time = 1_700_000_000.25 + bench()["time"]
+    table.insert(0, whole, np.floor(time).astype(int))
+    table.insert(1, rest, np.round((time % 1.0) * 1e9).astype(int))
+    table.to_csv(tmp_path / "run.csv", index=False)
+    found = inspect_log(tmp_path / "run.csv")
+    run = load_run(tmp_path / "run.csv", parse_rig(dict(found.rig)))
+    assert len(run) == len(table) and run.period == pytest.approx(np.median(np.diff(bench()["time"])), rel=1e-6)
+
+
+def test_the_header_of_rostopic_stands_in_a_comment(tmp_path):
+    table = pd.DataFrame({"%time": bench()["time"] * 1e9, "field.name0": "elbow"})
+    table["field.position0"] = bench()["joint/position"]
+    table.to_csv(tmp_path / "run.csv", index=False)
+    assert list(read_table(tmp_path / "run.csv").columns) == ["time", "field.name0", "field.position0"]
 
 
 def mine() -> pd.DataFrame:

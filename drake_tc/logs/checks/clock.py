@@ -14,6 +14,7 @@ q(tau) has the roughness H q = lambda H (v (t - s)) + noise, where H is 1 minus 
 11 rows, and v the velocity. Least squares over all joints give lambda and its standard error.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -501,7 +502,7 @@ def _at(time: FloatArray, own: FloatArray, values: FloatArray, *, held: bool) ->
 
 
 RATES = ("hz", "fps", "rate", "frequency", "freq", "fs")
-PERIODS = ("dt", "period", "timestep")
+PERIODS = ("dt", "period", "timestep", "ts")
 """Words of the names of a rate [Hz] and of a period [s]."""
 
 
@@ -525,6 +526,42 @@ def stated_period(numbers: Mapping[str, float]) -> float | None:
         elif said[-1] in PERIODS:
             found.add(float(value))
     return found.pop() if len(found) == 1 else None
+
+
+WHOLE_SECONDS = ("sec", "secs")
+PARTS: Mapping[str, float] = {
+    **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs"), 1e-9),
+    "usec": 1e-6,
+    "usecs": 1e-6,
+}
+"""Names of the second number of a stamp, with its unit [s]."""
+
+
+def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with a column `time`, where its stamps are two numbers, `stamp.sec` and `stamp.nanosec`.
+
+    It begins within the first second, so that no digit is lost. Other columns that are called like a time go first.
+    """
+    last = {name: re.split(r"[^A-Za-z]", name)[-1] for name in map(str, table.columns)}
+    by_end = {(name.removesuffix(word), word.lower()): name for name, word in last.items()}
+    pairs = [
+        (by_end[stem, word], rest, PARTS[part])
+        for (stem, part), rest in by_end.items()
+        if part in PARTS
+        for word in WHOLE_SECONDS
+        if (stem, word) in by_end
+    ]
+    stamps = {name for pair in pairs for name in pair[:2]}
+    told = (meaning(name) for name in last if name not in stamps)
+    if not pairs or any(each is not None and each.quantity == "time" for each in told):
+        return table
+    whole, rest, unit = pairs[0]
+    seconds, more = (pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64) for name in (whole, rest))
+    first = next(iter(seconds[np.isfinite(seconds)]), 0.0)
+    table.insert(0, "time", seconds - first + unit * more)
+    note = f"The time is that of {whole!r} and {rest!r} together, counted from the first second."
+    table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+    return table
 
 
 def with_times(table: pd.DataFrame, period: float | None) -> pd.DataFrame:

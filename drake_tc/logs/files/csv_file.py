@@ -54,10 +54,10 @@ def _comments_above(opened: Callable[[], IO[bytes]]) -> list[bytes]:
 def _commented_names(comments: Sequence[bytes], below: bytes) -> str:
     """The names of the columns that the last comment above a row of numbers holds; empty where it holds none.
 
-    `numpy.savetxt` writes its header so: `# time,position` above `0.0,0.1`.
+    `numpy.savetxt` writes its header so, `# time,position` above `0.0,0.1`, and `rostopic echo -p` `%time,field.name0`.
     """
     cells = _cells_of(_decoded(below))
-    if not comments or not all(_is_number(cell) for cell in cells if cell):
+    if not comments or not any(map(_is_number, cells)):
         return ""
     text = _decoded(comments[-1]).strip().strip('"').lstrip("#%/ ")
     names = _cells_of(text)

@@ -14,7 +14,7 @@ from drake_tc.config.files import check_size, is_file, is_folder, utf8_text
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
-from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
+from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times, with_whole_stamps
 from drake_tc.logs.episodes import Source, source_of
 from drake_tc.logs.files.array_files import read_arrays, read_mat
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
@@ -222,7 +222,7 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
-    return table
+    return with_whole_stamps(table)
 
 
 def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:

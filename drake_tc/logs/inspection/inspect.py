@@ -11,7 +11,7 @@ import pandas as pd
 from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit
+from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.inspection.suggestion import NAMELESS, Column, describe, suggested_rig
 from drake_tc.logs.inspection.suggestion import numbers as in_numbers
 from drake_tc.logs.prepare import load_run
@@ -236,9 +236,14 @@ def _of_the_only_joint(found: Mapping[str, Meaning | None]) -> dict[str, Meaning
 
 
 def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
-    """The first column of each meaning; canonical names go first. Others are told."""
+    """The column of each meaning whose name says least beside it; canonical names go first. Others are told."""
     taken: dict[tuple[str, str], str] = {}
-    for name, told in sorted(found.items(), key=lambda item: "/" not in item[0]):
+
+    def order(item: tuple[str, Meaning | None]) -> tuple[bool, int]:
+        name, told = item
+        return "/" not in name, 0 if told is None else len(words(without_unit(name))) - len(words(told.by))
+
+    for name, told in sorted(found.items(), key=order):
         if told is None:
             continue
         other = taken.setdefault((told.joint, told.quantity), name)

@@ -1,7 +1,7 @@
 """From the name of a column to the quantity and the joint that it seems to be of."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -33,6 +33,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "current": (
             *("current", "cur", "amps", "amp", "i", "iq", "motor_current", "present_current", "actual_current"),
             *("i_q", "i_meas", "current_a", "motor_current_a", "actual_i", "curr", "q_axis", "q_axis_current", "strom"),
+            *("q_current", "current_q"),
         ),
         "voltage": (
             *("voltage", "volts", "volt", "u", "motor_voltage", "v_motor", "applied_voltage", "u_motor", "spannung"),
@@ -48,14 +49,23 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("torque_command", "torque_cmd", "tau_cmd", "tau_des", "tau_d", "desired_torque", "target_torque"),
             *("force_command", "force_cmd", "force_des", "force_ref", "commanded_force", "desired_force"),
             *("effort_command", "effort", "eff", "commanded_torque", "tau_ref", "torque_des", "torque_ref"),
-            *("tau_j_d", "applied_torque", "computed_torque"),
+            *("tau_j_d", "applied_torque", "computed_torque", "motor_torque", "torque_motor", "tau_motor", "motor_tau"),
         ),
         "enabled": (
             *("enabled", "enable", "torque_enable", "torque_enabled", "motor_enabled", "motor_on", "servo_on"),
             *("torque_on", "drive_enabled", "servo_enabled", "is_enabled", "motors_on"),
         ),
         "current_command": ("current_des", "current_cmd", "current_command", "current_ref", "i_des", "i_ref", "i_cmd"),
-        "velocity_command": ("velocity_command", "vel_cmd", "cmd_vel", "dq_ref", "dq_des", "velocity_ref", "qd_des"),
+        "velocity_command": (
+            "velocity_command",
+            "vel_cmd",
+            "cmd_vel",
+            "dq_ref",
+            "dq_des",
+            "velocity_ref",
+            "qd_des",
+            "dq_d",
+        ),
         "motor_position": ("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position"),
         "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature", "temperatur"),
         "supply_voltage": (
@@ -70,6 +80,9 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Quantity to the words, joined by '_' in small letters, that columns of it are called."""
 _BY_WORDS = {words: quantity for quantity, names in QUANTITIES.items() for words in names}
+_KNOWN = {word for words in _BY_WORDS for word in words.split("_")}
+SHORTEST = 3
+"""Letters from which the word of a quantity may stand behind another word (`actpos`) or, with one more, be a plural."""
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "position": "position_command",
@@ -84,25 +97,34 @@ _BASE = {command: quantity for quantity, command in COMMANDS.items() if command 
 """Commands that are no columns of a rig file, and what they command."""
 _COMMANDED = (
     *("cmd", "command", "commanded", "des", "desired", "ref", "reference", "target", "tgt", "goal", "setpoint"),
-    *("set", "soll", "requested", "demand", "action"),
+    *("set", "soll", "requested", "demand", "action", "control"),
 )
 """Words that turn a quantity into its command, as in `tau_command` and `posDes`."""
-_MEASURED = ("act", "actual", "meas", "measured", "present", "feedback", "fb", "fbk", "ist")
-"""Words that say only that a quantity was measured, as in `torAct`."""
-_NOISE = ("joint", "joints", "state", "states", "data", "observation", "obs", "value", "link", "ticks", "counts", "raw")
+_MEASURED = (
+    *("act", "actual", "meas", "measured", "present", "feedback", "fb", "fbk", "ist", "est", "estimate", "estimated"),
+)
+"""Words that say only that a quantity was measured or observed, as in `torAct`."""
+_NOISE = (
+    *("joint", "joints", "state", "states", "data", "observation", "obs", "value", "link", "ticks", "counts", "raw"),
+    "field",
+)
 """Words that name neither a joint nor a quantity, where others do."""
 _NO_JOINT = (
     *("ee", "eef", "tcp", "endeffector", "effector", "cartesian", "pose"),  # coordinates of a tool
-    *("error", "err", "diff", "limit", "lim", "min", "max", "std", "var", "cov"),  # made from signals
+    *("error", "err", "diff", "delta", "limit", "lim", "min", "max", "std", "var", "cov", "integral", "offset", "bias"),
+    *("gravity", "friction", "inertia", "coriolis", "feedforward", "ff", "model", "predicted", "expected", "residual"),
+    *("kp", "ki", "kd", "gain"),
 )
-"""Words of columns that hold no signal of a joint although they have a word of a quantity."""
-_D_AXIS = ("d_axis", "i_d", "id")
-"""Names of the current that makes no torque."""
+"""Words of columns that hold no signal of a joint although they have a word of a quantity: made from signals, say."""
+_OTHERS = ("d_axis", "i_d", "id", "d_current", "current_d", "tau_g")
+"""Names of the current that makes no torque, and of the torque of gravity."""
+_NO_MOTOR = ("bus", "battery", "batt", "supply", "phase", "board", "cpu", "mcu", "fet", "ambient", "room")
+"""Words of a current or temperature that is not that of a motor."""
 _BY_UNIT = ("current", "voltage", "torque", "velocity", "position", "temperature")
 """Quantities that a unit may tell where the name does not, or tells another one."""
 COUNTS = (
     *("inc", "incs", "increment", "increments", "tick", "ticks", "count", "counts", "cnt", "cnts", "qc"),
-    *("pulse", "pulses", "step", "steps", "lsb", "digit", "digits"),
+    *("pulse", "pulses", "step", "steps", "lsb", "digit", "digits", "raw", "adc"),
 )
 """What names state in brackets where a unit would be: numbers of a register, whose unit the file does not say."""
 _IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
@@ -160,7 +182,8 @@ def meaning(name: str) -> Meaning | None:
         unit = "" if told is None else _unit(found[3], told.quantity)
         if told is not None and unit:
             return replace(told, unit=unit)
-        if told is not None and found[3].lower() in COUNTS:
+        of_time = told is not None and told.quantity == "time" and not found[3].isdigit()
+        if told is not None and (of_time or found[3].lower() in COUNTS):
             return replace(told, unknown_unit=found[3])
         if found[2] == "[" or is_unit(found[3]):
             by_unit = _of_unit(found[1], told, found[3])
@@ -230,7 +253,9 @@ def _of_unit(name: str, told: Meaning | None, stated: str) -> Meaning | None:
         stated: Unit in the name.
     """
     parts = [word.lower() for word in words(name)]
-    if not parts or any(word in _NO_JOINT for word in parts) or _is_d_axis(parts):
+    if not parts or any(word in _NO_JOINT for word in parts) or _is_other(parts):
+        return None
+    if told is None and any(word in _NO_MOTOR for word in parts):
         return None
     if stated.lower() == "hz":  # a rate, unless the name says that it is a velocity
         return None
@@ -245,9 +270,9 @@ def _of_unit(name: str, told: Meaning | None, stated: str) -> Meaning | None:
     return Meaning(_joint(_naming(rest)), quantity, "", unit)
 
 
-def _is_d_axis(parts: Sequence[str]) -> bool:
+def _is_other(parts: Sequence[str]) -> bool:
     text = f"_{'_'.join(parts)}_"
-    return any(f"_{each}_" in text for each in _D_AXIS)
+    return any(f"_{each}_" in text for each in _OTHERS)
 
 
 def with_unit(told: Meaning | None, stated: str) -> Meaning | None:
@@ -268,18 +293,28 @@ def _meaning(name: str) -> Meaning | None:
         owner, _, suffix = name.rpartition(".")
     owner, suffix = owner.strip(), suffix.strip()
     if owner and (told := _of_words(words(suffix))) is not None and not told.joint and told.quantity != "time":
-        parts = [owner] if "/" in name else [part for part in owner.split(".") if part.lower() not in _NOISE]
-        named = [part for part in parts if part.lower() not in _COMMANDED]
-        quantity = COMMANDS.get(told.quantity, told.quantity) if named != parts else told.quantity
-        return replace(told, joint="/".join(named), by=suffix, quantity=quantity)
+        if "/" in name:
+            return replace(told, joint=owner, by=suffix)
+        parts = [part for part in owner.split(".") if part.lower() not in _NOISE]
+        named = [_without_roles(part) for part in parts]
+        of_command = any(word.lower() in _COMMANDED for part in parts for word in words(part))
+        quantity = COMMANDS.get(told.quantity, told.quantity) if of_command else told.quantity
+        return replace(told, joint="/".join(filter(None, named)), by=suffix, quantity=quantity)
     return _of_words(words(name))
+
+
+def _without_roles(owner: str) -> str:
+    """`motor_3` of `motor_cmd[3]` and of `motor_state[3]`, and nothing of `action`; other owners as they are."""
+    parts = words(owner)
+    kept = [word for word in parts if word.lower() not in (*_COMMANDED, "state", "states")]
+    return owner if kept == parts else "_".join(_naming(kept))
 
 
 def _of_words(said: Sequence[str]) -> Meaning | None:
     """What the words of a name seem to mean."""
-    parts = _split_numbers(said)
-    lower = [part.lower() for part in parts]
-    if any(word in _NO_JOINT for word in lower) or _is_d_axis(lower):
+    parts = [each for part in said for each in _split(part)]
+    lower = [_singular(part.lower()) for part in parts]
+    if any(word in _NO_JOINT for word in lower) or _is_other(lower):
         return None
     span = _longest(lower, _BY_WORDS)
     if span is None:
@@ -301,6 +336,8 @@ def _of_words(said: Sequence[str]) -> Meaning | None:
     if quantity == "time":
         return Meaning("", quantity, told)
     rest = [word for word in rest if word.lower() not in _MEASURED]
+    if quantity in ("current", "temperature") and any(word.lower() in _NO_MOTOR for word in rest):
+        return None
     return Meaning(_joint(_naming(rest)), quantity, told)
 
 
@@ -311,7 +348,7 @@ def _naming(rest: Sequence[str]) -> list[str]:
         for at, word in enumerate(rest)
         if word.lower() not in _NOISE or (word == "joint" and at and rest[at - 1].lower() not in _NOISE)
     ]
-    return kept or list(rest)
+    return kept or [word for word in rest if word.lower() in ("joint", "link")]
 
 
 def _longest(lower: Sequence[str], known: Collection[str]) -> tuple[int, int] | None:
@@ -325,13 +362,30 @@ def _longest(lower: Sequence[str], known: Collection[str]) -> tuple[int, int] | 
     return best
 
 
-def _split_numbers(parts: Iterable[str]) -> list[str]:
-    """`q1` -> q, 1 where `q` is called like a quantity; `joint1` stays."""
-    result: list[str] = []
-    for part in parts:
-        found = re.fullmatch(r"([A-Za-z]+)(\d+)", part)
-        result += [found[1], found[2]] if found and found[1].lower() in _BY_WORDS else [part]
-    return result
+def _split(part: str) -> list[str]:
+    """`q1` -> q, 1 where `q` is called like a quantity; `qdes` -> q, des and `actpos` -> act, pos; `joint1` stays."""
+    if found := re.fullmatch(r"([A-Za-z]+)(\d+)", part):
+        name = _split(found[1])
+        return [*name, found[2]] if len(name) > 1 or _singular(found[1].lower()) in _BY_WORDS else [part]
+    lower = _singular(part.lower())
+    if lower in _KNOWN:
+        return [part]
+    for said in (*_COMMANDED, *_MEASURED):
+        if lower.endswith(said) and _is_motion(lower.removesuffix(said)):
+            return [part[: -len(said)], said]
+        if lower.startswith(said) and len(rest := lower.removeprefix(said)) >= SHORTEST and _is_motion(rest):
+            return [said, part[len(said) :]]
+    return [part]
+
+
+def _is_motion(word: str) -> bool:
+    return _BY_WORDS.get(word) in COMMANDS
+
+
+def _singular(word: str) -> str:
+    """`velocity` of `velocities`, where it is a word of a quantity; other words as they are."""
+    one = f"{word[:-3]}y" if word.endswith("ies") else word.removesuffix("s")
+    return one if word not in _KNOWN and len(word) > SHORTEST and one in _KNOWN else word
 
 
 def _joint(named: Sequence[str]) -> str:

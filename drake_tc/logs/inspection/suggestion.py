@@ -27,6 +27,8 @@ MOST_AMPERES = 100.0
 MOST_VOLTS = 200.0
 FASTEST = 50.0
 """A velocity above is not in rad/s."""
+ANGLES = ("position", "position_command", "motor_position")
+"""Quantities that an encoder counts."""
 NAMELESS = "joint"
 """Name of a joint whose columns name none."""
 SI = {
@@ -104,7 +106,7 @@ def describe(
     unit, why = time_unit, "" if time_unit == "s" else f"only in {time_unit} the rate is that of a joint's log"
     if told.unit:
         unit, why = told.unit, f"{told.unit_by} states {told.unit}"
-    elif told.unknown_unit and not (whole and told.unknown_unit.lower() in COUNTS):
+    elif told.unknown_unit and not (whole and told.unknown_unit.lower() in COUNTS and told.quantity in ANGLES):
         unit, why = "", f"{told.unit_by} states {told.unknown_unit}, which is not among the units of this quantity"
     elif told.by in DUTY_CYCLE:
         unit, why = "", "a duty cycle: its unit is the voltage [V] of one step of it, 0.12 for percent of 12 V"
@@ -125,7 +127,7 @@ def describe(
 def _unit(quantity: str, low: float, high: float, *, whole: bool) -> tuple[str, str]:
     """The unit that values seem to be in ("" where nobody can tell), and why it is not SI."""
     span, largest = high - low, max(abs(low), abs(high))
-    if quantity in ("position", "position_command", "motor_position"):
+    if quantity in ANGLES:
         if span <= MOST_TURNS and not (whole and largest > MOST_TURNS):
             return "rad", ""
         if whole and span > 0.0:
