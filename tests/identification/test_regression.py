@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bootstrap import block_bootstrap
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -97,18 +96,14 @@ def test_units_do_not_matter(scale, unit, seed):
 
 
 def test_hac_intervals_cover_and_naive_ones_do_not():
-    hac, naive, booted = np.zeros(3), np.zeros(3), np.zeros(3)
+    hac, naive = np.zeros(3), np.zeros(3)
     for seed in range(300):
         columns, target = problem(seed)
         fit = least_squares(columns, target)
         hac += (fit.ci95[:, 0] < TRUTH) & (fit.ci95[:, 1] > TRUTH)
         naive += np.abs(fit.coefficients - TRUTH) < 1.96 * np.sqrt(np.diag(fit.covariance))
-        if seed < 100:
-            boot = block_bootstrap(columns, target, np.random.default_rng(seed), count=200)
-            booted += (boot.ci95[:, 0] < TRUTH) & (boot.ci95[:, 1] > TRUTH)
     assert np.all((hac / 300 >= 0.90) & (hac / 300 <= 0.98)), hac / 300
     assert np.all(naive / 300 < 0.7), naive / 300
-    assert np.all(booted / 100 >= 0.85), booted / 100
 
 
 def test_effective_sample_size_of_ar1_noise():
@@ -176,17 +171,6 @@ def test_poor_excitation_names_the_parameter_and_the_condition():
 def test_bad_input_is_refused(columns, target, options, message):
     with pytest.raises(IdentificationError, match=message):
         least_squares(columns, target, **options)
-
-
-def test_bootstrap_agrees_with_hac_and_is_seeded():
-    columns, target = problem(11, samples=8000)
-    fit = least_squares(columns, target)
-    boot = block_bootstrap(columns, target, np.random.default_rng(0), count=800)
-    assert_allclose(np.sqrt(np.diag(boot.covariance)), fit.standard_errors, rtol=0.3)
-    again = block_bootstrap(columns, target, np.random.default_rng(0), count=800)
-    assert_array_equal(boot.draws, again.draws)
-    with pytest.raises(IdentificationError, match="as long as a block"):
-        block_bootstrap(columns, target, np.random.default_rng(0), block=9000)
 
 
 @pytest.mark.benchmark

@@ -1,4 +1,4 @@
-"""The same program reduced to the torques, and matrices read back from Drake: what tests compare the fast path with."""
+"""The full program as matrices, read back from Drake and written by hand, and the reduced one's."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,48 +6,11 @@ from typing import Any
 import numpy as np
 from pydrake.solvers import MathematicalProgram
 
-from drake_tc.tsid.assembly import causes_of, check_names, cost_of, is_bounds, ordered, polytope_of
-from drake_tc.tsid.program_solver import equalities, least_squares_qp, name_binding, over_y, sizes_of, weighted
+from drake_tc.tsid.assembly import is_bounds, ordered
+from drake_tc.tsid.program_solver import equalities, least_squares_qp, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.problem import QuadraticProgram
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
-
-
-def build_reduced(
-    terms: Terms,
-    tasks: Sequence[TaskRows],
-    limits: Sequence[LimitRows],
-    contact_acceleration: FloatArray | None = None,
-) -> MathematicalProgram:
-    """Over `tau` (n): tasks and limits by `reduction`.
-
-    Args:
-        terms: At the state of all rows.
-        tasks: Rows over y.
-        limits: Rows over y.
-        contact_acceleration: (k,) of the contacts, zero where None.
-
-    Raises:
-        ParamsError: two of the names are equal.
-    """
-    check_names([*(rows.name for rows in tasks), *(rows.name for rows in limits)])
-    built = MathematicalProgram()
-    program: Any = built
-    tau = program.NewContinuousVariables(terms.actuated.size, "tau")
-    causes = causes_of(terms, contact_acceleration)
-    for task in tasks:
-        if task.target.size:
-            cost = cost_of([task], causes)
-            name_binding(program.Add2NormSquaredCost(cost.matrix, cost.target, tau), task.name)
-    for limit in ordered(limits):
-        if not limit.lower.size:
-            continue
-        piece = polytope_of([limit], causes)
-        if piece.bounds:
-            name_binding(program.AddBoundingBoxConstraint(piece.lower, piece.upper, tau), limit.name)
-        else:
-            name_binding(program.AddLinearConstraint(piece.matrix, piece.lower, piece.upper, tau), limit.name)
-    return built
 
 
 def full_qp(

@@ -1,4 +1,4 @@
-"""The program in Drake, full and reduced: named bindings, the fast path's matrices, one solution."""
+"""The full program in Drake and the reduced one: named bindings, the same matrices, one solution."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from drake_tc.tsid.tasks.motion import ComTask, FrameTask
 
 from .machines import arm, machine, random_state
 from .problems import SOLES, Setup, model, robot, state
-from .program_matrices import build_reduced, full_qp, read_qp, reduced_qp
+from .program_matrices import full_qp, read_qp, reduced_qp
 
 NAMES = ("com", "posture", "force", "r_hand", "torque limits", "contact cones", "acceleration limits")
 
@@ -53,7 +53,6 @@ def descriptions(program):
 
 def test_every_binding_has_a_name():
     problem = rows_at(0)
-    assert sorted(descriptions(build_reduced(*problem))) == sorted(NAMES)
     assert sorted(descriptions(build_full(*problem))) == sorted([*NAMES, "dynamics", "contacts"])
 
 
@@ -61,21 +60,16 @@ def test_every_binding_has_a_name():
 def test_the_fast_path_has_the_matrices_of_the_program(mask):
     terms, tasks, limits = rows_at(1, mask)
     asked = np.random.default_rng(2).normal(size=terms.contact_bias.size)
-    pairs = [
-        (build_full(terms, tasks, limits, asked), full_qp(terms, tasks, limits, asked), 0),
-        (build_reduced(terms, tasks, limits, asked), reduced_qp(reduce(terms, tasks, limits, asked)), 30),
-    ]
-    for program, matrices, bounds in pairs:
-        read = read_qp(program)
-        assert read.bounds == matrices.bounds == bounds
-        for name in ("hessian", "gradient", "matrix"):
-            mine, drakes = getattr(matrices, name), getattr(read, name)
-            assert_allclose(mine, drakes, rtol=1e-12, atol=1e-12 * np.abs(drakes).max(initial=0.0))
-        for name in ("lower", "upper"):
-            mine, drakes = getattr(matrices, name), getattr(read, name)
-            assert_array_equal(np.isinf(mine), np.isinf(drakes))
-            finite = np.isfinite(mine)
-            assert_allclose(mine[finite], drakes[finite], rtol=1e-12, atol=1e-10)
+    matrices, read = full_qp(terms, tasks, limits, asked), read_qp(build_full(terms, tasks, limits, asked))
+    assert read.bounds == matrices.bounds == 0
+    for name in ("hessian", "gradient", "matrix"):
+        mine, drakes = getattr(matrices, name), getattr(read, name)
+        assert_allclose(mine, drakes, rtol=1e-12, atol=1e-12 * np.abs(drakes).max(initial=0.0))
+    for name in ("lower", "upper"):
+        mine, drakes = getattr(matrices, name), getattr(read, name)
+        assert_array_equal(np.isinf(mine), np.isinf(drakes))
+        finite = np.isfinite(mine)
+        assert_allclose(mine[finite], drakes[finite], rtol=1e-12, atol=1e-10)
 
 
 def test_full_and_reduced_have_one_solution():
@@ -105,19 +99,17 @@ def test_drakes_own_solver_agrees():
         reduced = reduce(terms, tasks, limits)
         torque = solver("quadprog").solve(reduced_qp(reduced)).x
         y = np.concatenate([*reduced.full(torque), torque])
-        for program, expected in ((build_full(terms, tasks, limits), y), (build_reduced(terms, tasks, limits), torque)):
-            result = clarabel.Solve(program, None, options)
-            found = result.GetSolution(program.decision_variables())
-            assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())  # an interior point
+        program = build_full(terms, tasks, limits)
+        found = clarabel.Solve(program, None, options).GetSolution(program.decision_variables())
+        assert_allclose(found, y, rtol=0, atol=1e-6 * np.abs(y).max())  # an interior point
 
 
 def test_two_of_one_name_are_refused():
     terms, tasks, limits = rows_at(0)
-    for build in (build_full, build_reduced):
-        with pytest.raises(ParamsError, match="expected different names; 'com' comes twice"):
-            build(terms, [*tasks, tasks[0]], limits)
-        with pytest.raises(ParamsError, match="expected different names; 'contact cones' comes twice"):
-            build(terms, tasks, [*limits, limits[1]])
+    with pytest.raises(ParamsError, match="expected different names; 'com' comes twice"):
+        build_full(terms, [*tasks, tasks[0]], limits)
+    with pytest.raises(ParamsError, match="expected different names; 'contact cones' comes twice"):
+        build_full(terms, tasks, [*limits, limits[1]])
 
 
 @pytest.mark.parametrize("name", ["arm", "arm held by its slider", "floating arm"])
@@ -174,4 +166,3 @@ def test_a_robot_without_limits_or_tasks(tmp_path):
     terms = it.terms(it.create_scratch(), *random_state(it, 1))
     read = read_qp(build_full(terms, [], []))
     assert read.matrix.shape == (3, 6)
-    assert read_qp(build_reduced(terms, [], [])).matrix.shape == (0, 3)

@@ -11,7 +11,6 @@ from drake_tc.robot.plant import make_plant
 from drake_tc.tsid.tasks.joints_and_forces import CopTask, ForceTask, PostureTask
 from drake_tc.tsid.tasks.motion import AngularMomentumTask, ComTask, FrameTask, OrientationTask
 
-from .cartesian_law import Turning, rotation_acceleration, translation_acceleration
 from .machines import machine, random_state
 
 STEP = 2e-4
@@ -144,20 +143,6 @@ def test_a_frame_seen_from_its_reference(motion):
     turned = reference[[0, 1, 2, 3, 7, 8, 9, 13, 14, 15]]
     some = OrientationTask(motion.model, "tip", kp[:3], kd[:3], axes_of="reference", mask=[False, True, True])
     assert_allclose(motion.missed(some, turned), -law[1:], rtol=1e-5, atol=2e-3)
-
-
-def test_a_frame_seen_from_its_reference_obeys_the_cartesian_law(motion):
-    """The compiled rows ask for the acceleration of the same law in plain NumPy, to rounding."""
-    _, reference = pose_path(motion, "tip", np.array([0.5, -1.2, 0.8, 0.1, 0.2, -0.3]))
-    now = motion.at(0.0).frame("tip")
-    goal = Turning(rotation_matrix(reference[:4]), reference[7:10], reference[13:16])
-    turn = rotation_acceleration(goal, now.rotation, now.velocity[:3], KP, KD)
-    place = np.concatenate([reference[4:7], reference[10:13], reference[16:]])
-    move = translation_acceleration(place, now.position, now.velocity[3:], KP, KD)
-    task = FrameTask(motion.model, "tip", np.tile(KP, 2), np.tile(KD, 2), axes_of="reference")
-    target = task.rows(motion.at(0.0), reference).target
-    law = np.concatenate([goal.rotation.T @ (turn - now.bias[:3]), move - now.bias[3:]])
-    assert_allclose(target, law, rtol=1e-11, atol=1e-11)
 
 
 @pytest.mark.parametrize("axes_of", ["world", "frame"])
