@@ -1,21 +1,21 @@
 """The pages of `docs/` that build diagrams: files and scripts run as they stand, on an arm, a leg and a humanoid."""
 
 import json
-import os
 import re
+import runpy
 import shlex
-import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from optional import skip_without_robots
 
 import drake_tc
+from drake_tc.cli.main import run
 
 ROOT = Path(drake_tc.__file__).parents[1]
 PAGES = ("your_own_robot", "your_own_diagram", "diagram_commands", "random_contexts", "your_own_controller")
-MAIN = "from drake_tc.cli.entry import main; main()"
 
 
 def blocks(page: str) -> list[tuple[str, str]]:
@@ -29,7 +29,8 @@ def scripts(page: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
+def pages(tmp_path_factory) -> Path:
+    """A folder with the files of the pages."""
     skip_without_robots()
     path = tmp_path_factory.mktemp("pages")
     for page in PAGES:
@@ -39,37 +40,47 @@ def folder(tmp_path_factory) -> Path:
     return path
 
 
-def started(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """What comes of Python; the folder's files are importable."""
-    path = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path, "MPLBACKEND": "Agg"}
-    command = [sys.executable, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=300)
+@pytest.fixture
+def folder(pages, monkeypatch) -> Path:
+    """The same, as the folder in which a reader works: its files are importable."""
+    monkeypatch.chdir(pages)
+    monkeypatch.syspath_prepend(pages)
+    return pages
 
 
-def ran(folder: Path, *arguments: str) -> str:
-    """What it prints."""
-    done = started(folder, *arguments)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+@pytest.fixture
+def ran(folder, capsys, monkeypatch) -> Callable[..., str]:
+    """ran(script): what a script prints, with arguments where it is a file; ran(command, ...): what `drake-tc` does."""
+
+    def call(*words: str) -> str:
+        if words[0].endswith(".py"):
+            monkeypatch.setattr(sys, "argv", list(words))
+            runpy.run_path(words[0], run_name="__main__")
+        elif "\n" in words[0]:
+            exec(compile(words[0], "script", "exec"), {"__name__": "__main__"})
+        else:
+            assert run(list(words)) == 0, words
+        return capsys.readouterr().out
+
+    return call
 
 
 def numbers(text: str, unit: str) -> list[float]:
     return [float(value) for value in re.findall(rf"([-+.\d]+) {unit}", text)]
 
 
-def test_robots_load_and_their_models_are_written(folder):
+def test_robots_load_and_their_models_are_written(ran, folder):
     first, second = scripts("your_own_robot")
-    found = ran(folder, "-c", first)
+    found = ran(first)
     assert re.findall(r"(\w+): (\d+) joints", found) == [("arm", "7"), ("leg", "6"), ("humanoid", "12")]
     assert all(1.0 < mass < 120.0 for mass in numbers(found, "kg"))
-    ran(folder, "-c", second)
+    ran(second)
     assert (folder / "humanoid_actuators.yaml").exists()
 
 
 @pytest.mark.parametrize("robot", ["arm", "leg"])
-def test_the_diagram_tracks_better_than_the_servo(folder, robot):
-    torque, servo = numbers(ran(folder, "own_loop.py", f"{robot}.yaml"), "mrad")
+def test_the_diagram_tracks_better_than_the_servo(ran, folder, robot):
+    torque, servo = numbers(ran("own_loop.py", f"{robot}.yaml"), "mrad")
     assert torque < 0.5 * servo
     assert (folder / "own_loop.svg").stat().st_size > 10_000
 
@@ -83,20 +94,20 @@ def test_the_script_is_short():
     assert len([line for line in build if line.strip()]) <= 25
 
 
-def test_changes_of_the_diagram_run(folder):
+def test_changes_of_the_diagram_run(ran):
     *changes, humanoid = scripts("your_own_diagram")
     for script in changes:
-        (error,) = numbers(ran(folder, "-c", script), "mrad")
+        (error,) = numbers(ran(script), "mrad")
         assert 0.0 < error < 30.0
-    (lower,) = numbers(ran(folder, "-c", humanoid), "mm lower")
+    (lower,) = numbers(ran(humanoid), "mm lower")
     assert lower == pytest.approx(30.0, abs=2.0)
 
 
-def test_contexts_are_random_and_the_plant_is_optimised_over(folder):
+def test_contexts_are_random_and_the_plant_is_optimised_over(ran):
     draws, optimised = scripts("random_contexts")
-    sag = json.loads(ran(folder, "-c", draws).replace("'", '"'))
+    sag = json.loads(ran(draws).replace("'", '"'))
     assert len(sag) == 4 and len(set(sag)) > 1
-    assert ran(folder, "-c", optimised).strip() == "True"
+    assert ran(optimised).strip() == "True"
 
 
 def commands(page: str) -> list[list[str]]:
@@ -105,12 +116,12 @@ def commands(page: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in text.splitlines() if line.startswith("    drake-tc ")]
 
 
-def test_commands_take_the_diagrams_of_the_page(folder):
+def test_commands_take_the_diagrams_of_the_page(ran, folder):
     """The arm with a short filter window is stable; the response to its command falls from 1 to 20 Hz.
 
     The next test calls `tune`.
     """
-    said = {words[0]: ran(folder, "-c", MAIN, *words) for words in commands("diagram_commands") if words[0] != "tune"}
+    said = {words[0]: ran(*words) for words in commands("diagram_commands") if words[0] != "tune"}
     assert set(said) == {"graph", "simulate", "stability", "bode"}
     assert (folder / "loop.svg").exists() and (folder / "out" / "log.csv").exists()
     assert "verdict: stable" in said["stability"]
@@ -118,21 +129,21 @@ def test_commands_take_the_diagrams_of_the_page(folder):
     assert len(decibels) == 3 and decibels[-1] < decibels[0] - 10.0
 
 
-def test_the_loop_of_a_function_is_tuned_and_simulated(folder):
+def test_the_loop_of_a_function_is_tuned_and_simulated(ran, capsys):
     """The tuned joint tracks better in the simulation too; a function that returns its diagram alone is refused."""
     words = next(words for words in commands("diagram_commands") if words[0] == "tune")
-    found = json.loads(ran(folder, "-c", MAIN, *words, "--json"))
+    found = json.loads(ran(*words, "--json"))
     before, after = (found["simulated"][side] for side in ("before", "after"))
     joint = found["simulated"]["joints"].index("panda_joint2")
     assert after[joint] < 0.8 * before[joint]
     assert found["joints"][0]["after"]["sensitivity_peak"] <= 1.01 * found["joints"][0]["before"]["sensitivity_peak"]
-    refused = started(folder, "-c", MAIN, "tune", "own_loop:diagram")
-    assert refused.returncode == 2 and "as (diagram, loop), which tune needs" in refused.stderr
+    assert run(["tune", "own_loop:diagram"]) == 2
+    assert "as (diagram, loop), which tune needs" in capsys.readouterr().err
 
 
-def test_own_controllers_run(folder):
+def test_own_controllers_run(ran):
     arm, humanoid = scripts("your_own_controller")
-    (deviation,) = numbers(ran(folder, "-c", arm), "mrad")
+    (deviation,) = numbers(ran(arm), "mrad")
     assert deviation < 20.0
-    heights = numbers(ran(folder, "-c", humanoid), "m high")
+    heights = numbers(ran(humanoid), "m high")
     assert len(heights) == 2 and all(0.7 < height < 1.0 for height in heights)
