@@ -13,6 +13,7 @@ import pandas as pd
 
 from drake_tc.config.files import is_file, is_folder
 from drake_tc.errors import LogError
+from drake_tc.logs.inspection.names import meaning
 from drake_tc.logs.record import Run
 
 GAP_SECONDS, GAP_PERIODS = 1.0, 20.0
@@ -70,6 +71,30 @@ def one_log(episodes: Mapping[int, pd.DataFrame], time: str, source: Source) -> 
         f" {path.name}#{next(iter(episodes))} is the first episode alone."
     ]
     return joined
+
+
+NUMBERS = ("episode", "episode_index", "episode_id", "episode_number")
+"""Names of a column that numbers the episodes."""
+
+
+def with_episodes_apart(table: pd.DataFrame, source: Source) -> pd.DataFrame:
+    """The table of one episode, or of all; gaps are put between them where their times begin anew.
+
+    Raises:
+        LogError: an episode is asked for, and the table has no column that numbers them, or not this one.
+    """
+    names = [str(name) for name in table.columns]
+    number = next((name for name in names if name.lower() in NUMBERS), None)
+    values = None if number is None else pd.to_numeric(table[number], errors="coerce").to_numpy(np.float64)
+    if values is None or not np.all(values == np.round(values)):
+        if source.episode is None:
+            return table
+        raise LogError(f"{source.path}: no episodes in this file; expected the file without #{source.episode}")
+    time = next((name for name in names if (told := meaning(name)) is not None and told.quantity == "time"), names[0])
+    stamps = pd.to_numeric(table[time], errors="coerce").to_numpy(np.float64)
+    if source.episode is None and not np.any(np.diff(stamps)[np.diff(values) != 0.0] < 0.0):
+        return table
+    return one_log({int(each): table[values == each] for each in np.unique(values)}, time, source)
 
 
 def _span(numbers: Sequence[int]) -> str:

@@ -183,7 +183,7 @@ def scale_of(canonical: str, units: Mapping[str, str | float]) -> Scale:
 
 SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "deg": ("degs", "degree", "degrees", "°"),
+        "deg": ("degs", "degree", "degrees", "°", "grad"),
         "rad": ("rads", "radian", "radians"),
         "rev": ("revs", "revolution", "revolutions", "rot", "rotations"),
         "turn": ("turns",),
@@ -212,8 +212,32 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """Units of rig files to how others write them; small letters, and without the dots and stars of products."""
+COUNTS = (
+    *("inc", "incs", "increment", "increments", "tick", "ticks", "count", "counts", "cnt", "cnts", "qc"),
+    *("pulse", "pulses", "step", "steps", "lsb", "digit", "digits", "raw", "adc"),
+)
+"""What files state in place of a unit: numbers of a register, whose unit they do not say."""
 _ONLY_IN_BRACKETS = (
-    *("m", "in", "a", "v", "k", "g", "c", "f", "s", "amp", "amps", "volt", "volts", "rot", "1/s", "ampere", "hz"),
+    *(
+        "grad",
+        "m",
+        "in",
+        "a",
+        "v",
+        "k",
+        "g",
+        "c",
+        "f",
+        "s",
+        "amp",
+        "amps",
+        "volt",
+        "volts",
+        "rot",
+        "1/s",
+        "ampere",
+        "hz",
+    ),
 )
 """At the end of a name without brackets these are parts of names: `theta_m` is the angle of a motor."""
 
@@ -246,7 +270,7 @@ def _spelled(quantity: str) -> Mapping[str, str]:
 
 def is_unit(text: str) -> bool:
     """Whether a text looks like a unit of any quantity. A single letter may as well be the name of an axis."""
-    if re.search(r"[\^°%²³*·µ]", text):
+    if re.search(r"[\^°%²³*·µ]", text) or text.lower() in COUNTS:
         return True
     whole, *per = re.split(r"[/]", text.strip())
     return (not per and len(whole) > 1 and is_known(whole)) or (bool(per) and all(map(is_known, per)))

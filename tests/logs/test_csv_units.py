@@ -36,6 +36,7 @@ TURN = 2.0 * np.pi
         ("Sollposition [°]", "position_command", "deg"),
         ("Istposition [°]", "position", "deg"),
         ("Sollstrom [mA]", "current_command", "mA"),
+        ("Sollwert Winkel [Grad]", "position_command", "deg"),
         ("Position [inch]", "position", "in"),
         ("force (lbf)", "torque", "lbf"),
         ("pos_estimate [turns]", "position", "turn"),
@@ -124,6 +125,20 @@ def test_of_columns_of_one_meaning_the_plain_one_is_used(tmp_path):
     found = inspect_log(tmp_path / "run.csv")
     assert found.rig["columns"]["joint/torque"] == "torque" and "time" not in found.rig["columns"]
     assert sum("seem to be the same" in note for note in found.notes) == 2
+
+
+@pytest.mark.parametrize("unit", ["counts", "raw", "%"])
+def test_numbers_of_a_register_below_the_names_are_not_taken_for_si(tmp_path, unit):
+    (tmp_path / "run.csv").write_text(with_units(f"s,deg,deg,{unit}"))
+    found = inspect_log(tmp_path / "run.csv")
+    assert "joint/torque" not in found.rig["units"]
+    assert f"line 2 of the file states the unit '{unit}'" in trial(found)
+
+
+def test_cells_between_blanks_are_refused_with_what_to_do(tmp_path):
+    np.savetxt(tmp_path / "run.csv", bench().to_numpy()[:, :3], header="t q tau")
+    with pytest.raises(LogError, match="expected commas, semicolons or tabs between the cells, got blanks"):
+        read_table(tmp_path / "run.csv")
 
 
 @pytest.mark.parametrize(("whole", "rest"), [("secs", "nsecs"), ("header.stamp.sec", "header.stamp.nanosec")])

@@ -102,15 +102,18 @@ def test_a_text_in_a_column_names_its_row(tmp_path):
         load_run(_write(tmp_path / "run.json", records), servo_rig())
 
 
-@pytest.mark.parametrize("beside", [{"config": {"action_hz": 50}}, {"dt": 0.02}, {}])
-def test_episodes_of_columns(tmp_path, beside):
-    """Their rate stands beside them, or each has its times."""
+@pytest.mark.parametrize(
+    ("beside", "own"),
+    [({"config": {"action_hz": 50}}, {}), ({"dt": 0.02}, {}), ({}, {"meta": {"hz": 50}}), ({}, {"t": "times"})],
+)
+def test_episodes_of_columns(tmp_path, beside, own):
+    """Their rate stands beside them or in each, or each has its times."""
     time = np.arange(60) / 50.0
-    own = {} if beside else {"t": time.tolist()}
+    clock = "t" if "t" in own else "time"
+    own = {"t": time.tolist()} if "t" in own else own
     runs = [{"kind": "chirp", "q": (k + np.sin(time)).tolist(), "u": np.cos(time).tolist(), **own} for k in range(3)]
     path = _write(tmp_path / "run.json", beside | {"data": runs})
     table = read_table(path)
-    clock = "time" if beside else "t"
     assert len(table) == 180 and np.sum(np.diff(table[clock]) > 0.5) == 2
     second = read_table(tmp_path / "run.json#1")
     assert_allclose(second["q"], 1.0 + np.sin(time), rtol=0)

@@ -105,6 +105,25 @@ def test_an_episode_that_is_not_there_and_one_given_twice(tmp_path):
     require_different_files([Path(f"{folder}#0")], [Path(f"{folder}#1")])
 
 
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".npz"])
+def test_a_column_of_any_file_may_number_the_episodes(tmp_path, ending):
+    time = np.tile(np.arange(100) / 50.0, 2)
+    own = {"episode": np.repeat([3, 5], 100), "time": time, "q": np.sin(time) + np.repeat([0.0, 1.0], 100)}
+    path, table = tmp_path / f"run{ending}", pd.DataFrame(own)
+    if ending == ".npz":
+        np.savez(path, **own)
+    else:
+        table.to_csv(path, index=False) if ending == ".csv" else table.to_parquet(path)
+    whole = read_table(path)
+    assert np.all(np.diff(whole["time"]) > 0.0) and np.sum(np.diff(whole["time"]) > 0.5) == 1
+    np.testing.assert_allclose(read_table(f"{path}#5")["q"], 1.0 + np.sin(time[:100]), atol=1e-12)
+    with pytest.raises(LogError, match=r"no episode 1; episodes here: 3, 5"):
+        read_table(f"{path}#1")
+    table.drop(columns="episode").to_parquet(tmp_path / "flat.parquet")
+    with pytest.raises(LogError, match=r"no episodes in this file; expected the file without #1"):
+        read_table(tmp_path / "flat.parquet#1")
+
+
 def test_positions_within_a_hundred_may_be_shares_of_a_range(tmp_path):
     """LeRobot normalises positions; positions in rad are no shares."""
     for folder, scale in (("shares", 40.0), ("rad", 1.0)):

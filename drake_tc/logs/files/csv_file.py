@@ -128,6 +128,20 @@ def _check_header_is_first(path: Path, opened: Callable[[], IO[bytes]]) -> None:
     )
 
 
+def _check_separator(path: Path, rows: Sequence[Sequence[str]]) -> None:
+    """Refuse cells between blanks, as `numpy.savetxt` writes them: names may have blanks too.
+
+    Raises:
+        LogError: Names and numbers are each one cell, with as many words as numbers.
+    """
+    words = [row[0].split() for row in rows[:2] if len(row) == 1]
+    if len(words) == 2 and len(words[0]) == len(words[1]) > 1 and all(map(_is_number, words[1])):
+        raise LogError(
+            f"{path}: expected commas, semicolons or tabs between the cells, got blanks; numpy.savetxt writes commas"
+            " with delimiter=','"
+        )
+
+
 def _check_names_are_words(path: Path, names: Sequence[str]) -> None:
     """Refuse a first line of numbers alone: a file without a header.
 
@@ -402,6 +416,7 @@ def _header(path: Path, opened: Opener, separator: str) -> tuple[list[str], dict
     with opened() as file:
         rows = cells(file, separator, 3)
     names = rows[0] if rows else []
+    _check_separator(path, rows)
     _check_names_are_words(path, names)
     refuse_repeated(path, [name for name in names if name])
     return names, _stated_units(rows)

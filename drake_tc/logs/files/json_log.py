@@ -84,7 +84,7 @@ def _is_episode(record: object) -> bool:
 def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source: Source) -> pd.DataFrame:
     episodes = {}
     for number, record in enumerate(records):
-        table = with_times(_of_columns(record, source.path), period)
+        table = with_times(_of_columns(record, source.path), stated_period(_numbers(record)) or period)
         table.attrs = {}  # the same note for each
         episodes[number] = table
     told = {str(name): meaning(str(name)) for name in episodes[0].columns}
@@ -92,7 +92,7 @@ def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source
     if time is None:
         raise LogError(
             f"{source.path}: {len(records)} episodes without times; expected a list of times in each, or the rate"
-            ' beside them, such as "hz": 100'
+            ' in each or beside them, such as "hz": 100'
         )
     return one_log(episodes, time, source)
 

@@ -18,7 +18,7 @@ import pyarrow.parquet  # type: ignore[import-untyped]
 
 from drake_tc.config.files import check_size, is_folder
 from drake_tc.errors import LogError
-from drake_tc.logs.episodes import Source, one_log
+from drake_tc.logs.episodes import Source, one_log, with_episodes_apart
 from drake_tc.logs.inspection.names import meaning
 
 INFO = Path("meta") / "info.json"
@@ -78,7 +78,7 @@ def without_lists(table: pd.DataFrame, source: Source) -> pd.DataFrame:
     """
     objects = [name for name in table.columns if pd.api.types.is_object_dtype(table[name])]
     lists = [name for name in objects if table[name].map(_is_list).all() and len(table)]
-    return _of_episodes(table, source) if lists else table
+    return _of_episodes(table, source) if lists else with_episodes_apart(table, source)
 
 
 def _of_episodes(table: pd.DataFrame, source: Source) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times, with_whole_stamps
-from drake_tc.logs.episodes import Source, source_of
+from drake_tc.logs.episodes import Source, source_of, with_episodes_apart
 from drake_tc.logs.files.array_files import read_arrays, read_mat
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.files.json_log import read_json, read_json_lines
@@ -249,11 +249,9 @@ def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
     with _refused(path, suffix):
         if read is read_bag:
             return read_bag(path, needed)
-        if episode is None:
-            return read(path)
-        if read in OF_EPISODES:
+        if read in OF_EPISODES and episode is not None:
             return OF_EPISODES[read](path, episode)
-        raise LogError(f"{path}: a {suffix} file has no episodes; expected the file without #{episode}")
+        return with_episodes_apart(read(path), source)
 
 
 @contextmanager

@@ -106,7 +106,7 @@ _MEASURED = (
 """Words that say only that a quantity was measured or observed, as in `torAct`."""
 _NOISE = (
     *("joint", "joints", "state", "states", "data", "observation", "obs", "value", "link", "ticks", "counts", "raw"),
-    "field",
+    *("field", "wert"),
 )
 """Words that name neither a joint nor a quantity, where others do."""
 _NO_JOINT = (
@@ -122,11 +122,6 @@ _NO_MOTOR = ("bus", "battery", "batt", "supply", "phase", "board", "cpu", "mcu",
 """Words of a current or temperature that is not that of a motor."""
 _BY_UNIT = ("current", "voltage", "torque", "velocity", "position", "temperature")
 """Quantities that a unit may tell where the name does not, or tells another one."""
-COUNTS = (
-    *("inc", "incs", "increment", "increments", "tick", "ticks", "count", "counts", "cnt", "cnts", "qc"),
-    *("pulse", "pulses", "step", "steps", "lsb", "digit", "digits", "raw", "adc"),
-)
-"""What names state in brackets where a unit would be: numbers of a register, whose unit the file does not say."""
 _IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
 _BEHIND_A_SLASH = re.compile(r"(.+?)\s+/\s+(\S+)\s*")
 """A unit as ISO 80000 writes it, `I / A`."""
@@ -183,7 +178,7 @@ def meaning(name: str) -> Meaning | None:
         if told is not None and unit:
             return replace(told, unit=unit)
         of_time = told is not None and told.quantity == "time" and not found[3].isdigit()
-        if told is not None and (of_time or found[3].lower() in COUNTS):
+        if told is not None and of_time:
             return replace(told, unknown_unit=found[3])
         if found[2] == "[" or is_unit(found[3]):
             by_unit = _of_unit(found[1], told, found[3])

@@ -15,8 +15,8 @@ import pandas as pd
 
 from drake_tc.logs.channels import grid_step
 from drake_tc.logs.columns import seconds_of_dates
-from drake_tc.logs.inspection.names import COUNTS, DUTY_CYCLE, Meaning
-from drake_tc.logs.units import SENSOR_SUFFIXES, allowed_units
+from drake_tc.logs.inspection.names import DUTY_CYCLE, Meaning
+from drake_tc.logs.units import COUNTS, SENSOR_SUFFIXES, allowed_units
 from drake_tc.types import FloatArray
 
 MOST_TURNS = 4.0 * np.pi
