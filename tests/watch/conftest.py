@@ -1,6 +1,6 @@
 """A joint of a bench that was diagnosed, and recordings of it later."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +12,12 @@ from drake_tc.cli.demo import DemoLength, demo_model, demo_run, record_demo
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
+from drake_tc.effects.library import effect
 
 LENGTH = DemoLength(duration=14.0, period=2e-3, step=2.5e-4)
+QUICK = DiagnosisOptions(assess_residual=False)
+OWN_EFFECTS = DiagnosisOptions(effects=(effect("stribeck"), effect("deadzone")), assess_residual=False)
+"""A search for what the joint has beside its model, and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,17 @@ def scaled(model: ActuatorModel, scales: dict[str, float]) -> ActuatorModel:
     return replace(model, effects=tuple(one(value) for value in model.effects))
 
 
+@pytest.fixture
+def own_effects(monkeypatch) -> None:
+    """Commands search with OWN_EFFECTS."""
+    defaults = tuple(getattr(OWN_EFFECTS, each.name) for each in fields(OWN_EFFECTS))
+    monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", defaults)
+
+
 @pytest.fixture(scope="session")
 def diagnosed(tmp_path_factory) -> Diagnosed:
     folder = tmp_path_factory.mktemp("watched")
     rig, logs, holdout = record_demo(folder, 0, LENGTH, jobs=1)
-    found = close_loop(rig, logs, holdout, DiagnosisOptions(assess_residual=False))
+    found = close_loop(rig, logs, holdout, OWN_EFFECTS)
     models_of(found, folder)
     return Diagnosed(folder, rig, folder / "model_after.yaml")

@@ -13,7 +13,6 @@ import yaml
 import drake_tc
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.cli.main import run
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.models import gap_between_encoders
 from drake_tc.effects.base import plain_signals
 from drake_tc.errors import ParamsError
@@ -32,7 +31,7 @@ from drake_tc.watch.parameters import (
     with_discrepancy,
 )
 
-QUICK = DiagnosisOptions(assess_residual=False)
+from .conftest import OWN_EFFECTS, QUICK
 
 
 def test_the_same_joint_is_unchanged_and_a_change_lies_within_its_interval(diagnosed):
@@ -59,13 +58,13 @@ def test_worn_friction_is_named_with_its_size(diagnosed):
 
 
 def test_a_dead_zone_that_is_gone_is_told(diagnosed):
-    found = drake_tc.compare(diagnosed.model, [diagnosed.later(3, deadzone=0.01)], options=QUICK)
+    found = drake_tc.compare(diagnosed.model, [diagnosed.later(3, deadzone=0.01)], options=OWN_EFFECTS)
     (joint,) = found.joints.values()
     assert {e.key: e.status for e in joint.effects}["deadzone"] == "gone"
     assert found.verdict == "parameters_changed"
 
 
-def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, tmp_path, capsys):
+def test_the_command_writes_page_and_json_and_its_exit_code_tells(diagnosed, own_effects, tmp_path, capsys):
     log = tmp_path / "today.csv"
     diagnosed.later(2, coulomb=1.3).to_csv(log, index=False)
     out = tmp_path / "out"
@@ -104,7 +103,7 @@ def test_the_stored_model_may_lack_what_only_close_loop_writes(diagnosed, tmp_pa
     document.pop("provenance")
     bare = tmp_path / "bare.yaml"
     bare.write_text(yaml.safe_dump(document), encoding="utf-8")
-    found = drake_tc.compare(bare, [diagnosed.later(1)], diagnosed.rig, options=QUICK)
+    found = drake_tc.compare(bare, [diagnosed.later(1)], diagnosed.rig, options=OWN_EFFECTS)
     assert found.verdict == "unchanged"
 
 
@@ -116,7 +115,7 @@ def test_of_two_joints_the_one_that_changed_is_named(diagnosed, tmp_path):
     columns = {f"{j}/{c.split('/')[1]}": t[c] for j, t in parts.items() for c in t if "/" in c}
     table = pd.DataFrame({"time": parts["hip"]["time"], **columns})
     rig = {"joints": ["hip", "knee"], "drive": "position_servo", "declared": {"rotor_inertia": 0.31}}
-    found = drake_tc.compare(path, [table], rig, options=QUICK)
+    found = drake_tc.compare(path, [table], rig, options=OWN_EFFECTS)
     assert found.verdict == "parameters_changed"
     assert [p.key for p in found["knee"].parameters if p.changed] == ["coulomb"]
     assert found["hip"].verdict == "unchanged"

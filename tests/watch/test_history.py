@@ -10,8 +10,6 @@ from scipy.stats import linregress
 from scipy.stats import t as student
 
 from drake_tc.cli.main import run
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
 from drake_tc.report.comparison import history_page, history_sentences
 from drake_tc.watch.changes import Known
@@ -87,10 +85,8 @@ def test_a_page_of_one_session_promises_nothing():
     assert "A trend needs 3 sessions" in page and "1 session of 1 unit" in page and "No parameter drifts" not in page
 
 
-def test_the_command_keeps_sessions_and_models_of_units(diagnosed, tmp_path, monkeypatch):
+def test_the_command_keeps_sessions_and_models_of_units(diagnosed, own_effects, tmp_path):
     """Without the search for structure and for effects that the joint lacks, of which a history says nothing."""
-    has = tuple(map(effect, ("stribeck", "deadzone")))
-    monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", (0, False, has, None))
     folder = tmp_path / "history"
     for month, scale in enumerate((1.0, 1.1, 1.2)):
         log = tmp_path / f"{month}.parquet"

@@ -86,7 +86,7 @@ def test_more_friction_is_named_and_tracked(joints, monitor):
     assert np.all(np.sqrt(np.mean((told - true) ** 2, axis=0)) < 0.35 * np.sqrt(np.mean(true**2, axis=0)))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_gap_of_a_simulated_gear_is_named_with_its_size_and_a_tight_gear_is_not(seed):
     """By `drake_tc.joint_simulator`: motor and link are two masses, and friction is that of the motor."""
     joint = draw_joint(np.random.default_rng(seed), "position_servo", pendulum=None)
