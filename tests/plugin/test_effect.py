@@ -10,6 +10,16 @@ from drake_tc.logs.rig import load_rig
 
 from .seal_logs import COSINE, SINE, write_bench
 
+AMONG_FEW = """
+import sys
+from drake_tc.cli.main import run
+from drake_tc.effects import library
+
+library.LIBRARY = tuple(each for each in library.LIBRARY if each.id in ("viscous", "coulomb", "stribeck", "payload"))
+sys.exit(run(sys.argv[1:]))
+"""
+"""The command in a library of four effects, beside that of the package."""
+
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
@@ -17,11 +27,13 @@ def bench(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(bench, command, tmp_path_factory):
+def found(bench, python, tmp_path_factory):
     rig, logs, holdout = bench
     out = tmp_path_factory.mktemp("out")
     runs = [argument for log in logs for argument in ("--log", log)]
-    ran = command("close-loop", "--rig", rig, *runs, "--holdout", holdout, "--out", out, "--no-closed-loop")
+    ran = python(
+        "-c", AMONG_FEW, "close-loop", "--rig", rig, *runs, "--holdout", holdout, "--out", out, "--no-closed-loop"
+    )
     assert ran.returncode == 0, ran.stderr
     return json.loads((out / "report.json").read_text("utf-8")), ran.stdout, out
 
