@@ -11,6 +11,7 @@ from rest is not 0 it is this library's effect; other forms are declared without
 """
 
 import json
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
@@ -24,10 +25,10 @@ from drake_tc.simulator_files.terms import ReadJoint, StribeckPeak, Terms
 from drake_tc.simulator_files.urdf import sdf_joints, urdf_joints
 from drake_tc.simulator_files.xml_tree import xml_tree
 
-TAKEN = {
-    "model", "actuator", "kt", "R", "armature", "friction_base", "friction_viscous", "friction_stribeck",
-    "dtheta_stribeck", "alpha", "command_delay",
-}  # fmt: skip
+TAKEN = {"model", "actuator", "kt", "R", "armature", "friction_base", "friction_viscous", "command_delay"}
+PEAK = ("friction_stribeck", "dtheta_stribeck", "alpha")
+"""Height, speed and exponent of a Stribeck peak."""
+MODELS = ("m1", "m2", "m3", "m4", "m5", "m6")
 STRIBECK, LOADED = ("m2", "m4", "m5", "m6"), ("m3", "m4", "m5", "m6")
 """Models whose friction has a Stribeck peak, and those whose friction depends on the load."""
 NO_LOAD_FRICTION = (
@@ -43,21 +44,27 @@ def bam_servo(document: Mapping[str, object]) -> ReadJoint:
     """What the file says of its servo.
 
     Raises:
-        ValueError: a parameter that is missing or no number.
+        ValueError: a parameter that is missing or no number of 0 or more, or a model that BAM does not have.
     """
     kt, resistance = _number(document, "kt"), _number(document, "R")
     if kt <= 0.0 or resistance <= 0.0:
         raise ValueError(f"kt, R: expected positive numbers, got {kt:g} and {resistance:g}")
     effects: dict[str, Mapping[str, float] | None] = {}
-    model = document.get("model")
+    model, taken = document.get("model"), TAKEN
+    if model not in MODELS:
+        raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {model!r}")
     peak = None
     if model in STRIBECK:
-        names = ("friction_stribeck", "dtheta_stribeck", "alpha")
-        peak = StribeckPeak(*(_number(document, name) for name in names))
+        taken = taken | set(PEAK)
+        peak = StribeckPeak(*(_number(document, name) for name in PEAK))
+        if not peak.velocity or not peak.exponent:
+            got = f"{peak.velocity:g} and {peak.exponent:g}"
+            raise ValueError(f"dtheta_stribeck, alpha: expected positive numbers, got {got}")
         effects["stribeck"] = _own_effect(peak)
     if model in LOADED:
         effects["load_dependent_friction"] = _load_friction(document)
-    unused = tuple(sorted(name for name in document if name not in TAKEN and not name.startswith("load_friction")))
+        taken = taken | {name for name in document if name.startswith("load_friction")}
+    unused = tuple(sorted(name for name in document if name not in taken))
     terms = Terms(
         drive="voltage",
         kp=kt / resistance,
@@ -85,8 +92,8 @@ def _load_friction(document: Mapping[str, object]) -> Mapping[str, float] | None
 
 def _number(document: Mapping[str, object], name: str) -> float:
     value = document.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{name}: expected a number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
+        raise ValueError(f"{name}: expected a number of 0 or more, got {value!r}")
     return float(value)
 
 

@@ -29,15 +29,17 @@ from drake_tc.simulator_files.terms import ReadJoint, Terms
 from drake_tc.simulator_files.xml_tree import DRAKE, PREFIX, finite, included_tree, place
 
 MOVING = ("revolute", "continuous", "prismatic")
+COUPLING = ("gearbox", "screw")
+"""Joints of SDFormat that couple two motions."""
 SIMPLE = "SimpleTransmission"
 JOINT_USED = {"parent", "child", "origin", "axis", "dynamics", "limit", "mimic", "calibration"}
 ACTUATOR_USED = {"hardwareInterface", "mechanicalReduction", "motorInertia"}
 TRANSMISSION_USED = {"type", "joint", "actuator", "mechanicalReduction"}
 DRAKE_USED = {f"{DRAKE}{name}" for name in ("rotor_inertia", "gear_ratio", "controller_gains")}
 """Of an actuator's tags."""
-TOP_USED = {"link", "joint", "transmission", "gazebo", "ros2_control", "material", "sensor"} | {
-    f"{DRAKE}{name}" for name in ("collision_filter_group", "joint")
-}
+NO_COUPLING = {f"{DRAKE}{name}" for name in ("collision_filter_group", "joint")}
+"""Drake's tags beside joints that change nothing of them."""
+TOP_USED = {"link", "joint", "transmission", "gazebo", "ros2_control", "material", "sensor"} | NO_COUPLING
 """Tags of a URDF's root that are used, are no physics, or are listed at their joints."""
 NO_PHYSICS = {"material", "selfCollide", "visual", "turnGravityOff"}
 """Of Gazebo's tags of a joint or link."""
@@ -51,10 +53,14 @@ def urdf_joints(root: ET.Element, *, robot: bool = False) -> dict[str, ReadJoint
         robot: Whether limits of the motion and `<mimic>` are used, as in a robot; otherwise they are listed.
 
     Raises:
-        ValueError: an attribute that is no number; names element and line.
+        ValueError: an attribute that is no number, or a joint that is there twice; names element and line.
     """
     moving = [joint for joint in root.findall("joint") if joint.get("type") in MOVING]
-    found = {joint.get("name", ""): _joint(joint) for joint in moving}
+    found: dict[str, ReadJoint] = {}
+    for joint in moving:
+        if joint.get("name", "") in found:
+            raise ValueError(f"{place(joint)}: joint {joint.get('name')!r} is there twice")
+        found[joint.get("name", "")] = _joint(joint)
     for joint in () if robot else moving:
         name = joint.get("name", "")
         found[name] = found[name].also_unused(*_motion(joint))
@@ -92,24 +98,31 @@ def with_drake(joint: ReadJoint, armature: float, p: float, d: float) -> ReadJoi
     return replace(joint, driven=True, derivative_gain=d, terms=replace(terms, drive="position_servo", kp=p))
 
 
-def attribute(element: ET.Element, tag: str, name: str) -> float:
+def attribute(element: ET.Element, tag: str, name: str, *, limit: bool = False) -> float:
     """The attribute of a child, 0 where there is none.
 
     Args:
         element: The parent.
         tag: Of the child.
         name: Of the attribute.
+        limit: Whether it may be infinite, which is no limit and so 0.
 
     Raises:
         ValueError: it is no number; names element and line.
     """
     child = element.find(tag)
     text = None if child is None else child.get(name)
-    return 0.0 if child is None or not text else (finite(child, name, text) or [0.0])[0]
+    if child is None or not text or (limit and _is_infinite(text)):
+        return 0.0
+    return (finite(child, name, text) or [0.0])[0]
+
+
+def _is_infinite(text: str) -> bool:
+    return text.strip().lstrip("+-").lower() in ("inf", "infinity")
 
 
 def _joint(joint: ET.Element) -> ReadJoint:
-    effort = attribute(joint, "limit", "effort")
+    effort = attribute(joint, "limit", "effort", limit=True)
     terms = Terms(
         drive="torque",
         kp=1.0,
@@ -121,16 +134,18 @@ def _joint(joint: ET.Element) -> ReadJoint:
     unused += [f"its further {place(each)}" for tag in ("dynamics", "limit") for each in joint.findall(tag)[1:]]
     for tag, used in (("dynamics", ("damping", "friction")), ("limit", ("effort", "lower", "upper", "velocity"))):
         for child in joint.findall(tag)[:1]:
-            unused += [f"{_word(name)} of its {tag}" for name in child.attrib if name not in used]
+            inside = (*(name for name in child.attrib if name not in used), *(each.tag for each in child))
+            unused += [f"{_word(name)} of its {tag}" for name in inside]
     return ReadJoint(terms, unused=tuple(unused))
 
 
 def _motion(joint: ET.Element) -> list[str]:
     """Limits of the motion, and the joint that it follows."""
     found = []
-    if attribute(joint, "limit", "velocity"):
+    velocity, lower, upper = (attribute(joint, "limit", name, limit=True) for name in ("velocity", "lower", "upper"))
+    if velocity:
         found.append("its limit of the velocity")
-    if joint.get("type") != "continuous" and attribute(joint, "limit", "lower") != attribute(joint, "limit", "upper"):
+    if joint.get("type") != "continuous" and lower != upper:
         found.append("its limits of the position (lower, upper)")
     mimic = joint.find("mimic")
     if mimic is not None:
@@ -149,7 +164,7 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     inertia, ratio = (attribute(actuator, f"{DRAKE}{name}", "value") for name in ("rotor_inertia", "gear_ratio"))
     armature = inertia * (ratio or 1.0) ** 2
     parts = (actuator, of_joint, transmission)
-    reduction = next((value for part in parts if (value := content(part, "mechanicalReduction"))), 1.0)
+    reduction, *others = [value for part in parts if (value := content(part, "mechanicalReduction"))] or [1.0]
     if not inertia:
         armature = content(actuator, "motorInertia") * reduction**2
     gains = (attribute(actuator, f"{DRAKE}controller_gains", name) for name in ("p", "d"))
@@ -158,6 +173,7 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
         f"its {_word(each.tag)}" for each in of_joint if each.tag not in ("hardwareInterface", "mechanicalReduction")
     ]
     unused += [f"its {_word(each.tag)}" for each in transmission if each.tag not in TRANSMISSION_USED]
+    unused += [f"its further mechanicalReduction ({value:g})" for value in others if value != reduction]
     if inertia and content(actuator, "motorInertia"):
         unused.append("its motorInertia beside drake:rotor_inertia")
     return with_drake(joint, armature, *gains).also_unused(*unused)
@@ -166,6 +182,7 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
 def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
     """(joint, what is not used) of Gazebo's and ros2_control's tags."""
     for gazebo in root.findall("gazebo"):
+        yield from _plugins(gazebo)
         for each in gazebo:
             if each.tag not in NO_PHYSICS:
                 yield gazebo.get("reference", ""), f"its <gazebo> tag {_word(each.tag)}"
@@ -176,6 +193,14 @@ def _extensions(root: ET.Element) -> Iterator[tuple[str, str]]:
         for transmission in control.findall("transmission"):
             for joint in transmission.findall("joint"):
                 yield joint.get("name", ""), f"its <ros2_control> transmission {place(transmission)}"
+
+
+def _plugins(parent: ET.Element) -> Iterator[tuple[str, str]]:
+    """(joint, plugin) of the plugins that name a joint, such as a controller."""
+    for plugin in parent.iterfind("plugin"):
+        for each in plugin.iter():
+            if each.tag.lower() in ("joint", "jointname", "joint_name"):
+                yield (each.text or each.get("name") or "").strip(), f"its {place(plugin)}"
 
 
 def content(element: ET.Element, path: str) -> float:
@@ -224,6 +249,14 @@ def _sdf_joints(root: ET.Element, path: Path | None, inside: tuple[Path, ...]) -
     for joint in root.iter("joint"):
         if joint.get("type") in MOVING:
             add(joint.get("name", ""), _read(joint), joint)
+    beside = [f"{place(each)} beside its joints" for each in root.iter("joint") if each.get("type") in COUPLING]
+    for model in root.iter("model"):
+        drakes = (each for each in model if each.tag.startswith(DRAKE) and each.tag not in NO_COUPLING)
+        beside += [f"{place(each)} beside its joints" for each in drakes]
+        for name, told in _plugins(model):
+            if name in found:
+                found[name] = found[name].also_unused(told)
+    found = {name: joint.also_unused(*beside) for name, joint in found.items()}
     unknown = []
     for include in root.iter("include"):
         uri = (include.findtext("uri") or "").strip()
@@ -317,7 +350,7 @@ def _limit(joint: ET.Element, name: str) -> float:
     """A limit; it may be infinite, or -1 for none."""
     element = joint.find(f"axis/limit/{name}")
     text = "" if element is None else (element.text or "").strip()
-    if element is None or not text or text.lstrip("+-").lower() in ("inf", "infinity"):
+    if element is None or not text or _is_infinite(text):
         return 0.0
     return (finite(element, name, text) or [0.0])[0]
 

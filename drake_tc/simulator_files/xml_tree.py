@@ -174,8 +174,14 @@ class Defaults:
         Args:
             element: Of the model.
             around: Class of the bodies around it.
+
+        Raises:
+            ValueError: a class that the file does not have; names element and line.
         """
         name = element.get("class", around)
+        if name not in (*self._chain, "main"):
+            classes = ", ".join(filter(None, self._chain)) or "none"
+            raise ValueError(f"{place(element)}: no default class {name!r}; classes here: {classes}")
         for level in self._chain.get(name, self._chain[""]):
             yield from (each for each in level if each.tag != "default")
 

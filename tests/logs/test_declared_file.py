@@ -228,3 +228,12 @@ def test_a_limit_of_a_servo_with_damping_is_that_of_the_whole(tmp_path):
     assert again.declared == rig.declared
     stated = parse_rig(RIG | {"saturation": 0.01, "proportional_gain": 5000.0, "derivative_gain": 10.0})
     assert stated.declared["knee"]["saturation.servo.derivative_time"] == pytest.approx(2e-3)
+
+
+def test_a_negative_term_is_listed_and_not_declared(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        "<robot><joint name='a' type='continuous'><dynamics damping='-0.1' friction='0.2'/></joint></robot>"
+    )
+    (terms,) = declared_terms(parse_rig({"joint": "a", "drive": "torque"}), path)
+    assert terms.declared == {"coulomb": 0.2} and terms.unused == ("its negative viscous (-0.1)",)

@@ -205,6 +205,14 @@ def test_a_plain_transmission_reflects_its_motor(tmp_path):
     assert joint.unused == ("that it follows 'z' (mimic)",)
 
 
+def test_a_default_class_that_is_not_there_is_refused_as_mujoco_does(tmp_path):
+    joint = "<body><joint name='a' class='servo'/><geom size='.1'/></body>"
+    path = tmp_path / "arm.xml"
+    path.write_text(f"<mujoco><default><default class='arm'/></default><worldbody>{joint}</worldbody></mujoco>")
+    with pytest.raises(RigError, match="<joint name='a'> in line 1: no default class 'servo'; classes here: main, arm"):
+        read_joints(path, RigError)
+
+
 def test_an_attribute_that_is_no_number_is_refused_with_its_line(tmp_path):
     with pytest.raises(RigError, match=r"<joint name='a'> in line 1: stiffness: expected finite numbers, got 'soft'"):
         read_one(tmp_path, joint='stiffness="soft"')

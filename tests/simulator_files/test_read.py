@@ -290,6 +290,30 @@ def test_a_bam_file_declares_what_its_model_has(tmp_path, change, effects):
     assert read_joints(path, RigError)[ANY_JOINT].effects == effects
 
 
+def test_parameters_that_the_model_of_a_bam_file_does_not_use_are_listed(tmp_path):
+    path = tmp_path / "servo.json"
+    path.write_text(json.dumps(BAM | {"model": "m1"}), encoding="utf-8")
+    peak, load = ("alpha", "dtheta_stribeck", "friction_stribeck"), ("load_friction_base", "load_friction_stribeck")
+    assert set(read_joints(path, RigError)[ANY_JOINT].unused) == {*peak, *load, "q_offset"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"model": "m7"}, "model: expected one of m1, m2, m3, m4, m5, m6, got 'm7'"),
+        ({"model": None}, "model: expected one of"),
+        ({"armature": -0.1}, "armature: expected a number of 0 or more, got -0.1"),
+        ({"friction_base": float("nan")}, "friction_base: expected a number of 0 or more, got nan"),
+        ({"dtheta_stribeck": 0.0}, "dtheta_stribeck, alpha: expected positive numbers, got 0 and 1.2"),
+    ],
+)
+def test_odd_numbers_of_a_bam_file_are_refused(tmp_path, change, message):
+    path = tmp_path / "servo.json"
+    path.write_text(json.dumps(BAM | change), encoding="utf-8")
+    with pytest.raises(RigError, match=message):
+        read_joints(path, RigError)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
@@ -381,6 +405,13 @@ IN_CONTROL = '<ros2_control name="c"><transmission name="t"><joint name="a"/></t
         ("", TRANSMISSION.format(1, "<motorTorqueConstant>1</motorTorqueConstant>"), "its motorTorqueConstant"),
         ("", IN_CONTROL, "its <ros2_control> transmission"),
         ('<safety_controller k_velocity="3"/>', "", "its safety_controller"),
+        ("<dynamics><damping>0.3</damping></dynamics>", "", "damping of its dynamics"),
+        (
+            "",
+            TRANSMISSION.format(1, "").replace('"a"/>', '"a"><mechanicalReduction>2</mechanicalReduction></joint>'),
+            "its further mechanicalReduction (2)",
+        ),
+        ("", '<gazebo><plugin name="pid"><joint>a</joint><p>30</p></plugin></gazebo>', "its <plugin name='pid'>"),
     ],
 )
 def test_odd_forms_of_a_urdf_are_listed(tmp_path, of_joint, beside, told):
@@ -392,6 +423,37 @@ def test_odd_forms_of_a_urdf_are_listed(tmp_path, of_joint, beside, told):
     joint = read_joints(path, RigError)["a"]
     assert any(told in each for each in joint.unused)
     assert joint.terms.armature == pytest.approx(0.025 if "motorInertia" in beside else 0.0)
+
+
+def test_a_limit_of_a_urdf_may_be_infinite(tmp_path):
+    path = tmp_path / "robot.urdf"
+    limit = '<limit effort="inf" velocity="inf" lower="-inf" upper="inf"/>'
+    path.write_text(f'<robot name="r"><joint name="a" type="revolute">{limit}</joint></robot>')
+    joint = read_joints(path, RigError)["a"]
+    assert joint.terms.torque_limit is None and joint.unused == ()
+
+
+def test_a_joint_that_is_twice_in_a_urdf_is_refused(tmp_path):
+    path = tmp_path / "robot.urdf"
+    joint = "\n<joint name='a' type='continuous'/>"
+    path.write_text(f"<robot name='r'>{joint}{joint}</robot>")
+    with pytest.raises(RigError, match="<joint name='a'> in line 3: joint 'a' is there twice"):
+        read_joints(path, RigError)
+
+
+@pytest.mark.parametrize(
+    ("beside", "told"),
+    [
+        ("<joint name='g' type='gearbox'><parent>l</parent><child>m</child></joint>", "<joint name='g'>"),
+        ("<drake:linear_spring_damper/>", "<drake:linear_spring_damper>"),
+        ("<plugin name='pid'><joint_name>elbow</joint_name></plugin>", "<plugin name='pid'>"),
+    ],
+)
+def test_what_acts_on_joints_of_an_sdf_file_from_beside_is_listed(tmp_path, beside, told):
+    path = tmp_path / "arm.sdf"
+    path.write_text(ARM.replace("</model>", f"{beside}</model>"))
+    (unused,) = read_joints(path, RigError)["elbow"].unused
+    assert told in unused
 
 
 def test_a_file_whose_joints_are_of_other_types_says_so(tmp_path):

@@ -370,6 +370,7 @@ def _of_joint(joint: str, drive: str, read: ReadJoint | None) -> DeclaredTerms:
         "backlash": terms.backlash,
         "elasticity": terms.compliance,
     }
+    read = read.also_unused(*(f"its negative {name} ({value:.4g})" for name, value in values.items() if value < 0.0))
     declared: dict[str, float | None] = {name: value for name, value in values.items() if value > 0.0}
     declared |= _springs(terms)
     if terms.ripple is not None and terms.ripple.cycles < LEAST_CYCLES:
