@@ -147,11 +147,11 @@ def _entry(joint: str, terms: Terms, joint_type: JointType = "revolute") -> list
     fields = {
         "joint_names_expr": _joint_pattern(joint),
         "stiffness": _decimal(terms.kp if servo else 0.0),
-        "damping": "0.0",
+        "damping": _decimal(terms.derivative_gain if servo else 0.0),
         "armature": _decimal(terms.armature),
         "friction": _decimal(terms.frictionloss),
         "dynamic_friction": _decimal(terms.frictionloss),
-        "viscous_friction": _decimal(terms.damping),
+        "viscous_friction": _decimal(terms.damping - (terms.derivative_gain if servo else 0.0)),
     }
     if terms.torque_limit is not None:
         explicit = kind != "ImplicitActuatorCfg"

@@ -454,7 +454,7 @@ TARGETS: Mapping[str, Vocabulary] = MappingProxyType(
         ),
         "isaaclab": Vocabulary(
             "Isaac Lab",
-            frozenset({"armature", "frictionloss", "torque_limit", "delay"}),
+            frozenset({"armature", "frictionloss", "torque_limit", "delay", "derivative_gain"}),
             {"backlash": _NO_BACKLASH},
             drives=frozenset({"position_servo"}),
             delay_step=PHYSICS_STEP,

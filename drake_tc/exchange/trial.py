@@ -225,7 +225,8 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
         if now.driven and now.terms.drive == each.terms.drive:
             more = now.derivative_gain - each.terms.derivative_gain
             left += [f"a servo gain of {now.terms.kp:.4g} N m/rad"] if _other(now.terms.kp, each.terms.kp) else []
-            left += [f"a servo damping of {more:.4g} N m s/rad"] if _other(more, 0.0) else []
+            other = _other(now.derivative_gain, each.terms.derivative_gain)
+            left += [f"a servo damping of {more:.4g} N m s/rad"] if other else []
         gone = [
             _term(name, was.terms)
             for name in LEFTOVERS

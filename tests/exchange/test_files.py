@@ -218,6 +218,18 @@ def test_a_position_servo_of_isaac_lab():
     assert re.fullmatch(pattern, "knee.1") and not re.fullmatch(pattern, "knee_1")
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.005])
+def test_a_limit_of_the_whole_torque_of_a_servo_in_isaac_lab(delay):
+    """Both classes of isaaclab 3.0.0 clip stiffness e - damping v as a whole; friction of the joint is outside."""
+    limit = EffectValue("saturation.servo", {"limit": 0.01, "derivative_time": 2e-3})
+    late = (EffectValue("delay.command", {"delay": delay}),) if delay else ()
+    own = (EffectValue("viscous", {"viscous": 12.0}), EffectValue("coulomb", {"coulomb": 1.0}), limit, *late)
+    projection = project(ActuatorModel("knee", Drive("position_servo", 2e-4), own), TARGETS["isaaclab"])
+    knee = actuators(to_isaaclab([projection]))["knee"]
+    assert projection.losses == () and (knee.actuator_effort_limit or knee.joint_effort_limit) == 50.0
+    assert (knee.stiffness, knee.damping, knee.viscous_friction) == (5000.0, 10.0, 2.0)
+
+
 def test_a_drive_on_a_voltage_is_a_dc_motor_of_isaac_lab():
     """DCMotor of isaaclab 3.0.0 clips to saturation_effort (+-1 - v/actuator_velocity_limit), +-actuator_effort_limit.
 

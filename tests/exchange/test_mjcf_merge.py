@@ -121,6 +121,19 @@ def test_an_identified_limit_takes_the_place_of_the_files(tmp_path):
     assert torques(text, 2.0, 0.0, 0.0)[0] == pytest.approx(50.0, rel=1e-9)
 
 
+def test_digits_that_a_file_does_not_have_are_no_damping_beside_the_model(tmp_path):
+    gain, damping = 58.217701234567, 0.62374405651234
+    limit = EffectValue("saturation.servo", {"limit": 1.0 / gain, "derivative_time": damping / gain})
+    own = (EffectValue("viscous", {"viscous": 0.7}), EffectValue("coulomb", {"coulomb": 0.17}), limit)
+    written = [project(ActuatorModel("knee", Drive("position_servo", 1.0 / gain), own), TARGETS["mjcf"])]
+    path = with_class(tmp_path, "servo")
+    text = to_mjcf(written, path)
+    assert not any("servo damping" in line for line in changes(text, written, path))
+    pushed, passive = torques(text, 0.01, 0.0, 0.3)
+    assert pushed == pytest.approx(0.01 * gain - 0.3 * damping, rel=1e-8)
+    assert passive == pytest.approx(-0.3 * (0.7 - damping), rel=1e-7)
+
+
 def test_what_is_merged_is_read_again(tmp_path):
     text, path = merged(tmp_path, "servo", ActuatorModel("knee", SERVO, FRICTION))
     path.write_text(text)
