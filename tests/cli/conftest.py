@@ -1,17 +1,17 @@
 """A short recording of the demo's rig, and a way to call commands."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from few_effects import diagnoses_look_for, experiments_fit
 
 from drake_tc.cli.demo import DemoLength, record_demo
 from drake_tc.cli.main import run
-from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.prepared import Prepared
-from drake_tc.effects.library import effect
 from drake_tc.experiments.check import effects
 from drake_tc.experiments.design import known
 from drake_tc.experiments.fitted import FittedJoint, fitted_joint
@@ -66,27 +66,22 @@ def fits() -> dict[bytes, FittedJoint]:
 
 @pytest.fixture
 def fitted_once(fits, monkeypatch) -> None:
-    """`design` and `check` search the same runs once in all tests that ask for this."""
+    """`design`, `check` and `rehearse` search the same runs once, and only for what the bench has beside its model."""
 
     def fitted(prepared: Prepared, *rest: object, **keys: object) -> FittedJoint:
         signals = prepared.train.samples.signals
         runs = signals.effort.tobytes() + signals.load_torque.tobytes()
         return fits[runs] if runs in fits else fits.setdefault(runs, fitted_joint(prepared, *rest, **keys))
 
+    experiments_fit(monkeypatch, "stribeck", "deadzone")
     monkeypatch.setattr(known, "fitted_joint", fitted)
     monkeypatch.setattr(effects, "fitted_joint", fitted)
 
 
 @pytest.fixture
 def look_for(monkeypatch) -> Callable[..., None]:
-    """look_for(*keys): from here on a diagnosis tries these effects alone, and leaves the residual unassessed."""
-
-    def only(*keys: str) -> None:
-        few = replace(DiagnosisOptions(), effects=tuple(map(effect, keys)), assess_residual=False)
-        defaults = tuple(getattr(few, each.name) for each in fields(few))
-        monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", defaults)
-
-    return only
+    """look_for(*keys): from here on a diagnosis tries these effects alone."""
+    return partial(diagnoses_look_for, monkeypatch)
 
 
 @pytest.fixture

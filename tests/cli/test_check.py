@@ -2,7 +2,6 @@
 
 import json
 
-import pandas as pd
 import pytest
 
 pytestmark = pytest.mark.usefixtures("fitted_once")
@@ -29,23 +28,6 @@ def test_its_json_names_each_effect_with_the_smallest_size_that_would_be_found(i
     assert 0.0 < stribeck["size"]["smallest"] < 4.0 and stribeck["size"]["unit"] == "N*m"
     names = {finding["name"] for finding in joint["findings"]}
     assert {"position step", "lead of the command", "clocks", "energy", "gravity"} <= names
-
-
-def test_a_torque_column_that_comes_late_is_told(invoke, bench, tmp_path):
-    rows = 10  # 20 ms
-    logs = []
-    for path in bench.logs:
-        table = pd.read_parquet(path)
-        name = next(c for c in table.columns if c.endswith("/torque"))
-        position = next(c for c in table.columns if c.endswith("/position"))
-        table[name] = table[name].shift(rows).bfill()
-        table[position] = table[position].shift(rows).bfill()
-        logs.append(tmp_path / path.name)
-        table.to_parquet(logs[-1], index=False)
-    done = invoke("check", "--rig", bench.rig, *(a for p in logs for a in ("--log", p)), "--json")
-    (joint,) = json.loads(done.out)["joints"].values()
-    clocks = next(f for f in joint["findings"] if f["name"] == "clocks")
-    assert clocks["level"] == "note" and 0.010 < clocks["value"] < 0.030
 
 
 def test_input_that_cannot_be_used_is_one_line(invoke, bench, tmp_path):

@@ -95,7 +95,8 @@ def short_demo(monkeypatch, tmp_path):
     return tmp_path
 
 
-def test_the_command_ends_with_the_path_of_the_report_it_wrote(invoke, short_demo):
+def test_the_command_ends_with_the_path_of_the_report_it_wrote(invoke, look_for, short_demo):
+    look_for()
     outcome = invoke("demo")
     assert outcome.code == 0, outcome.err
     *summary, last = outcome.out.splitlines()

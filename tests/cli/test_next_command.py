@@ -2,6 +2,8 @@
 
 import shlex
 
+import pytest
+
 
 def next_words(line: str) -> list[str]:
     """Words of the drake-tc command in a line on stderr, without the program's name."""
@@ -10,6 +12,7 @@ def next_words(line: str) -> list[str]:
     return words[words.index("drake-tc") + 1 :]
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_from_a_log_to_the_command_that_diagnoses_it(invoke, bench, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = invoke("inspect", bench.logs[0])

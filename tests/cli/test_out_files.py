@@ -182,9 +182,13 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize("preload", [(), ("colorsys",)])
 @pytest.mark.parametrize(
-    ("sent", "code", "line"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+    ("sent", "code", "line", "preload"),
+    [
+        (signal.SIGINT, 130, "interrupted", ()),
+        (signal.SIGINT, 130, "interrupted", ("colorsys",)),
+        (signal.SIGTERM, 143, "terminated", ("colorsys",)),
+    ],
 )
 def test_signals_end_workers_too_and_leave_nothing(tmp_path, sent, code, line, preload):
     script = tmp_path / "busy.py"

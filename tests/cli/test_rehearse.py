@@ -6,9 +6,12 @@ import pytest
 
 from drake_tc.experiments.rehearsal.run import rehearse
 
+pytestmark = pytest.mark.usefixtures("fitted_once")
 
-def test_it_prints_and_writes_a_power_curve(invoke, bench, tmp_path, monkeypatch):
-    """One size beside none: each is a simulation and a diagnosis."""
+
+def test_it_prints_and_writes_a_power_curve(invoke, look_for, bench, tmp_path, monkeypatch):
+    """One size beside none: each is a simulation and a diagnosis, which looks for two effects."""
+    look_for("load_dependent_friction", "stribeck")
     monkeypatch.setitem(rehearse.__kwdefaults__, "factors", (2.0,))
     done = invoke(
         "rehearse", *bench.arguments(), "--holdout", bench.holdout, "--with", "load_dependent_friction=0.1",
@@ -31,7 +34,8 @@ def test_it_prints_and_writes_a_power_curve(invoke, bench, tmp_path, monkeypatch
     ],
 )
 def test_what_cannot_be_rehearsed_is_one_line(invoke, bench, tmp_path, arguments, words):
-    done = invoke("rehearse", *bench.arguments(), "--jobs", "1", "--out", tmp_path / "r", *arguments)
+    runs = [*bench.arguments(), "--holdout", bench.holdout]
+    done = invoke("rehearse", *runs, "--jobs", "1", "--out", tmp_path / "r", *arguments)
     assert words in done.refusal()
 
 

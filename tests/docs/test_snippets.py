@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from few_effects import diagnoses_look_for, experiments_fit
 from public_examples import namespace
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
@@ -16,8 +17,6 @@ from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.actuation.remainder import Remainder
 from drake_tc.cli import demo
 from drake_tc.cli.main import run
-from drake_tc.diagnosis.options import DiagnosisOptions
-from drake_tc.effects.library import effect
 from drake_tc.exchange.mjcf import to_mjcf
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.logs.loads import RobotLoad
@@ -41,12 +40,6 @@ def chain(name, joints):
         for parent, joint in zip(parents[:-1], joints, strict=True)
     )
     return f"<robot name='{name}'>{links}{made}</robot>"
-
-
-def look_for(monkeypatch, *keys):
-    """Diagnoses try these effects alone, and leave the residual unassessed."""
-    effects = tuple(map(effect, keys))
-    monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", (0, False, effects, None))
 
 
 @pytest.fixture
@@ -146,7 +139,7 @@ def test_the_page_of_the_whole_body_controller_builds_a_diagram(tmp_path, monkey
 def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
     """Every command of the pages, in a folder with the reader's files; no effect is missing."""
     pytest.importorskip("onnx", reason="pip install onnx")
-    look_for(monkeypatch)
+    diagnoses_look_for(monkeypatch)
     model, terms = load_models(knee / "out" / "knee" / "model_after.yaml"), ("armature", "damping", "frictionloss")
     (knee / "robot.xml").write_text(to_mjcf([project(model["knee"], TARGETS["mjcf"])]), encoding="utf-8")
     time = np.arange(0.0, 10.0, 0.004)
@@ -183,7 +176,8 @@ def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
 
 def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys):
     """With recordings of 8 s in place of 30 s, which have the same two effects, and a search for these alone."""
-    look_for(monkeypatch, "deadzone", "stribeck")
+    diagnoses_look_for(monkeypatch, "deadzone", "stribeck")
+    experiments_fit(monkeypatch, "deadzone", "stribeck")
     short = demo.DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
     monkeypatch.setattr(demo, "record_demo", partial(demo.record_demo, length=short, jobs=1))
     monkeypatch.chdir(tmp_path)

@@ -1,11 +1,12 @@
 """A joint of a bench that was diagnosed, and recordings of it later."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from few_effects import diagnoses_look_for
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.cli.demo import DemoLength, demo_model, demo_run, record_demo
@@ -45,8 +46,7 @@ def scaled(model: ActuatorModel, scales: dict[str, float]) -> ActuatorModel:
 @pytest.fixture
 def own_effects(monkeypatch) -> None:
     """Commands search with OWN_EFFECTS."""
-    defaults = tuple(getattr(OWN_EFFECTS, each.name) for each in fields(OWN_EFFECTS))
-    monkeypatch.setattr(DiagnosisOptions.__init__, "__defaults__", defaults)
+    diagnoses_look_for(monkeypatch, "stribeck", "deadzone")
 
 
 @pytest.fixture(scope="session")
