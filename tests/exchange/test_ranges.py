@@ -253,7 +253,7 @@ def servo_with_limit(tmp_path):
     return posterior_of([read_unit(tmp_path / "model.yaml")])
 
 
-@pytest.mark.parametrize("target", ["mjlab", "playground"])
+@pytest.mark.parametrize("target", ["mjlab", "playground", "isaaclab"])
 def test_the_damping_of_the_joint_is_without_that_of_the_servo(target, tmp_path):
     (ranges,) = term_ranges(servo_with_limit(tmp_path), target, 400, 0)
     assert ranges.projection.terms.derivative_gain == pytest.approx(500.0)
