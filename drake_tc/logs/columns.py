@@ -169,6 +169,8 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE)
 """A number as programs write it in countries with a decimal comma."""
 EFFORTS = ("effort", "eff")
 """Words behind which drivers put currents, torques or loads; a rig file has to say which."""
+OFF = ("off", "false", "no", "disabled")
+"""Words of a column that says when the drive is off."""
 LARGEST = 1e12
 """No reading is as large, in whatever unit; times may be, as nanoseconds since 1970."""
 
@@ -327,9 +329,8 @@ def _enabled(table: pd.DataFrame, rig: Rig, path: Path) -> tuple[BoolArray, list
         elif pd.api.types.is_numeric_dtype(values):
             on &= np.nan_to_num(_numeric(table, name, "enabled", path)) != 0
         else:
-            on &= ~values.astype("string").str.strip().str.lower().isin(
-                ["false", "off", "0", "0.0", "no", ""]
-            ).to_numpy(bool)
+            text = values.astype("string").str.strip().str.lower()
+            on &= ~text.isin([*OFF, "0", "0.0", ""]).to_numpy(bool)
     return on, requested
 
 

@@ -88,6 +88,7 @@ def test_names_of_joints_are_no_units(name, joint):
     [
         *("bus_current", "dc_bus_current [A]", "phase_a_current", "d_current", "fet_temperature"),
         *("tau_ff", "gravity_torque", "tau_g", "model_torque", "position_offset", "kp_cmd"),
+        *("torque_disabled", "torque_mode", "target_reached", "in_position", "goal_index", "profile_velocity"),
     ],
 )
 def test_names_of_what_is_no_signal_of_a_motor(name):
@@ -133,6 +134,17 @@ def test_numbers_of_a_register_below_the_names_are_not_taken_for_si(tmp_path, un
     found = inspect_log(tmp_path / "run.csv")
     assert "joint/torque" not in found.rig["units"]
     assert f"line 2 of the file states the unit '{unit}'" in trial(found)
+
+
+@pytest.mark.parametrize(("on", "off"), [("ON", "OFF"), ("enabled", "disabled"), ("True", "False"), (1, 0)])
+def test_a_switch_in_words_is_used(tmp_path, on, off):
+    table = bench()
+    table["torque_enable"] = np.where(table["time"] > 1.0, on, off)
+    table.to_csv(tmp_path / "run.csv", index=False)
+    found = inspect_log(tmp_path / "run.csv")
+    assert found.rig["columns"]["joint/enabled"] == "torque_enable"
+    run = load_run(tmp_path / "run.csv", parse_rig(dict(found.rig)))
+    assert np.all(run.segment[run.time <= 1.0] < 0) and np.all(run.segment[run.time > 1.1] >= 0)
 
 
 def test_cells_between_blanks_are_refused_with_what_to_do(tmp_path):

@@ -113,11 +113,12 @@ _NO_JOINT = (
     *("ee", "eef", "tcp", "endeffector", "effector", "cartesian", "pose"),  # coordinates of a tool
     *("error", "err", "diff", "delta", "limit", "lim", "min", "max", "std", "var", "cov", "integral", "offset", "bias"),
     *("gravity", "friction", "inertia", "coriolis", "feedforward", "ff", "model", "predicted", "expected", "residual"),
-    *("kp", "ki", "kd", "gain"),
+    *("kp", "ki", "kd", "gain", "profile"),
+    *("disabled", "disable", "off", "mode", "flag", "fault", "reached", "valid", "index", "idx", "number"),  # states
 )
 """Words of columns that hold no signal of a joint although they have a word of a quantity: made from signals, say."""
-_OTHERS = ("d_axis", "i_d", "id", "d_current", "current_d", "tau_g")
-"""Names of the current that makes no torque, and of the torque of gravity."""
+_OTHERS = ("d_axis", "i_d", "id", "d_current", "current_d", "tau_g", "in_position")
+"""Names of the current that makes no torque, of the torque of gravity, and of a switch."""
 _NO_MOTOR = ("bus", "battery", "batt", "supply", "phase", "board", "cpu", "mcu", "fet", "ambient", "room")
 """Words of a current or temperature that is not that of a motor."""
 _BY_UNIT = ("current", "voltage", "torque", "velocity", "position", "temperature")

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.logs.channels import grid_step
-from drake_tc.logs.columns import seconds_of_dates
+from drake_tc.logs.columns import OFF, seconds_of_dates
 from drake_tc.logs.inspection.names import DUTY_CYCLE, Meaning
 from drake_tc.logs.units import COUNTS, SENSOR_SUFFIXES, allowed_units
 from drake_tc.types import FloatArray
@@ -27,6 +27,8 @@ MOST_AMPERES = 100.0
 MOST_VOLTS = 200.0
 FASTEST = 50.0
 """A velocity above is not in rad/s."""
+SWITCHED = dict.fromkeys(("on", "true", "yes", "enabled"), 1.0) | dict.fromkeys(OFF, 0.0)
+"""Words of a column that says when the drive is on."""
 ANGLES = ("position", "position_command", "motor_position")
 """Quantities that an encoder counts."""
 NAMELESS = "joint"
@@ -71,9 +73,11 @@ class Column:
 
 
 def numbers(series: pd.Series) -> FloatArray | None:
-    """(T,) as numbers, dates in seconds from the first; None where it holds none."""
+    """(T,) as numbers, dates in seconds from the first, `on` and `off` as 1 and 0; None where it holds none."""
     if pd.api.types.is_complex_dtype(series):
         return None
+    if pd.api.types.is_object_dtype(series) or pd.api.types.is_string_dtype(series):
+        series = series.map(lambda cell: SWITCHED.get(str(cell).strip().lower(), cell))
     if pd.api.types.is_datetime64_any_dtype(series):
         values = seconds_of_dates(series)
     else:
