@@ -70,7 +70,8 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature", "temperatur"),
         "supply_voltage": (
             *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
-            *("v_bat", "v_bus", "v_supply", "vsupply"),
+            *("v_bat", "v_bus", "v_supply", "vsupply", "u_dc", "v_dc", "vdc", "dc_voltage", "dc_bus_voltage"),
+            "dc_link_voltage",
         ),
         "time": (
             *("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
@@ -178,14 +179,12 @@ def meaning(name: str) -> Meaning | None:
         unit = "" if told is None else _unit(found[3], told.quantity)
         if told is not None and unit:
             return replace(told, unit=unit)
-        of_time = told is not None and told.quantity == "time" and not found[3].isdigit()
-        if told is not None and of_time:
-            return replace(told, unknown_unit=found[3])
         if found[2] == "[" or is_unit(found[3]):
             by_unit = _of_unit(found[1], told, found[3])
             if by_unit is not None:
                 return by_unit
-        if told is not None and is_unit(found[3]):
+        of_time = told is not None and told.quantity == "time" and not found[3].isdigit()
+        if told is not None and (of_time or is_unit(found[3])):
             return replace(told, unknown_unit=found[3])
     found = _AT_THE_END.fullmatch(name)
     if found is not None:
@@ -261,7 +260,7 @@ def _of_unit(name: str, told: Meaning | None, stated: str) -> Meaning | None:
     unit = unit_named(stated, quantity)
     if any(word in _COMMANDED for word in parts):
         quantity = COMMANDS.get(quantity, quantity)
-    known = set(told.by.split("_")) if told else set()
+    known = {*(told.by.split("_") if told else ()), *_MEASURED, *_COMMANDED}
     rest = [word for word in words(name) if word.lower() not in known]
     return Meaning(_joint(_naming(rest)), quantity, "", unit)
 
