@@ -162,25 +162,28 @@ def _followers(given: Mapping[str, float], joints: tuple[str, ...], tree: UrdfTr
     return found
 
 
-def _unused(urdf: Path, tree: UrdfTree, moving: Sequence[str]) -> tuple[str, ...]:
+def _unused(urdf: Path, tree: UrdfTree, driven: Sequence[str], followers: Sequence[str]) -> tuple[str, ...]:
     """What the URDF says of joints and is not used, one sentence for joints of which it says the same.
 
     Args:
         urdf: The file.
         tree: What it holds.
-        moving: Driven joints and those that follow them.
+        driven: Joints of the robot file.
+        followers: Joints that follow them.
     """
     try:
         read = urdf_joints(tree.root, robot=True)
     except ValueError as problem:
         return (f"{urdf.name}: physics of its joints was not read: {problem}.",)
     told: dict[str, list[str]] = {}
-    for name in moving:
+    for name in (*driven, *followers):
         terms, parts = read[name].terms, []
         values = (("damping", terms.damping), ("dry friction", terms.frictionloss), ("rotor inertia", terms.armature))
         parts += [f"its {what} of {value:.4g}" for what, value in values if value]
         parts += ["the gains of its servo"] if read[name].driven else []
         parts += read[name].unused
+        law = tree.joints[name].mimic
+        parts += [f"that it follows {law.of!r} (mimic)"] if law is not None and name in driven else []
         if parts:
             told.setdefault(", ".join(parts), []).append(f"{name} (line {tree.joints[name].line})")
     return tuple(
@@ -219,7 +222,7 @@ def _robot(source: Path, read: RobotDocument, *, found_links: bool) -> Robot:
         posture=_posture(read.posture or {}, joints, tree, limits),
         source=source,
         splits=splits,
-        unused=_unused(urdf, tree, (*joints, *_followers(read.locked or {}, joints, tree))),
+        unused=_unused(urdf, tree, joints, tuple(_followers(read.locked or {}, joints, tree))),
     )
 
 

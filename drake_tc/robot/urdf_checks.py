@@ -100,6 +100,29 @@ def check_kind(where: str, kind: str) -> None:
         raise ParamsError(f"{where}: type {quoted(kind)} cannot be simulated; expected one of {', '.join(KINDS)}")
 
 
+def check_mimics(path: Path, leaders: Mapping[str, str], movable: Iterable[str]) -> None:
+    """Refuse joints that follow what does not move, or each other.
+
+    Args:
+        path: The file.
+        leaders: Joint to the joint that it follows.
+        movable: Joints of one degree of freedom.
+
+    Raises:
+        ParamsError: one does.
+    """
+    known = set(movable)
+    for joint in leaders:
+        at, seen = joint, {joint}
+        while at in leaders:
+            at = leaders[at]
+            if at not in known:
+                raise ParamsError(f"{path}: joint {quoted(joint)} mimic: no joint {quoted(at)} that moves")
+            if at in seen:
+                raise ParamsError(f"{path}: joint {quoted(joint)} mimic: the joints follow each other in a loop")
+            seen.add(at)
+
+
 def check_tree(path: Path, links: Iterable[str], ends: Mapping[str, tuple[str, str]]) -> None:
     """Refuse links that do not hang together as one tree.
 

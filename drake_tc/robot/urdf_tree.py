@@ -14,7 +14,15 @@ from xml.parsers.expat import ExpatError
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import Pose, Triple
-from drake_tc.robot.urdf_checks import MOVABLE, check_inertials, check_kind, check_names, check_tree, numbers
+from drake_tc.robot.urdf_checks import (
+    MOVABLE,
+    check_inertials,
+    check_kind,
+    check_mimics,
+    check_names,
+    check_tree,
+    numbers,
+)
 from drake_tc.simulator_files.xml_tree import line_of, xml_tree
 
 
@@ -257,6 +265,8 @@ def read_urdf(path: Path, splits: Iterable[LinkSplit] = ()) -> UrdfTree:
     for joint in kept.values():
         check_kind(f"{path}: joint {quoted(joint.name)}", joint.kind)
     check_tree(path, links, {name: (joint.parent, joint.child) for name, joint in kept.items()})
+    leaders = {name: joint.mimic.of for name, joint in kept.items() if joint.mimic is not None}
+    check_mimics(path, leaders, [name for name, joint in kept.items() if joint.kind in MOVABLE])
     return UrdfTree(root, links, kept)
 
 

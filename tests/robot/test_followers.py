@@ -161,6 +161,28 @@ def test_torques_under_a_base_that_moves_hold_the_followers(tmp_path, link):
     assert_allclose(terms.forces(scratch, a[6:]), expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "message"),
+    [
+        ("nope", "", "joint 'wrist' mimic: no joint 'nope' that moves"),
+        ("mark_joint", "", "joint 'wrist' mimic: no joint 'mark_joint' that moves"),
+        ("spin", "wrist", "mimic: the joints follow each other in a loop"),
+        ("wrist", "", "mimic: the joints follow each other in a loop"),
+    ],
+)
+def test_joints_that_follow_nothing_or_each_other_are_refused(tmp_path, first, second, message):
+    text = ARM.replace('<axis xyz="1 0 0"/>', f'<axis xyz="1 0 0"/><mimic joint="{first}"/>')
+    if second:
+        text = text.replace('<axis xyz="0.3 -0.4 1"/>', f'<axis xyz="0.3 -0.4 1"/><mimic joint="{second}"/>')
+    with pytest.raises(ParamsError, match=message):
+        load_robot(robot_file(tmp_path, text, joints=["shoulder"]))
+
+
+def test_a_follower_that_the_robot_file_drives_is_named(tmp_path):
+    robot = load_robot(robot_file(tmp_path, SLIDE, joints=["shoulder", "slide"]))
+    assert robot.followers == {} and any("that it follows 'shoulder' (mimic)" in line for line in robot.unused)
+
+
 def test_physics_of_joints_that_is_not_used_is_listed(tmp_path):
     """Limits and `<mimic>` are used; the damping of a joint that is locked plays no part."""
     text = SLIDE.replace(
