@@ -117,20 +117,26 @@ def test_the_last_guard_leaves_a_sound_command_as_it_is():
     assert_array_equal(commands[:900][normal], alone[normal])
 
 
+MALFORMED = (
+    lambda readings: {name: value for name, value in readings.items() if name != "position"},
+    lambda readings: readings | {"position": np.zeros(3)},
+    lambda readings: readings | {"imu": "broken"},
+)
+
+
 @pytest.mark.parametrize(
-    ("fault", "count"),
+    ("faults", "count"),
     [
-        (lambda readings: None, "missing"),
-        (lambda readings: {name: value for name, value in readings.items() if name != "position"}, "malformed"),
-        (lambda readings: readings | {"position": np.zeros(3)}, "malformed"),
-        (lambda readings: readings | {"position": np.full(6, np.nan)}, None),
-        (lambda readings: readings | {"position": np.full(6, np.inf)}, None),
-        (lambda readings: readings | {"imu": "broken"}, "malformed"),
-        (raising, "link_errors"),
+        ((lambda readings: None,), "missing"),
+        (MALFORMED, "malformed"),
+        ((lambda readings: readings | {"position": np.full(6, np.nan)},), None),
+        ((lambda readings: readings | {"position": np.full(6, np.inf)},), None),
+        ((raising,), "link_errors"),
     ],
 )
-def test_what_goes_wrong_is_counted_held_and_left_again(fault, count):
-    report, rig, _ = run(0.5, dict.fromkeys(range(100, 140), fault))
+def test_what_goes_wrong_is_counted_held_and_left_again(faults, count):
+    """Faults in turn from the 100th to the 139th tick."""
+    report, rig, _ = run(0.5, {tick: faults[tick % len(faults)] for tick in range(100, 140)})
     counts = report.counts
     if count is not None:
         assert getattr(counts, count) >= 34
@@ -138,7 +144,7 @@ def test_what_goes_wrong_is_counted_held_and_left_again(fault, count):
     modes = np.array(rig.modes)
     assert (modes[108:139] >= GuardMode.HOLD).all()
     assert (modes[380:499] < GuardMode.HOLD).all()
-    if fault is raising:
+    if faults == (raising,):
         assert report.last_error == "OSError: cable"
 
 

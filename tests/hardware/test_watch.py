@@ -28,7 +28,7 @@ from tests.hardware.test_loop import ROBOT, Steps
 
 SPEC = TorqueLoopSpec(dt=1e-3, tare=0.0)
 QUICK = RealTimeSpec(arm_time=0.0, stop_time=0.02, guard=GuardSpec(start_time=0.0, offset_limit=0.5, rate_limit=50.0))
-SECONDS = 9.0
+SECONDS = 7.5
 
 
 def swinging():
