@@ -15,6 +15,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.exchange.projection import Projection
 from drake_tc.exchange.xml_text import append, child, number, parsed, put, read_xml, text, to_text, top
 from drake_tc.simulator_files.terms import Terms
+from drake_tc.simulator_files.urdf import SIMPLE
 
 DRAKE = "http://drake.mit.edu"
 BENCH = '<robot name="drake_tc_bench">\n  <link name="base"/>\n</robot>\n'
@@ -122,11 +123,21 @@ def _actuator(root: minidom.Element, joint: str) -> minidom.Element:
 
 
 def _transmissions(root: minidom.Element, joint: str) -> list[minidom.Element]:
+    """Simple ones of the joint: Drake makes no actuator of others, nor of those inside of other tags."""
     return [
-        transmission
-        for transmission in root.getElementsByTagName("transmission")
-        if any(each.getAttribute("name") == joint for each in transmission.getElementsByTagName("joint"))
+        each
+        for each in root.childNodes
+        if isinstance(each, minidom.Element)
+        and each.tagName == "transmission"
+        and any(of.getAttribute("name") == joint for of in each.getElementsByTagName("joint"))
+        and _type_of(each).endswith(SIMPLE)
     ]
+
+
+def _type_of(transmission: minidom.Element) -> str:
+    types = transmission.getElementsByTagName("type")
+    said = types[0].firstChild if types else None
+    return str(said.nodeValue).strip() if said is not None else transmission.getAttribute("type") or SIMPLE
 
 
 def _transmission(root: minidom.Element, joint: str) -> minidom.Element:

@@ -32,6 +32,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 COUPLING = ("gearbox", "screw")
 """Joints of SDFormat that couple two motions."""
 SIMPLE = "SimpleTransmission"
+"""End of the type of the transmissions of which Drake makes actuators."""
 JOINT_USED = {"parent", "child", "origin", "axis", "dynamics", "limit", "mimic", "calibration"}
 ACTUATOR_USED = {"hardwareInterface", "mechanicalReduction", "motorInertia"}
 TRANSMISSION_USED = {"type", "joint", "actuator", "mechanicalReduction"}
@@ -71,7 +72,11 @@ def urdf_joints(root: ET.Element, *, robot: bool = False) -> dict[str, ReadJoint
     for transmission in root.findall("transmission"):
         for joint in transmission.findall("joint"):
             name = joint.get("name", "")
-            if name in driven:
+            simple = (transmission.findtext("type") or transmission.get("type") or SIMPLE).strip().endswith(SIMPLE)
+            if name in found and (not simple or len(transmission.findall("actuator")) > 1):
+                told = f"its transmission {place(transmission)}, which is no {SIMPLE}"
+                found[name] = found[name].also_unused(told)
+            elif name in driven:
                 found[name] = found[name].also_unused(f"its further transmission {place(transmission)}")
             elif name in found:
                 found[name] = _with_transmission(found[name], transmission, joint)
@@ -157,9 +162,6 @@ def _with_transmission(joint: ReadJoint, transmission: ET.Element, of_joint: ET.
     actuators = transmission.findall("actuator")
     if not actuators:
         return joint
-    kind = (transmission.findtext("type") or transmission.get("type") or SIMPLE).strip()
-    if not kind.endswith(SIMPLE) or len(actuators) > 1:
-        return joint.also_unused(f"its transmission {place(transmission)}, which is no {SIMPLE}")
     actuator = actuators[0]
     inertia, ratio = (attribute(actuator, f"{DRAKE}{name}", "value") for name in ("rotor_inertia", "gear_ratio"))
     armature = inertia * (ratio or 1.0) ** 2

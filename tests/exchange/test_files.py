@@ -198,6 +198,31 @@ def test_a_urdf_whose_prefixes_are_not_declared_keeps_the_rest(tmp_path, target,
     assert read_joints(mine, ParamsError)["knee"].terms.armature == pytest.approx(reflected)
 
 
+OF_KNEE = "<joint name='knee'/><actuator name='m'/></transmission>"
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        f"<transmission name='t'><type>x/DifferentialTransmission</type>{OF_KNEE}",
+        f"<ros2_control name='c' type='system'><transmission name='t'>{OF_KNEE}</ros2_control>",
+    ],
+)
+def test_a_transmission_that_drake_ignores_is_not_that_of_the_servo(tmp_path, beside):
+    mine = tmp_path / "robot.urdf"
+    joint = "<joint name='knee' type='continuous'><parent link='a'/><child link='b'/></joint>"
+    inertial = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    mine.write_text(f"<robot name='r'><link name='a'/><link name='b'>{inertial}</link>{joint}{beside}</robot>")
+    written = to_urdf(exported("drake-urdf"), mine, drake=True)
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(written, "urdf")
+    (index,) = plant.GetJointActuatorIndices()
+    actuator = plant.get_joint_actuator(index)
+    assert actuator.get_controller_gains().p == 5000.0 and actuator.default_rotor_inertia() == 0.31
+    (tmp_path / "written.urdf").write_text(written)
+    assert read_joints(tmp_path / "written.urdf", ParamsError)["knee"].terms.armature == 0.31
+
+
 def test_a_position_servo_of_isaac_lab():
     """The classes are those of isaaclab 3.0.0; fields that they do not have are refused (`isaaclab_stand_in`)."""
     knee = actuators(to_isaaclab(exported("isaaclab")))["knee"]
