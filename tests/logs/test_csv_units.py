@@ -140,6 +140,21 @@ def test_numbers_of_a_register_below_the_names_are_not_taken_for_si(tmp_path, un
     assert f"line 2 of the file states the unit '{unit}'" in trial(found)
 
 
+@pytest.mark.parametrize(
+    ("renamed", "without"),
+    [
+        ({"torque": "torque_filtered"}, "torque"),
+        ({"angle": "leader_angle", "torque": "follower_torque"}, "position"),
+        ({"angle": "master_angle", "torque": "slave_torque"}, "position"),
+    ],
+)
+def test_filtered_copies_and_leaders_are_no_measurements_of_the_only_joint(tmp_path, renamed, without):
+    mine().rename(columns=renamed).to_csv(tmp_path / "run.csv", index=False)
+    found = inspect_log(tmp_path / "run.csv")
+    assert any(f"are not used: {next(iter(renamed.values()))!r}. To use one" in note for note in found.notes)
+    assert not any(key.endswith(f"/{without}") for key in found.rig.get("columns", {}))
+
+
 @pytest.mark.parametrize(("on", "off"), [("ON", "OFF"), ("enabled", "disabled"), ("True", "False"), (1, 0)])
 def test_a_switch_in_words_is_used(tmp_path, on, off):
     table = bench()

@@ -20,7 +20,18 @@ from drake_tc.types import FloatArray, IntArray
 
 OTHERS = (
     *("leader", "teleop", "teleoperation"),
-    *("filtered", "filter", "smoothed", "smooth", "lowpass", "predicted", "prediction", "estimated", "estimate"),
+    *(
+        "filtered",
+        "filter",
+        "filt",
+        "smoothed",
+        "smooth",
+        "lowpass",
+        "predicted",
+        "prediction",
+        "estimated",
+        "estimate",
+    ),
     *("ik", "solution", "plan", "planned", "planner", "ghost", "fake", "mock"),
 )
 """Words of topics whose joint states are no measurements of the robot: another arm's, copies, and intentions."""

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import DrakeTcError, LogError
+from drake_tc.logs.bags.joined import LEADERS, OTHERS
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit, words
@@ -192,7 +193,8 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     """The meanings, where a log that has no quantity of two joints is the log of one joint.
 
     `knee_angle`, `motor_i` and `tau_sensor` then belong together: what their names say beside the quantity are parts
-    of that joint. It is called like its position. Names with an owner before a slash are taken at their word.
+    of that joint. It is called like its position. Names with an owner before a slash are taken at their word, and
+    leaders and filtered copies (`OTHERS` of the topics of bags) stay apart.
     """
     of_joints = {
         name: told
@@ -203,6 +205,15 @@ def _of_one_joint(found: Mapping[str, Meaning | None], notes: list[str]) -> dict
     for told in of_joints.values():
         owners.setdefault(told.quantity, set()).add(told.joint)
     joints = {told.joint for told in of_joints.values()}
+    copies = {each for each in joints if not {*OTHERS, *LEADERS}.isdisjoint(word.lower() for word in words(each))}
+    if copies and copies < joints:
+        apart = [name for name, told in of_joints.items() if told.joint in copies]
+        notes.append(
+            "Columns whose names say that they are filtered or of another arm are not used:"
+            f" {', '.join(map(repr, apart))}. To use one, name it under `columns:`."
+        )
+        rest = _of_one_joint({name: told for name, told in found.items() if name not in apart}, notes)
+        return {name: rest.get(name) for name in found}
     if (
         len(joints) < 2
         or any("/" in without_unit(name) for name in of_joints)
