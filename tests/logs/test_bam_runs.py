@@ -72,6 +72,13 @@ def test_bam_arms_have_mass_and_masses_may_differ_by_run(tmp_path):
     assert_allclose(volts, 7.4 * (3 + np.arange(50)) / 885.0, rtol=1e-12)
 
 
+def test_what_bam_runs_have_beside_is_named_in_their_rig_files(tmp_path):
+    entries = [each | {"current": 0.1} for each in pendulum_run()["entries"]]
+    (tmp_path / "a.json").write_text(json.dumps(pendulum_run(entries=entries, friction_plate="steel")))
+    for rig in convert(tmp_path, tmp_path / "out"):
+        assert rig.read_text().splitlines()[0].endswith("; not used: current, friction_plate")
+
+
 def test_bam_runs_without_any_mass_have_an_unknown_load(tmp_path):
     (tmp_path / "free.json").write_text(json.dumps(pendulum_run(mass=0.0)))
     (tmp_path / "loaded.json").write_text(json.dumps(pendulum_run()))

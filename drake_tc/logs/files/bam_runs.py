@@ -10,7 +10,7 @@ centre of mass is at l (m + a/2) / (m + a), and whose inertia is l^2 (m + a/3).
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +106,14 @@ def applied_duty(register: np.ndarray) -> np.ndarray:
 NEEDED = {"timestamp": "time", "position": f"{JOINT}/position", "goal_position": f"{JOINT}/position_command"}
 OPTIONAL = {"speed": f"{JOINT}/velocity", "temp": f"{JOINT}/temperature", "torque_enable": "enabled"}
 """Key of an entry to canonical column; not every servo reports the optional ones."""
+OF_ENTRIES = {*NEEDED, *OPTIONAL, "load", "input_volts"}
+OF_RUNS = {"mass", "arm_mass", "length", "kp", "motor", "trajectory", "vin", "entries"}
+
+
+def _not_used(runs: Sequence[Mapping[str, Any]]) -> str:
+    """What runs have beside what is read, for the comment of their rig file."""
+    names = {name for run in runs for name in {*run} - OF_RUNS | {*run["entries"][0]} - OF_ENTRIES}
+    return f"; not used: {', '.join(sorted(names))}" if names else ""
 
 
 def _columns(path: Path, run: dict[str, Any]) -> dict[str, np.ndarray]:
@@ -192,10 +200,11 @@ def convert(src: Path, out: Path) -> tuple[Path, ...]:
         if enabled:
             base["enabled"] = "enabled"
         head = f"{first['motor']} servo on a pendulum, firmware P gain {first['kp']}"
+        rest = _not_used([run for _, run in members])
         servo_name = "rig_servo.yaml" if voltage else "rig.yaml"
         if voltage:
-            comment = f"{head}; voltage = applied duty times supply"
+            comment = f"{head}; voltage = applied duty times supply{rest}"
             rigs.append(write_rig({**base, "drive": "voltage"}, folder / "rig.yaml", comment))
-        comment = f"{head}; its position loop taken as the drive"
+        comment = f"{head}; its position loop taken as the drive{rest}"
         rigs.append(write_rig({**base, "drive": "position_servo"}, folder / servo_name, comment))
     return tuple(rigs)
