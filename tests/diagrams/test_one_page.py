@@ -5,14 +5,17 @@ import re
 from contextlib import redirect_stdout
 
 import pytest
+from few_effects import diagnoses_look_for
 
 from drake_tc.diagrams import one_page
 
 
 @pytest.fixture(scope="module")
 def printed() -> str:
+    """What it prints where its diagnosis looks for four effects."""
     out = io.StringIO()
-    with redirect_stdout(out):
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
+        diagnoses_look_for(patch, "stribeck", "deadzone", "delay", "torque_ripple")
         one_page.main()
     return out.getvalue()
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from few_effects import diagnoses_look_for
 from numpy.testing import assert_allclose
 from scipy.stats import norm
 
@@ -94,7 +95,8 @@ def test_the_gain_has_the_interval_that_close_loop_reports(closed_form, declared
     assert abs(relative - other) * 0.98 <= damping.half / damping.value <= 1.02 * (relative + other)
 
 
-def test_a_dead_zone_that_is_not_declared_is_found(closed_form):
+def test_a_dead_zone_that_is_not_declared_is_found(closed_form, monkeypatch):
+    diagnoses_look_for(monkeypatch, "deadzone", "stribeck", "delay", "elasticity")
     result = diagnose(closed_form, "joint", "deadzone")
     found = {effect.key: effect for effect in result.effects}
     assert "deadzone" in found
