@@ -1,47 +1,12 @@
-"""Gains: the expansion behind K6 .. K9, both ways, and what cannot be converted."""
+"""Gains from those of a servo, and what cannot be converted."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model import ActuatorModel, Drive
 from drake_tc.control.gains import TorqueGains
 from drake_tc.errors import ParamsError
-
-from .equivalent_gains import to_equivalent
-
-
-def case(seed, n, m, *, diagonal=False):
-    rng = np.random.default_rng(seed)
-    kf = rng.uniform(0, 2, m) if diagonal else rng.normal(size=(m, m))
-    gains = TorqueGains(*rng.uniform(0.0, 5.0, (2, n)), *rng.uniform(0.0, 300.0, (2, n)), kf)
-    root = rng.normal(size=(n, n))
-    mass = root @ root.T + 0.1 * np.eye(n)
-    return gains, rng.uniform(1e-5, 1e-2, n), mass, rng.normal(size=(m, n))
-
-
-sizes = st.tuples(st.integers(0, 10**6), st.integers(1, 8)).flatmap(
-    lambda sn: st.tuples(st.just(sn[0]), st.just(sn[1]), st.integers(0, sn[1]))
-)
-
-
-@settings(max_examples=40, deadline=None)
-@given(sizes)
-def test_equivalents_reproduce_the_control_law(sizes):
-    gains, k_tau, mass, j = case(*sizes)
-    rng = np.random.default_rng(sizes[0] + 1)
-    n, m = sizes[1:]
-    e, edot, eddot, qddot_d, h = rng.normal(size=(5, n))
-    f_d, f = rng.normal(size=(2, m))
-    tau_d = mass @ qddot_d + h - j.T @ (f_d + gains.kf @ (f_d - f)) + gains.ks * e + gains.kd * edot
-    tau_hat = mass @ (qddot_d - eddot) + h - j.T @ f
-    effort = k_tau * (tau_d + gains.kp * (tau_d - tau_hat))
-    k = to_equivalent(gains, k_tau, mass, j)
-    forward = k_tau * (mass @ qddot_d + h - j.T @ f_d)
-    back = k.k6 * e + k.k7 * edot + k.k8 @ eddot + k.k9 @ (f_d - f)
-    assert_allclose(forward + back, effort, rtol=1e-10, atol=1e-10 * np.abs(k_tau * tau_d).max())  # round-off
 
 
 def servos(*gains: float) -> list[ActuatorModel]:
@@ -52,9 +17,7 @@ def test_gains_from_the_servos_own_are_those_whose_equivalents_they_are():
     models = servos(2e-4, 3e-5)
     k_tau = np.array([2e-4, 3e-5])
     gains = TorqueGains.from_servo(models, [1.0, 0.25], 0.02, 2.0, kf=np.ones(6))
-    back = to_equivalent(gains, k_tau, np.eye(2), np.zeros((6, 2)))
-    assert_allclose(back.k6, [1.0, 0.25], rtol=1e-14)
-    assert_allclose(back.k7, [0.02, 0.02], rtol=1e-14)
+    assert_allclose(k_tau * (1.0 + gains.kp) * gains.kd, [0.02, 0.02], rtol=1e-14)
     assert_allclose(gains.ks, [1.0 / (2e-4 * 3.0), 0.25 / (3e-5 * 3.0)], rtol=1e-14)
     assert_allclose(gains.kf, np.eye(6))
     by_joint = {model.joint: model for model in models}
@@ -87,7 +50,7 @@ def test_from_servo_refuses(arguments, message):
 
 
 def test_refusals():
-    gains = case(0, 4, 3)[0]
+    gains = TorqueGains(np.ones(4), np.ones(4), np.ones(4), np.ones(4), np.ones(3))
     with pytest.raises(ParamsError, match="kp: expected finite numbers >= 0"):
         TorqueGains(-gains.kp, gains.ki, gains.ks, gains.kd, gains.kf)
     with pytest.raises(ParamsError, match="kf"):

@@ -14,8 +14,6 @@ from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
 from tests.joint_program import JointInput, JointProgram
 
-from .equivalent_gains import to_equivalent
-
 K_TAU = np.array([2e-4, 5e-3])
 EFFECTS = (
     EffectValue("viscous", {"viscous": 6.0}),
@@ -87,6 +85,7 @@ def test_the_command_is_the_feedforward_of_a_log_whether_its_effects_are_compile
 
 
 def test_components_are_the_equivalent_gains_times_the_errors():
+    """K6 .. K9 of Del Prete et al. (2016), eq. 13 and 14."""
     rng = np.random.default_rng(1)
     root = rng.normal(size=(2, 2))
     mass, j = root @ root.T + np.eye(2), rng.normal(size=(6, 2))
@@ -101,14 +100,16 @@ def test_components_are_the_equivalent_gains_times_the_errors():
     context = context_of(
         system, desired_torque=sum(rows[:4]), torque_terms=np.concatenate(rows), estimated_torque=estimated
     )
-    k = to_equivalent(gains, K_TAU, mass, j)
+    position = K_TAU * (1.0 + gains.kp)
+    kp = np.diag(gains.kp)
+    k8, k9 = np.diag(K_TAU) @ kp @ mass, -np.diag(K_TAU) @ (kp @ j.T @ (np.eye(6) + kf) + j.T @ kf)
     expected = {
         "feedforward_torque": K_TAU * forward,
         "feedforward_friction": np.zeros(2),
-        "feedback_position": k.k6 * e,
-        "feedback_velocity": k.k7 * edot,
-        "feedback_acceleration": k.k8 @ eddot,
-        "feedback_force": k.k9 @ (f_d - f),
+        "feedback_position": position * gains.ks * e,
+        "feedback_velocity": position * gains.kd * edot,
+        "feedback_acceleration": k8 @ eddot,
+        "feedback_force": k9 @ (f_d - f),
     }
     got = dict(zip(COMPONENTS, read(system, context, "components").reshape(6, 2), strict=True))
     for name, value in expected.items():
