@@ -283,6 +283,26 @@ def test_arrays_with_the_joints_first_and_matrices_beside(tmp_path, ending):
     assert_allclose(run.columns["joint_1/position"], -POSITION, rtol=0, atol=1e-12)
 
 
+def test_names_of_joints_beside_arrays_name_their_columns(tmp_path):
+    own = {"t": TIME, "q_meas": np.stack([POSITION, -POSITION], 1), "q_cmd": np.stack([COMMAND, -COMMAND], 1)}
+    path = tmp_path / "run.npz"
+    np.savez(path, joint_names=np.array(["hip", "knee"]), ee_pos=own["q_meas"], gear=50.0, units="rad", **own)
+    found = inspect_log(path)
+    assert found.rig["joints"] == ["hip", "knee"] and trial(found) == ""
+    assert "Single values are no columns: gear = 50.0, units = 'rad'." in found.notes
+    run = load_run(path, parse_rig(dict(found.rig)))
+    assert_allclose(run.columns["knee/position_command"], -COMMAND, rtol=0, atol=1e-12)
+
+
+def test_fields_of_a_structured_array_are_columns(tmp_path):
+    rows = np.zeros(TIME.size, dtype=[("t", "f8"), ("q", "f8"), ("q_ref", "f8")])
+    rows["t"], rows["q"], rows["q_ref"] = TIME, POSITION, COMMAND
+    np.savez(tmp_path / "run.npz", log=rows)
+    found = inspect_log(tmp_path / "run.npz")
+    run = load_run(tmp_path / "run.npz", parse_rig(dict(found.rig)))
+    assert_allclose(run.columns["joint/position"], POSITION, rtol=0, atol=1e-12)
+
+
 def test_a_joint_of_the_rig_finds_its_columns_behind_a_dot(tmp_path):
     path = dotted(tmp_path / "run.csv")
     rig = {"joint": "knee_joint", "drive": "current", "columns": {"time": "t"}}

@@ -85,10 +85,10 @@ def test_csv_in_another_encoding_is_refused(tmp_path, encoding):
 
 
 def test_texts_beside_the_samples_are_left_out(tmp_path):
-    np.savez(tmp_path / "run.npz", t=np.arange(30.0), q=np.zeros((30, 2)), joints=np.array(["hip", "knee"]))
+    np.savez(tmp_path / "run.npz", t=np.arange(30.0), q=np.zeros((30, 2)), labels=np.array(["hip", "knee"]))
     table = read_table(tmp_path / "run.npz")
     assert list(table.columns) == ["t", "q_0", "q_1"]
-    assert "The texts 'joints' are no columns" in table.attrs["notes"][0]
+    assert "The texts 'labels' are no columns" in table.attrs["notes"][0]
 
 
 def test_arrays_of_different_length_are_refused(tmp_path):

@@ -87,13 +87,18 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
         return with_texts(without_lists(pd.read_parquet(file), Source(path, episode)))
 
 
-def _columns_of(name: str, value: np.ndarray, rows: int) -> dict[str, np.ndarray]:
-    """One column for a vector, `name_0, name_1, ...` for a matrix of (rows, n) or (n, rows); scalars are no columns."""
+def _columns_of(name: str, value: np.ndarray, rows: int, joints: Sequence[str]) -> dict[str, np.ndarray]:
+    """One column for a vector, `name_0, name_1, ...` for a matrix of (rows, n) or (n, rows); scalars are no columns.
+
+    Where the file names n joints, those of a matrix of a joint's quantity are `JOINT/name`.
+    """
     array = np.squeeze(value)
     if array.ndim == 1 and array.size > 1:
         return {name: array}
     if array.ndim == 2 and rows in array.shape:
         array = array if array.shape[0] == rows else array.T
+        if len(joints) == array.shape[1] and meaning(name) is not None:
+            return {f"{joint}/{name}": array[:, i] for i, joint in enumerate(joints)}
         return {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
     if value.size == 0:
         return {name: np.empty(0)}
@@ -111,13 +116,37 @@ def _rows_of(arrays: Mapping[str, np.ndarray]) -> int:
     return longest if longest >= MIN_ROWS else max((max(s) for s in shapes.values() if len(s) in (1, 2)), default=0)
 
 
+def _joints_of(arrays: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    """The texts of an array `joint_names` or `joints`; none where there is none, or a name is there twice."""
+    found = [value.ravel().tolist() for name, value in arrays.items() if _names_joints(name)]
+    names = tuple(map(str, found[0])) if found and all(isinstance(each, str) for each in found[0]) else ()
+    return names if len(set(names)) == len(names) else ()
+
+
+def _names_joints(array: str) -> bool:
+    return array.rpartition("/")[2].lower() in ("joint_names", "joints", "names", "joint_name", "jointnames")
+
+
+SHOWN = 8
+"""Single values in one note."""
+
+
 def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """A table of the arrays of a file, with a time from the rate that a single number states where there is none."""
-    rows = _rows_of(arrays)
+    """A table of the arrays of a file, with a time from the rate that a single number states where there is none.
+
+    The fields of a structured array are arrays of their own.
+    """
+    fields = {name: value.dtype.names or () for name, value in arrays.items()}
+    arrays = {name: value for name, value in arrays.items() if not fields[name]} | {
+        field: arrays[name][field] for name, of in fields.items() for field in of
+    }
+    rows, joints = _rows_of(arrays), _joints_of(arrays)
     columns: dict[str, np.ndarray] = {}
     left_out = []
     for name, value in arrays.items():
-        own = _columns_of(name, value, rows)
+        if joints and _names_joints(name):
+            continue
+        own = _columns_of(name, value, rows, joints)
         columns |= own
         if not own and value.size > 1:
             left_out.append(f"{name} {np.squeeze(value).shape}".replace(",)", ")"))
@@ -125,8 +154,12 @@ def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
     if left_out:
         note = f"Arrays that have neither {rows} rows nor {rows} columns were left out: {', '.join(left_out)}."
         table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
-    single = {name: value for name, value in arrays.items() if value.size == 1 and value.dtype.kind in "iuf"}
-    return with_times(table, stated_period({name: float(value.ravel()[0]) for name, value in single.items()}))
+    single = {name: value.item() for name, value in arrays.items() if value.size == 1}
+    if single:
+        told = ", ".join(f"{name} = {quoted(value)}" for name, value in list(single.items())[:SHOWN])
+        table.attrs["notes"] = [*table.attrs.get("notes", ()), f"Single values are no columns: {told}."]
+    values = {name: each for name, each in single.items() if type(each) in (int, float)}
+    return with_times(table, stated_period(values))
 
 
 def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
