@@ -178,7 +178,7 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
         before, pools = best.ids, [_pool(Sets(used, effects), best) for used in starts]
         pool = pools[-1]
         found = pool[0]
-        tried, sound = _compared(starts, pools)
+        tried, sound = _compared(starts, pools, before)
         evidence, best = _trusted(first, simplest(tried), sound)
         if number and best.ids == before:
             break
@@ -210,14 +210,16 @@ def _without_columns(evidence: Evidence) -> Evidence:
     return Evidence(bare, evidence.noise, evidence.spread)
 
 
-def _compared(starts: Sequence[Evidence], pools: Sequence[Sequence[Scored]]) -> tuple[list[Compared], list[Compared]]:
+def _compared(
+    starts: Sequence[Evidence], pools: Sequence[Sequence[Scored]], before: frozenset[str]
+) -> tuple[list[Compared], list[Compared]]:
     """The contenders of all pools, each settled, at equal noise; and those that their noise does not distort.
 
-    An impossible one has no odds.
+    An impossible one has no odds. `before`: ids of the set that was the most probable one so far.
     """
     tried, distortions = [], []
     for used, pool in zip(starts, pools, strict=True):
-        for contender in _contenders(pool):
+        for contender in _contenders(pool, before):
             evidence, scored = settled(used, contender)
             distortions.append(evidence.distortion(scored))
             sensible = scored if possible(evidence, scored) else _impossible(scored)
@@ -239,25 +241,27 @@ def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.in
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
     Sets with noise models of their own are compared by the white noise that they tell of effort and load. A set that
-    leaves more than a part of itself is not at its optimum, and its noise does not count against that part. `least`:
-    log odds from which a set counts among the loud ones.
+    leaves more beyond that noise than a part of itself is not at its optimum, and its noise does not count against that
+    part. `least`: log odds from which a set counts among the loud ones.
     """
     left = [s.left / evidence.noise_gain for evidence, s in sets]
-    loud = [(s, n, s.passed * n) for n, (_, s) in zip(left, sets, strict=True) if s.log_odds > least]
+    noise = [s.passed * n for n, (_, s) in zip(left, sets, strict=True)]
+    loud = [(s, n, own) for n, own, (_, s) in zip(left, noise, sets, strict=True) if s.log_odds > least]
     out = []
-    for variance, (evidence, s) in zip(left, sets, strict=True):
-        others = [noise for other, more, noise in loud if not (s.ids < other.ids and variance < more)]
+    for variance, own, (evidence, s) in zip(left, noise, sets, strict=True):
+        others = [its for t, n, its in loud if not (s.ids < t.ids and variance - own < n - its)]
         rows = evidence.noise.share * evidence.model.train.rows.index.size
-        quieter = max(max(others, default=0.0) - s.passed * variance, 0.0)
+        quieter = max(max(others, default=0.0) - own, 0.0)
         less = 0.5 * rows * np.log1p(quieter / variance) if np.isfinite(s.log_odds) else 0.0
         out.append((evidence, replace(s, log_odds=float(s.log_odds - less))))
     return out
 
 
-def _contenders(pool: Sequence[Scored]) -> list[Scored]:
-    """The most probable sets of a pool, sorted by odds, and the most probable one of those with fewer effects."""
-    smaller = [s for s in pool[CONTENDERS:] if len(s.terms) < min(len(t.terms) for t in pool[:CONTENDERS])]
-    return [*pool[:CONTENDERS], *smaller[:1]]
+def _contenders(pool: Sequence[Scored], before: frozenset[str]) -> list[Scored]:
+    """The most probable sets of a pool, sorted by odds, the best so far, and the best of those with fewer effects."""
+    most, others = pool[:CONTENDERS], pool[CONTENDERS:]
+    smaller = [s for s in others if len(s.terms) < min(len(t.terms) for t in most)]
+    return [*most, *smaller[:1], *(s for s in others if s.ids == before and s not in smaller[:1])]
 
 
 def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:

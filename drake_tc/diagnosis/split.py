@@ -67,6 +67,11 @@ class Split:
         return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
 
     @cached_property
+    def acting(self) -> FloatArray:
+        """(T,) the same effort after the filters of the fit, and at its ages: the one with which the drive acts."""
+        return np.asarray(self.needed + self._followed(self.samples.signals.effort - self.modelled))
+
+    @cached_property
     def load(self) -> FloatArray:
         """(T,) the most probable load torque of a recorded one [N m]."""
         s = self.samples.signals
@@ -307,8 +312,8 @@ def bent_load(samples: Samples, terms: Sequence[Term], beta: FloatArray) -> Floa
         return error
     for term, theta in coefficients_by_term(terms, beta):
         if isinstance(term.effect, SensorEffect) and not term.effect.ages_of:
-            named = {p.name: float(v) for p, v in zip(term.effect.coefficients, theta, strict=True)}
-            error = error + term.effect.corrupt(s, {**term.shape, **named}).position - s.position
+            named = term.effect.physical(theta, term.shape, 1.0 / float(beta[0]))
+            error = error + term.effect.corrupt(s, named).position - s.position
     weight = s.load_torque - s.link_inertia * s.acceleration
     return np.asarray(weight * (np.cos(error) - 1.0) - s.load_slope * (np.sin(error) - error))
 
@@ -321,8 +326,8 @@ def without_sensor_errors(signals: Signals, terms: Sequence[Term], beta: FloatAr
     true = signals
     for term, theta in coefficients_by_term(terms, beta):
         if isinstance(term.effect, SensorEffect) and not term.effect.ages_of:
-            named = {p.name: float(v) for p, v in zip(term.effect.coefficients, theta, strict=True)}
-            true = term.effect.restore(true, {**term.shape, **named})
+            named = term.effect.physical(theta, term.shape, 1.0 / float(beta[0]))
+            true = term.effect.restore(true, named)
     return np.asarray(true.load_torque + signals.load_slope * (true.position - signals.position))
 
 
@@ -404,7 +409,7 @@ def with_clean(first: Split) -> Split:
     if first.measured:
         slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
     stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
-    acting = replace(s, effort=first.latent, command=command, stiffness=stiffness)
+    acting = replace(s, effort=first.acting, command=command, stiffness=stiffness)
     expected = without_sensor_errors(replace(acting, load_torque=load), *first.fit)
     signals = replace(acting, load_torque=load, expected_torque=expected, slow_torque=slow)
     return replace(first, clean=first.recorded.changed(samples=replace(samples, signals=signals)))

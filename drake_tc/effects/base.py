@@ -188,11 +188,11 @@ class Effect(ABC):
         """Drive gain [effort/(N m)] of a model with the effect, from that of the fit."""
         return gain
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """What the effect adds to the coefficient of qddot [kg m^2]: more encoder noise comes through."""
         return 0.0
 
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
+    def torque_scale(self, theta: FloatArray, shape: Shape) -> float:
         """What one N m of the fitted balance is in true torque; not 1 where the effect scales the balance."""
         return 1.0
 

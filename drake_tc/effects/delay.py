@@ -13,7 +13,6 @@ from drake_tc.kernels.equations import delayed
 from drake_tc.kernels.joint_layout import DELAY
 from drake_tc.types import FloatArray
 
-
 REACH = 30
 """Samples beyond which a cubic spline's weights are below the rounding error."""
 

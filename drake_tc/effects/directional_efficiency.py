@@ -7,7 +7,7 @@ import numpy as np
 from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.context import NO_INERTIA
 from drake_tc.effects.equation_effect import EquationEffect
-from drake_tc.effects.held_gain import held_gain, scale_column
+from drake_tc.effects.held_gain import held_gain, is_held, scale_column
 from drake_tc.kernels.torque_equations import LOAD_FRICTION
 from drake_tc.types import FloatArray
 
@@ -34,8 +34,8 @@ class DirectionalEfficiency(EquationEffect):
 
     so the logs cannot tell this effect from load-dependent friction together with a wrong scale of the load torque.
     Source: Wang and Kim, Directional efficiency in geared transmissions (2015): forward and backward efficiency,
-    eta_f = 1/(1 + mu_d) and eta_b = 1 - mu_b. Where the drive gain is declared, the column of w is y/K_0 - J qddot
-    (`held_gain`).
+    eta_f = 1/(1 + mu_d) and eta_b = 1 - mu_b. Where the drive gain is declared, the coefficients are mu and delta, and
+    the column of delta is tau (`held_gain`).
     """
 
     id = "directional_efficiency"
@@ -68,12 +68,12 @@ class DirectionalEfficiency(EquationEffect):
             return NO_INERTIA
         return super().obstacle(context)
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
-        """-J w."""
-        return -rotor_inertia * float(theta[1])
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
+        """-J w, where the drive gain is free."""
+        return 0.0 if is_held(shape) else -rotor_inertia * float(theta[1])
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """(|tau| sign(qdot), -J qddot) (T, 2); y/K_0 - J qddot in place of the second at a held K_0."""
+        """(|tau| sign(qdot), -J qddot) (T, 2); tau in place of the second at a held K_0."""
         friction = self.equation_torque(signals, {"driving_friction": 1.0, "backdriven_friction": 1.0})
         return np.stack([friction, -scale_column(signals, shape)], axis=-1)
 
@@ -83,13 +83,15 @@ class DirectionalEfficiency(EquationEffect):
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
         """mu_d = mu + delta and mu_b = mu - delta."""
-        difference = float(theta[1]) / (1.0 - float(theta[1]))
-        mean = float(theta[0]) * (1.0 + difference)
+        mean, difference = map(float, theta)
+        if not is_held(shape):
+            difference /= 1.0 - difference
+            mean *= 1.0 + difference
         return {"driving_friction": mean + difference, "backdriven_friction": mean - difference}
 
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """1 - w = 1/(1 + delta)."""
-        return 1.0 - float(theta[1])
+    def torque_scale(self, theta: FloatArray, shape: Shape) -> float:
+        """1 - w = 1/(1 + delta), where the drive gain is free."""
+        return 1.0 if is_held(shape) else 1.0 - float(theta[1])
 
     def torque(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> FloatArray:
         """(T,): see the class."""

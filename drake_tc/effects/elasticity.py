@@ -15,7 +15,7 @@ from drake_tc.effects.base import (
     TransmissionEffect,
 )
 from drake_tc.effects.context import BETWEEN_ENCODERS, NO_INERTIA
-from drake_tc.effects.held_gain import HELD_GAIN, held_gain, scale_column
+from drake_tc.effects.held_gain import held_gain, is_held, scale_column
 from drake_tc.effects.kernel import Transmission
 from drake_tc.types import FloatArray
 
@@ -40,11 +40,11 @@ class Elasticity(TransmissionEffect):
 
     A delay d of the effort also follows a rate, d y'/K = d (tau' + J qdddot + F_v qddot + the steps of dry friction),
     but at the full size of tau' and with the steps, where compliance has the small share c F_v of tau' and a part in
-    phase with qddot. Where the drive gain is declared, fits hold 1/K_0 in place of 1/(K (1 + c/K)), and the column of
-    w is y/K_0 - J qddot (`held_gain`). With the load torque and the effort both recorded the two are told apart
-    (tests/effects/test_told_apart.py). They are not where no inertia is declared, and ringing of the link faster than
-    a third of the filters' band is not in the columns, because the torque's noise, differentiated twice, would explain
-    itself.
+    phase with qddot. Where the drive gain is declared, fits hold 1/K_0 in place of 1/(K (1 + c/K)): the coefficient is
+    c/K_0 in place of w, and its column tau (`held_gain`). With the load torque and the effort both recorded the two are
+    told apart (tests/effects/test_told_apart.py). They are not where no inertia is declared, and ringing of the link
+    faster than a third of the filters' band is not in the columns, because the torque's noise, differentiated twice,
+    would explain itself.
     """
 
     id = "elasticity"
@@ -82,12 +82,12 @@ class Elasticity(TransmissionEffect):
             ),
         )
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
-        """-J w."""
-        return -rotor_inertia * float(theta[1])
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
+        """-J w, where the drive gain is free."""
+        return 0.0 if is_held(shape) else -rotor_inertia * float(theta[1])
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
-        """(F_v dtau/dt + J d2tau/dt2, -J qddot) (T, 2), rates of the slow torque; y/K_0 - J qddot at a held K_0."""
+        """(F_v dtau/dt + J d2tau/dt2, -J qddot) (T, 2), rates of the slow torque; tau at a held K_0."""
         if len(signals) < 2:
             return np.zeros((len(signals), 2))
         rate = np.gradient(signals.slow_torque, signals.period)
@@ -100,16 +100,12 @@ class Elasticity(TransmissionEffect):
         return [held_gain(context)]
 
     def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
-        """The compliance c = K w of the fit, which is far better known than from the rates.
+        """The compliance c = K w of the fit, which is far better known than from the rates."""
+        return {"compliance": float(theta[1]) * gain}
 
-        At a held gain K_0 the fit's 1/K is (1 - w)/K_true + w/K_0, and c = w K_true/(1 - w).
-        """
-        held, w = shape.get(HELD_GAIN, 0.0), float(theta[1])
-        return {"compliance": w / (1.0 / gain - w / held) if held > 0.0 else w * gain}
-
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """1 - w = 1/(1 + c/K)."""
-        return 1.0 - float(theta[1])
+    def torque_scale(self, theta: FloatArray, shape: Shape) -> float:
+        """1 - w = 1/(1 + c/K), where the drive gain is free."""
+        return 1.0 if is_held(shape) else 1.0 - float(theta[1])
 
     def transmission(self, parameters: Mapping[str, float]) -> Transmission:
         """A spring without play; stiffer than 10^9 N m/rad is taken as that."""

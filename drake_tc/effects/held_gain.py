@@ -3,12 +3,16 @@
 A torque sensor that reads tau_meas = (1 + g) tau leaves of the balance y/K = tau + J qddot + tau_f
 
     tau_meas + J qddot = (1 + g) y/K - g J qddot - (1 + g) tau_f
+    tau_meas + J qddot = y/K - tau_f + s tau_meas,                    s = g/(1 + g)
 
 A fit with a free drive gain takes (1 + g)/K for 1/K, and g shows in the column J qddot alone. A fit that holds the
-drive at the declared gain K_0 = K leaves (1 + g) y/K no place, and the column of g is J qddot - y/K_0.
+drive at the declared gain K_0 = K leaves (1 + g) y/K no place: the coefficient is s, and its column -tau_meas. The
+effort is in neither, so that both hold for whatever delays and limits the drive has.
 """
 
 from collections.abc import Mapping
+
+import numpy as np
 
 from drake_tc.effects.context import Context
 from drake_tc.effects.signals import Signals
@@ -28,7 +32,12 @@ def held_gain(context: Context) -> dict[str, float]:
 
 
 def scale_column(signals: Signals, shape: Mapping[str, float]) -> FloatArray:
-    """(T,) torque per unit of g [N m]: J qddot, less y/K_0 where the drive is held at K_0."""
-    inertial = signals.rotor_inertia * signals.acceleration
-    gain = shape.get(HELD_GAIN, 0.0)
-    return inertial - signals.effort / gain if gain > 0.0 else inertial
+    """(T,) torque per unit of g or s [N m]: J qddot, or -tau where the drive is held at K_0."""
+    if is_held(shape):
+        return np.asarray(-signals.load_torque)
+    return signals.rotor_inertia * signals.acceleration
+
+
+def is_held(shape: Mapping[str, float]) -> bool:
+    """Whether the drive is held at a gain."""
+    return shape.get(HELD_GAIN, 0.0) > 0.0

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signature
 from drake_tc.effects.context import NO_INERTIA, LoadKind
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import LOAD_SHARE, PENDULUM
@@ -71,7 +71,7 @@ class Payload(EquationEffect):
             else ""
         )
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """J_p."""
         return float(theta[1])
 
@@ -145,7 +145,7 @@ class PendulumPayload(OwnArmPayload):
         """Needs a pendulum, a declared inertia and a free drive gain."""
         return _on_pendulum(context, gain_declared=False)
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """0."""
         return 0.0
 
@@ -177,7 +177,7 @@ class DeclaredGainPayload(Payload):
         """Needs a pendulum, a declared inertia and a declared drive gain."""
         return _on_pendulum(context, gain_declared=True)
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """0: the load's own inertia is counted where its torque is computed."""
         return 0.0
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
@@ -46,7 +46,7 @@ class RotorInertia(EquationEffect):
         """Not beside an unknown load, which has a column of the same form."""
         return context.taken_up or super().obstacle(context)
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """J."""
         return float(theta[0])
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
+from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signature
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import GRAVITY, FloatArray
@@ -58,7 +58,7 @@ class SlidingPayload(EquationEffect):
             f"{weight:.3g} N*m."
         )
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """M_p."""
         return float(theta[1])
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.effects.context import NO_INERTIA
-from drake_tc.effects.held_gain import held_gain, scale_column
+from drake_tc.effects.held_gain import held_gain, is_held, scale_column
 from drake_tc.types import FloatArray
 
 GAIN_ERROR_RANGE = Plausible(
@@ -21,7 +21,7 @@ class TorqueSensorGain(SensorEffect):
 
     Where the drive gain is free, a wrong scale shows only against a torque that is known without the sensor: the
     declared inertia. (tau + g tau) + (1 + g) J qddot = (1 + g)(...), hence the column J qddot. A declared drive gain is
-    held, and the scale shows against it too (`held_gain`).
+    held, and the scale shows against it: the coefficient is then s = g/(1 + g) (`held_gain`).
     """
 
     id = "torque_sensor_gain"
@@ -48,17 +48,22 @@ class TorqueSensorGain(SensorEffect):
         """The gain that fits hold."""
         return [held_gain(context)]
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
-        """J g."""
-        return rotor_inertia * float(theta[0])
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
+        """J g, where the drive gain is free."""
+        return 0.0 if is_held(shape) else rotor_inertia * float(theta[0])
+
+    def physical(self, theta: FloatArray, shape: Shape, gain: float) -> dict[str, float]:
+        """The coefficient g, or s/(1 - s)."""
+        own = float(theta[0])
+        return {"gain_error": own / max(1.0 - own, 1e-9) if is_held(shape) else own}
 
     def columns(self, signals: Signals, shape: Shape) -> FloatArray:
         """Phi (T, 1): see the class."""
         return scale_column(signals, shape)[:, None]
 
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
-        """1 + g: the fit lives on the sensor's scale."""
-        return 1.0 + float(theta[0])
+    def torque_scale(self, theta: FloatArray, shape: Shape) -> float:
+        """1 + g where the drive gain is free: the fit lives on the sensor's scale."""
+        return 1.0 if is_held(shape) else 1.0 + float(theta[0])
 
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """Scale the torque."""

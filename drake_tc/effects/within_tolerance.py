@@ -42,15 +42,15 @@ class WithinTolerance(SensorEffect):
         """Phi (T, k): see the class."""
         return np.concatenate([member.columns(signals, {}) for member in self.members], axis=1)
 
-    def balance_inertia(self, theta: FloatArray, rotor_inertia: float) -> float:
+    def balance_inertia(self, theta: FloatArray, shape: Shape, rotor_inertia: float) -> float:
         """The sum over the members."""
         parts = zip(self.members, theta, strict=True)
-        return sum(member.balance_inertia(np.array([each]), rotor_inertia) for member, each in parts)
+        return sum(member.balance_inertia(np.array([each]), shape, rotor_inertia) for member, each in parts)
 
-    def torque_scale(self, theta: FloatArray, gain: float) -> float:
+    def torque_scale(self, theta: FloatArray, shape: Shape) -> float:
         """The product over the members."""
         parts = zip(self.members, theta, strict=True)
-        return float(np.prod([member.torque_scale(np.array([each]), gain) for member, each in parts]))
+        return float(np.prod([member.torque_scale(np.array([each]), shape) for member, each in parts]))
 
     def corrupt(self, signals: Signals, parameters: Mapping[str, FloatArray | float]) -> Signals:
         """What the sensors would have recorded: the last member's error acts first. The effort stays as it is."""

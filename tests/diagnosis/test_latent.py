@@ -61,3 +61,14 @@ def test_the_load_takes_up_its_own_noise_and_nothing_that_the_model_lacks(sample
     lacking = residual + 100.0 * np.std(residual) * np.sin(2.0 * np.pi * 0.5 * noisy.signals.time)
     taken = filtered(noisy, latent_shares(noisy, lacking, GAIN)[1], lacking)
     assert np.std(noisy.reduce(taken)) < 0.05 * np.std(noisy.reduce(lacking))
+
+
+def test_what_stands_in_the_margins_of_the_light_filter_does_not_reach_the_rows(samples) -> None:
+    """There an acceleration rests on how the log was extended, and may be a hundred times too large."""
+    taps = np.hanning(257) / np.sum(np.hanning(257))
+    slow = np.sin(2.0 * np.pi * 0.5 * samples.signals.time)
+    wild, edge = slow.copy(), samples.light.margin
+    for s in samples.segments:
+        wild[s.start : s.start + edge] = wild[s.stop - edge : s.stop] = 1e3
+    rows = (samples.reduce(filtered(samples, taps, each)) for each in (wild, slow))
+    np.testing.assert_allclose(*rows, atol=0.02)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
@@ -56,3 +57,26 @@ def test_a_wrong_drive_gain_contributes_its_error_of_the_effort_that_the_load_ne
     held = motion(joint, 2.1)
     need = joint.gain * (held.tau + joint.inertia * held.a)
     assert result.effects[0].contribution == pytest.approx(error * np.sqrt(np.mean(need**2)), rel=0.2)
+
+
+@pytest.mark.parametrize("error", [-0.35, 0.3])
+def test_a_wrong_scale_of_the_sensor_does_not_change_the_delay_beside_it(error):
+    """The balance at a held drive gain has the effort that acts, not the recorded one, which is earlier."""
+    joint, late = replace(Joint(torque_noise=0.05), sensor=lambda m: error * m.tau), 0.012
+
+    def recorded(name, phase, seed):
+        run = record(joint, name, phase, seed=seed)
+        effort = f"joint/{joint.drive}"
+        early = CubicSpline(run.time, run.columns[effort])(np.minimum(run.time + late, run.time[-1]))
+        return replace(run, columns=dict(run.columns) | {effort: early})
+
+    declared = {"rotor_inertia": joint.inertia}
+    rig = parse_rig({"joint": "joint", "drive": joint.drive, "drive_gain": joint.gain, "declared": declared})
+    options = DiagnosisOptions(effects=(effect("delay.loop"), effect("torque_sensor_gain")), assess_residual=False)
+    train = [recorded(f"run{k}", 0.4 * k, k) for k in range(2)]
+    result = diagnose_joint(train, [recorded("held", 2.1, 9)], rig, "joint", options)
+    assert sorted(e.key for e in result.effects) == ["delay.loop", "torque_sensor_gain"]
+    parameters = {name: p for e in result.effects for name, p in e.parameters.items()}
+    low, high = parameters["gain_error"].ci95
+    assert low <= error <= high
+    assert abs(parameters["delay"].value - late) < 0.25e-3  # a quarter of a sample

@@ -39,8 +39,8 @@ def test_restoring_undoes_what_the_sensors_do():
 
 def test_scale_and_inertia_are_those_of_the_members():
     made, theta = within_tolerance(TOLERANCES), np.array([0.3, 0.02, -0.002])
-    assert_allclose(made.torque_scale(theta, 1.0), 1.02, rtol=1e-12)
-    assert_allclose(made.balance_inertia(theta, 0.5), 0.01, rtol=1e-12)
+    assert_allclose(made.torque_scale(theta, {}), 1.02, rtol=1e-12)
+    assert_allclose(made.balance_inertia(theta, {}, 0.5), 0.01, rtol=1e-12)
 
 
 def test_it_survives_a_process():

@@ -108,7 +108,7 @@ class Samples:
             count[side] += near
         return np.asarray(total / np.maximum(count, 1.0))
 
-    def _settled(self, values: FloatArray, segment: slice) -> FloatArray:
+    def settled(self, values: FloatArray, segment: slice) -> FloatArray:
         """A stretch of values (T,), in which the filter's margins repeat the first and the last sample inside them.
 
         The margins hold the other stretches' signals: the derivative of the jump between two runs would stay in the
@@ -152,12 +152,12 @@ class Samples:
         """
         parts = []
         for segment in self.segments:
-            piece = self.signals.lazily(partial(self._settled, segment=segment))
+            piece = self.signals.lazily(partial(self.settled, segment=segment))
             if values is None:
                 parts.append(effect.columns(piece, shape))
             else:
                 act = effect.undone if undo else effect.transform  # type: ignore[attr-defined]
-                parts.append(act(self._settled(values, segment), piece, shape))
+                parts.append(act(self.settled(values, segment), piece, shape))
         width = parts[0].shape[1:]
         out = np.zeros((len(self.signals), *width))
         for segment, part in zip(self.segments, parts, strict=True):

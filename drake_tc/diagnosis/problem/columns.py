@@ -76,7 +76,7 @@ class BalanceCoefficients:
         for term, theta in coefficients_by_term(terms, beta):
             if term.effect.key in found:
                 found[term.effect.key] = float(theta[0])
-            inertia += term.effect.balance_inertia(theta, rotor_inertia)
+            inertia += term.effect.balance_inertia(theta, term.shape, rotor_inertia)
         return cls(float(beta[0]), found["viscous"], found["coulomb"], inertia)
 
 

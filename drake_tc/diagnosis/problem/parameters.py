@@ -9,7 +9,6 @@ from scipy.stats import norm
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import Context
-from drake_tc.effects.held_gain import HELD_GAIN
 from drake_tc.effects.plausibility import ROUNDING, plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
@@ -80,29 +79,26 @@ def physical_parameters(
     terms = with_shapes(fitted.terms, where, shapes)
     gain = 1.0 / beta[0]
     out: dict[str, dict[str, float]] = {"drive": {"gain": float(gain)}}
-    scale = held = 1.0
+    scale = 1.0
     for term, theta in coefficients_by_term(terms, beta):
         out["drive"]["gain"] = term.effect.drive_gain(out["drive"]["gain"], term.shape)
         out[term.effect.key] = term.effect.physical(theta, term.shape, gain)
-        factor = term.effect.torque_scale(theta, gain)
-        scale *= factor
-        held *= factor if term.shape.get(HELD_GAIN) else 1.0
+        scale *= term.effect.torque_scale(theta, term.shape)
     if scale != 1.0:
-        _to_true_torque(out, terms, scale, held)
+        _to_true_torque(out, terms, scale)
     return out
 
 
-def _to_true_torque(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float, held: float) -> None:
+def _to_true_torque(out: dict[str, dict[str, float]], terms: Sequence[Term], scale: float) -> None:
     """One N m of the fit is 1/scale N m of true torque (a sensor's gain error, a servo's wind-up).
 
     The fitted gain K is K scale in true torque. Where `servo_gain` holds it against the declared K_0, the drive keeps
-    K_0 and the effect takes the scale: 1 + e = K_0/(K scale). Effects whose columns hold the gain
-    (`effects.held_gain`) leave it where it is: of their part `held` of the scale, 1/K = held/K_true - (held - 1)/K_0.
+    K_0 and the effect takes the scale: 1 + e = K_0/(K scale).
     """
     if ServoGain.id in out:
-        out[ServoGain.id]["gain_error"] = (out[ServoGain.id]["gain_error"] + held) / scale - 1.0
+        out[ServoGain.id]["gain_error"] = (out[ServoGain.id]["gain_error"] + 1.0) / scale - 1.0
     else:
-        out["drive"]["gain"] *= scale / held
+        out["drive"]["gain"] *= scale
     for term in terms:
         for p in term.effect.parameters:
             if p.unit.startswith(("N*m", "kg")):

@@ -33,7 +33,7 @@ def test_coefficients_are_those_of_their_effects(columns: Columns, fitted: Fit) 
     found = BalanceCoefficients.of(fitted.terms, fitted.beta, 0.3)
     assert_allclose([found.viscous, found.coulomb], [6.0, 3.0], rtol=0.05)  # of the simulated joint
     assert (found.viscous, found.coulomb) == (by_effect["viscous"], by_effect["coulomb"])
-    assert found.inertia == effect("rotor_inertia").balance_inertia(np.array([by_effect["rotor_inertia"]]), 0.3)
+    assert found.inertia == effect("rotor_inertia").balance_inertia(np.array([by_effect["rotor_inertia"]]), {}, 0.3)
     assert found.stiffness == fitted.beta[0]
 
 
