@@ -257,6 +257,17 @@ def _joint_state(topic: str, message: Any) -> Iterator[Row]:
         yield Row(Kind.commanded if commanded else Kind.measured, tuple(names), _stamp(message), row)
 
 
+def _dynamic_joint_state(topic: str, message: Any) -> Iterator[Row]:
+    """All interfaces of ros2_control's joints, such as `elbow/position` and `elbow/current`."""
+    pairs = [
+        (f"{joint}/{name}", float(value))
+        for joint, of in zip(message.joint_names, message.interface_values, strict=True)
+        for name, value in zip(of.interface_names, of.values, strict=True)
+    ]
+    if pairs:
+        yield Row(Kind.measured, tuple(name for name, _ in pairs), _stamp(message), [value for _, value in pairs])
+
+
 STATE = ("position", "velocity", "effort")
 """Effort is no canonical column: drivers put currents, torques or load percentages there."""
 
@@ -322,11 +333,13 @@ EXTRACT: Mapping[str, Extract] = MappingProxyType(
         "sensor_msgs/msg/Imu": _imu,
         "geometry_msgs/msg/WrenchStamped": _wrench,
         "std_msgs/msg/Float64MultiArray": _array,
+        "std_msgs/msg/Float32MultiArray": _array,
         "std_msgs/msg/Float64": _scalar,
         "std_msgs/msg/Float32": _scalar,
         "sensor_msgs/msg/Temperature": _temperature,
         "trajectory_msgs/msg/JointTrajectory": _trajectory,
         "control_msgs/msg/JointTrajectoryControllerState": _controller_state,
+        "control_msgs/msg/DynamicJointState": _dynamic_joint_state,
     }
 )
 """Message type to what reads it."""

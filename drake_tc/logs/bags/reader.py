@@ -195,7 +195,13 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
     Raises:
         LogError: no bag, damaged, without joint states; or the package that reads bags is missing.
     """
-    streams, told = complete(list(_read_streams(path).values())), _told_of_files(path)
+    found, undefined = _read_streams(path)
+    streams, told = complete(list(found.values())), _told_of_files(path)
+    told += [
+        f"{topic} was not read, because the bag has no definition of its messages ({kind}); `ros2 bag convert` to MCAP"
+        " adds it."
+        for topic, kind in undefined.items()
+    ]
     shared = dict.fromkeys(s.topic.partition(SENDER)[0] for s in streams if SENDER in s.topic)
     told += [f"Two nodes send joint states of the same joints on {topic}." for topic in shared]
     try:
@@ -206,21 +212,28 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
     return table
 
 
-def _read_streams(path: Path) -> dict[tuple[str, tuple[str, ...]], Stream]:
-    """By topic and sorted columns, the rows of every message type that is known.
+def _read_streams(path: Path) -> tuple[dict[tuple[str, tuple[str, ...]], Stream], dict[str, str]]:
+    """By topic and sorted columns, the rows of every message type that is known; and topics without a definition.
 
     Raises:
         LogError: as `read_bag`.
     """
     found: dict[tuple[str, tuple[str, ...]], Stream] = {}
     with _opened(path) as reader:
-        requested = [connection for connection in reader.connections if connection.msgtype in EXTRACT]
+        known = [connection for connection in reader.connections if connection.msgtype in EXTRACT]
+        requested = [each for each in known if _is_defined(reader, each.msgtype)]
+        undefined = {each.topic: each.msgtype for each in known if each not in requested}
         if requested:
             for connection, received, raw in reader.messages(connections=requested):
                 message = reader.deserialize(raw, connection.msgtype)
                 for row in EXTRACT[connection.msgtype](connection.topic, message):
                     _add(found, connection.topic, int(received), row)
-    return found
+    return found, undefined
+
+
+def _is_defined(reader: Any, kind: str) -> bool:
+    """Whether the reader knows the fields of a type: SQLite bags of older distributions have no definitions."""
+    return kind in reader.typestore.fielddefs
 
 
 @dataclass(frozen=True)
@@ -259,7 +272,7 @@ def topics(path: Path) -> tuple[Topic, ...]:
                 str(info.msgtype),
                 int(info.msgcount),
                 (info.msgcount - 1) / seconds if info.msgcount > 1 and seconds > 0.0 else math.nan,
-                info.msgtype in EXTRACT,
+                info.msgtype in EXTRACT and _is_defined(reader, info.msgtype),
             )
             for name, info in sorted(reader.topics.items())
         )

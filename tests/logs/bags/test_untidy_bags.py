@@ -1,12 +1,15 @@
 """Bags as drivers leave them: orders that change, parts of messages, missing stamps, several robots, single numbers."""
 
+import sqlite3
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from rosbags.typesys import get_types_from_msg
 
 from drake_tc.logs.files.readers import read_table
 
-from .recorded import T, arrays, bag, header, joint_states, nanoseconds
+from .recorded import STORE, T, arrays, bag, header, joint_states, nanoseconds
 
 TIME = np.arange(400) / 200.0
 POSITION, VELOCITY, EFFORT = np.sin(3.0 * TIME), 3.0 * np.cos(3.0 * TIME), 2.0 * np.cos(TIME)
@@ -125,3 +128,45 @@ def test_commands_without_stamps_were_sent_before_they_were_recorded(tmp_path, a
     table = read_table(path)
     assert_allclose(table["knee/position_command"], goal, rtol=0, atol=1e-12)
     assert "taken 0.8 ms before its recording, as /joint_states is recorded so long after its stamps" in notes(table)
+
+
+INTERFACES = {
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values",
+    "control_msgs/msg/DynamicJointState": (
+        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values"
+    ),
+}
+"""Messages of ros2_control, of packages that are not part of every distribution."""
+
+
+def dynamic_states(time, **interfaces):
+    """Of one joint `knee`, each interface (T,)."""
+    for name, definition in INTERFACES.items():
+        if name not in STORE.fielddefs:
+            STORE.register(get_types_from_msg(definition, name))
+    one, every = (STORE.types[name] for name in INTERFACES)
+    for i, t in enumerate(time):
+        values = one(list(interfaces), np.array([each[i] for each in interfaces.values()]))
+        message = every(header(nanoseconds(t)), ["knee"], [values])
+        yield "/dynamic_joint_states", list(INTERFACES)[1], nanoseconds(t), message
+
+
+def test_interfaces_of_ros2_control_are_columns(tmp_path):
+    time = np.arange(300) / 100.0
+    path = bag(tmp_path / "bag", dynamic_states(time, position=np.sin(time), current=np.cos(time)))
+    table = read_table(path)
+    assert_allclose(table["knee/current"], np.cos(time), atol=1e-12)
+
+
+def test_a_topic_whose_messages_the_bag_does_not_define_is_named_and_the_others_are_read(tmp_path):
+    """SQLite bags of older distributions have no definitions."""
+    time = np.arange(300) / 100.0
+    states = joint_states("/joint_states", time, {"knee": (np.sin(time),)})
+    path = bag(tmp_path / "bag", states, dynamic_states(time, position=np.sin(time)), mcap=False)
+    (file,) = path.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute("delete from message_definitions")
+    database.close()
+    table = read_table(path)
+    assert_allclose(table["knee/position"], np.sin(time), atol=1e-12)
+    assert any(hint.startswith("/dynamic_joint_states was not read") for hint in table.attrs["hints"])
