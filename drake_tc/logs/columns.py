@@ -372,6 +372,17 @@ def _unit_of_file(canonical: str, name: str, table: pd.DataFrame, path: Path) ->
     return unit
 
 
+def _contradiction(canonical: str, name: str, stated: str, rig: Rig) -> list[str]:
+    """A sentence, where the rig file names another unit for a column than the file; a factor is the user's own."""
+    own = next(rig.units[key] for key in (canonical, canonical.rpartition("/")[2]) if key in rig.units)
+    if not isinstance(own, str) or abs(parse_unit(canonical, own).factor) == parse_unit(canonical, stated).factor:
+        return []
+    return [
+        f"Column {name!r} ({canonical}): the file states the unit {stated!r}, and the rig file {own!r}; that of the rig"
+        " file is used."
+    ]
+
+
 def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     """Canonical columns in SI units from a table in the file's own names and units.
 
@@ -398,7 +409,7 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
             raise refusal
     columns: dict[str, FloatArray] = {}
     stated: dict[str, str] = {}
-    notes = []
+    notes, contradictions = [], list[str]()
     for canonical, name in found.items():
         values = _numeric(table, name, canonical, path)
         if np.isnan(values).all():
@@ -420,6 +431,8 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
         elif not scale.stated:
             unit = _unit_of_file(canonical, name, table, path)
             stated |= {canonical: unit} if unit else {}
+        elif other := _stated_in_file(canonical, name, table)[2]:
+            contradictions += _contradiction(canonical, name, other, rig)
         if scale.factor != 1.0 or scale.offset != 0.0:
             values = values * scale.factor + scale.offset
         columns[canonical] = values
@@ -428,6 +441,6 @@ def map_columns(table: pd.DataFrame, rig: Rig, path: Path) -> RawLog:
     enabled, switches = _enabled(table, rig, path)
     switches += [condition.column for condition in rig.valid]
     own = [str(name) for name in table.columns if name not in table.attrs.get("aside", {})]
-    hints = (*table.attrs.get("hints", ()), *column_hints(own, found, rig, switches))
+    hints = (*table.attrs.get("hints", ()), *contradictions, *column_hints(own, found, rig, switches))
     told = (*table.attrs.get("notes", ()), *notes, *hints)
     return RawLog(path, rows, time, columns, enabled, _valid(table, rig, path), told, hints, speed_only, stated)

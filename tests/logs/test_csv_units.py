@@ -230,6 +230,19 @@ def test_a_unit_of_the_file_that_the_rig_file_does_not_state_is_refused(tmp_path
     load_run(path, parse_rig(rig | {"units": {"position": "deg", "torque": 1e-3}}))
 
 
+@pytest.mark.parametrize(("unit", "told"), [("rad", True), ("deg", False), ("-deg", False), (-0.0174533, False)])
+def test_a_unit_of_the_rig_file_that_contradicts_the_log_is_told(tmp_path, unit, told):
+    path = tmp_path / "run.csv"
+    path.write_text(with_units("s,deg,deg,Nmm"))
+    document = {
+        **{"joint": "joint", "drive": "torque", "load": "unknown"},
+        "columns": {"joint/position": "angle", "joint/torque_command": "torque"},
+        "units": {"joint/position": unit, "joint/torque_command": "N*mm"},
+    }
+    hints = load_run(path, parse_rig(document)).hints
+    assert any("the file states the unit 'deg', and the rig file 'rad'" in hint for hint in hints) == told
+
+
 def test_rows_below_a_line_of_units_are_named_by_their_lines(tmp_path):
     lines = with_units("s,deg,deg,Nmm").splitlines()
     lines[9] = lines[9].rpartition(",")[0] + ",slipped"
