@@ -235,7 +235,9 @@ def test_a_unit_of_the_rig_file_that_contradicts_the_log_is_told(tmp_path, unit,
     path = tmp_path / "run.csv"
     path.write_text(with_units("s,deg,deg,Nmm"))
     document = {
-        **{"joint": "joint", "drive": "torque", "load": "unknown"},
+        "joint": "joint",
+        "drive": "torque",
+        "load": "unknown",
         "columns": {"joint/position": "angle", "joint/torque_command": "torque"},
         "units": {"joint/position": unit, "joint/torque_command": "N*mm"},
     }
