@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from few_effects import experiments_fit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -195,7 +196,7 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
 }
 
 CHECKED = "savetxt"
-"""The layout whose check is computed whole; the others end where its fit begins."""
+"""The layout whose check is computed, beside the declared model; the others end where its fit begins."""
 
 
 def same_signals(run, joint: str) -> None:
@@ -209,7 +210,7 @@ def same_signals(run, joint: str) -> None:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_layout_goes_from_inspect_to_check(tmp_path, layout):
+def test_every_layout_goes_from_inspect_to_check(tmp_path, monkeypatch, layout):
     write, name = LAYOUTS[layout]
     path = write(tmp_path / name)
     found = inspect_log(path)
@@ -223,6 +224,7 @@ def test_every_layout_goes_from_inspect_to_check(tmp_path, layout):
     else:
         same_signals(run, joint)
     if layout == CHECKED:
+        experiments_fit(monkeypatch)
         assert all(each.refusal == "" for each in check_rig(rig, [path]).joints.values())
     else:
         read = load_rig(rig)
