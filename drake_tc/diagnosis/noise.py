@@ -13,8 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from drake_tc.diagnosis.data.preparation import SLOWER
 from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.priors import MEMORIES_S, MOVING, NEAR_REST, RATIOS, RESTS
+from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.kernels.calls import Kernel
 from drake_tc.types import FloatArray, IntArray
 
@@ -115,16 +117,20 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
     level, s, light = samples.resolution, samples.signals, samples.light
     random = np.random.default_rng(SEED)
     raw, white, third = random.standard_normal((3, len(s)))
+    slow = CommonKernel(SLOWER * light.actual_width_s, s.period)
     if level.raw_velocity_noise > 0.0:
         velocity = level.raw_velocity_noise * raw
         motion = (np.zeros(len(s)), light.smooth(velocity), light.derivative(velocity))
+        slow_motion = (np.zeros(len(s)), slow.derivative(velocity))
     else:
         position = raw * (level.position_noise if level.timing is None else level.timing.position_noise(s.velocity))
         motion = (light.smooth(position), light.derivative(position), light.second_derivative(position))
+        slow_motion = (slow.smooth(position), slow.second_derivative(position))
     names = ("position", "velocity", "acceleration")
     changes = [dict(zip(names, motion, strict=True))]
     if not measured:
         changes[0]["load_torque"] = s.load_slope * motion[0] + s.link_inertia * motion[2]
+        changes[0]["slow_torque"] = s.load_slope * slow_motion[0] + s.link_inertia * slow_motion[1]
     if samples.floor.servo:
         changes[0]["effort"] = -motion[0]
     if measured and level.torque_noise > 0.0:

@@ -240,16 +240,16 @@ def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.in
     """The sets with the odds that they have if all let as much of the sensors' noise through as the loudest one.
 
     A set that lets less through, by a small drive gain or by noise that cancels, leaves less without explaining more.
-    Sets with noise models of their own are compared by the white noise that they tell of effort and load. A set that
-    leaves more beyond that noise than a part of itself is not at its optimum, and its noise does not count against that
-    part. `least`: log odds from which a set counts among the loud ones.
+    Sets with noise models of their own are compared by the white noise that they tell of effort and load. The noise of
+    a set counts against a part of itself only if it is in what the set leaves, and less is left beside it.
+    `least`: log odds from which a set counts among the loud ones.
     """
     left = [s.left / evidence.noise_gain for evidence, s in sets]
     noise = [s.passed * n for n, (_, s) in zip(left, sets, strict=True)]
     loud = [(s, n, own) for n, own, (_, s) in zip(left, noise, sets, strict=True) if s.log_odds > least]
     out = []
     for variance, own, (evidence, s) in zip(left, noise, sets, strict=True):
-        others = [its for t, n, its in loud if not (s.ids < t.ids and variance - own < n - its)]
+        others = [its for t, n, its in loud if not s.ids < t.ids or 0.0 <= n - its <= variance - own]
         rows = evidence.noise.share * evidence.model.train.rows.index.size
         quieter = max(max(others, default=0.0) - own, 0.0)
         less = 0.5 * rows * np.log1p(quieter / variance) if np.isfinite(s.log_odds) else 0.0

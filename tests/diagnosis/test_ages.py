@@ -125,7 +125,7 @@ def scored(names: str, variance: float, passed: float) -> Scored:
     return Scored(cast(Any, terms), 100.0, posterior, 1, passed=passed, left=variance)
 
 
-def test_noise_counts_against_a_set_beside_the_one_that_is_louder_but_not_against_a_part_that_leaves_less() -> None:
+def test_noise_counts_against_quieter_sets_but_for_a_part_that_leaves_less_beside_it() -> None:
     rows = SimpleNamespace(index=np.arange(1000))
     evidence = cast(
         Any,
@@ -136,7 +136,7 @@ def test_noise_counts_against_a_set_beside_the_one_that_is_louder_but_not_agains
         ),
     )
     loud = scored("ab", 1.0, 0.5)
-    for quiet, variance, less in (("a", 0.9, False), ("a", 1.1, True), ("c", 0.9, True)):
+    for quiet, variance, less in (("a", 0.4, False), ("a", 0.6, True), ("c", 0.4, True)):
         pair = equally_noisy([(evidence, loud), (evidence, scored(quiet, variance, 0.0))])
         assert pair[0][1].log_odds == 100.0
         expected = 0.5 * 1000 * np.log(1.0 + 0.5 / variance) if less else 0.0

@@ -5,8 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
+from drake_tc.diagnosis.data.preparation import build_samples
+from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.diagnosis.noise import NoiseModel, drawn_noise, fitted_noise, independent_share
 from drake_tc.kernels.calls import Kernel
+from drake_tc.logs.record import Run
+from drake_tc.logs.rig import parse_rig
 from drake_tc.types import FloatArray, IntArray
 
 whiten = Kernel("filters", "whiten")
@@ -108,3 +112,23 @@ def test_the_independent_share_is_that_of_an_autoregression() -> None:
     apart[0] = np.inf
     share = independent_share(PlainRows(apart), values)  # type: ignore[arg-type]
     assert share == pytest.approx((1.0 - a) / (1.0 + a), rel=0.15)
+
+
+def test_the_drawn_noise_of_a_pendulum_s_load_is_that_between_two_logs_of_one_motion() -> None:
+    """Two logs that differ in the encoder's noise alone; also of the slower load, which effects differentiate."""
+    rig = parse_rig({"joint": "joint", "drive": "position_servo", "load": {"pendulum": {"mass": 1.5, "length": 0.3}}})
+    time = np.arange(0.0, 20.0, 4e-3)
+    motion = 0.6 * np.sin(2.0 * np.pi * 0.3 * time)
+
+    def samples(seed: int) -> Samples:
+        position = motion + 2e-4 * np.random.default_rng(seed).normal(size=time.size)
+        columns = {"joint/position": position, "joint/position_command": motion + 0.01 * np.cos(motion)}
+        run = Run("run", None, time, 4e-3, columns, np.zeros(time.size, dtype=int))
+        return build_samples([run], rig, "joint", 0.05, 0.05)
+
+    one, other = samples(1), samples(2)
+    inner = slice(4 * one.light.margin, -4 * one.light.margin)
+    drawn = drawn_noise(one, measured=False)[0].signals
+    for name in ("load_torque", "slow_torque"):
+        own, two, new = (getattr(each, name)[inner] for each in (one.signals, other.signals, drawn))
+        assert np.std(new - own) == pytest.approx(np.std(two - own) / np.sqrt(2.0), rel=0.15)
