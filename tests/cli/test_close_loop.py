@@ -13,10 +13,9 @@ import pytest
 
 from drake_tc.actuation.model_file import load_models
 from drake_tc.cli.close_loop_summary import print_summary
-from drake_tc.cli.demo import JOINT, ROTOR_INERTIA, DemoLength, record_demo
+from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
-from .conftest import Bench
 from .report_schema import check_report
 
 
@@ -100,20 +99,6 @@ def test_columns_that_seem_to_be_forgotten_are_told_in_one_line(capsys, tmp_path
     assert lines.startswith(f"rig file or log: {hints[0]} {hints[1]}")
     print_summary(replace(result, hints=()), tmp_path)
     assert "rig file" not in capsys.readouterr().out
-
-
-def test_json_alone_on_stdout(invoke, look_for, tmp_path):
-    """A recording of 3 s, as nothing of what is found counts here."""
-    rig, logs, held = record_demo(tmp_path / "bench", 0, DemoLength(duration=3.0, period=4e-3, step=1e-3), jobs=1)
-    bench = Bench(rig, tuple(logs), held[0])
-    look_for()
-    done = invoke(*bench.close_loop(tmp_path / "out"), "--no-closed-loop", "--json")
-    assert done.code == 0, done.err
-    report = json.loads(done.out)
-    check_report(report)
-    written = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert {k: v for k, v in report.items() if k != "seconds"} == {k: v for k, v in written.items() if k != "seconds"}
-    assert done.err == ""
 
 
 URDF = f"""<robot name="mine" xmlns:drake="http://drake.mit.edu">

@@ -2,6 +2,7 @@
 
 import json
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,7 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
 
 from .conftest import SHORT
+from .report_schema import check_report
 
 TINY = DemoLength(duration=6.0, period=2e-3, step=2e-3)
 
@@ -113,7 +115,10 @@ def test_a_script_gets_json_alone_and_the_joint_of_its_seed(invoke, look_for, sh
     look_for()
     outcome = invoke("demo", "--json", "--seed", 1, "--out", "deep/out")
     assert (outcome.code, outcome.err) == (0, "")
-    assert set(json.loads(outcome.out)["joints"]) == {JOINT}
+    report, written = json.loads(outcome.out), json.loads(Path("deep/out/report.json").read_text("utf-8"))
+    check_report(report)
+    assert set(report["joints"]) == {JOINT}
+    assert {k: v for k, v in report.items() if k != "seconds"} == {k: v for k, v in written.items() if k != "seconds"}
     expected = record_demo(short_demo / "expected", 1, DemoLength(duration=3.0, period=4e-3, step=1e-3), jobs=1)[1][0]
     written = short_demo / "deep" / "out" / "demo_logs" / expected.name
     pd.testing.assert_frame_equal(pd.read_parquet(written), pd.read_parquet(expected), check_exact=True)
