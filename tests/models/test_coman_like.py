@@ -134,32 +134,6 @@ def solid_points(shape, rpy, n=40):
     return upright[:, [0, 2, 1]] if rpy else upright
 
 
-def test_left_is_the_mirror_of_right(stretched):
-    plant, context = stretched
-    mirror = np.diag([1.0, -1.0, 1.0])
-    rights = [body.name() for body in bodies(plant) if body.name().startswith("r_")]
-    assert len(rights) == 7 + 5
-    for right in rights:
-        pair = [plant.GetBodyByName(side + right[1:]) for side in "rl"]
-        inertias = [body.CalcSpatialInertiaInBodyFrame(context) for body in pair]
-        assert inertias[0].get_mass() == inertias[1].get_mass()
-        assert_allclose(mirror @ inertias[0].get_com(), inertias[1].get_com(), atol=1e-12)
-        turns = [inertia.CalcRotationalInertia().CopyToFullMatrix3() for inertia in inertias]
-        assert_allclose(mirror @ turns[0] @ mirror, turns[1], atol=1e-12)
-        places = [body.EvalPoseInWorld(context).translation() for body in pair]
-        assert_allclose(mirror @ places[0], places[1], atol=1e-9)
-    limits, models = joint_limits(ROBOT), load_models(ROBOT.actuators)
-    for i, right in enumerate(ROBOT.joints):
-        if right.startswith("r_"):
-            j = ROBOT.joints.index("l" + right[1:])
-            ends = [limits.lower[i], limits.upper[i]]
-            mirrored = ends if plant.GetJointByName(right).revolute_axis()[1] else [-ends[1], -ends[0]]
-            assert_allclose([limits.lower[j], limits.upper[j]], mirrored)
-            assert (limits.effort[i], limits.velocity[i]) == (limits.effort[j], limits.velocity[j])
-            assert models[right].effects == models["l" + right[1:]].effects
-            assert models[right].drive == models["l" + right[1:]].drive
-
-
 def test_torque_limits_are_those_of_series_elastic_joints():
     limits = joint_limits(ROBOT)
     assert ((limits.effort >= 30.0) & (limits.effort <= 55.0)).all()

@@ -96,34 +96,6 @@ def test_each_link_weighs_like_its_solid():
         assert_allclose(about_com.CalcRotationalInertia().CopyToFullMatrix3(), expected, rtol=2e-4, atol=1e-6)
 
 
-def test_left_is_the_mirror_of_right():
-    plant, context = stretched()
-    mirror = np.diag([1.0, -1.0, 1.0])
-    bodies = [plant.get_body(BodyIndex(i)).name() for i in range(plant.num_bodies())]
-    rights = [name for name in bodies if name.startswith("r_")]
-    assert len(rights) == 15  # 7 of the leg, 8 of the arm
-    for right in rights:
-        pair = [plant.GetBodyByName(side + right[1:]) for side in "rl"]
-        inertias = [body.CalcSpatialInertiaInBodyFrame(context) for body in pair]
-        assert inertias[0].get_mass() == inertias[1].get_mass()
-        assert_allclose(mirror @ inertias[0].get_com(), inertias[1].get_com(), atol=1e-12)
-        spin = [inertia.CalcRotationalInertia().CopyToFullMatrix3() for inertia in inertias]
-        assert_allclose(mirror @ spin[0] @ mirror, spin[1], atol=1e-12)
-        places = [body.EvalPoseInWorld(context).translation() for body in pair]
-        assert_allclose(mirror @ places[0], places[1], atol=1e-12)
-    limits, models = joint_limits(FULL), load_models(FULL.actuators)
-    for i, right in enumerate(FULL.joints):
-        if right.startswith("r_"):
-            j = FULL.joints.index("l" + right[1:])
-            axis = plant.GetJointByName(right).revolute_axis()
-            ends = [limits.lower[i], limits.upper[i]]
-            mirrored = ends if axis[1] else [-ends[1], -ends[0]]
-            assert_allclose([limits.lower[j], limits.upper[j]], mirrored)
-            assert (limits.effort[i], limits.velocity[i]) == (limits.effort[j], limits.velocity[j])
-            assert models[right].effects == models["l" + right[1:]].effects
-            assert models[right].drive == models["l" + right[1:]].drive
-
-
 def test_the_leg_is_the_right_leg_of_the_whole():
     leg, (full, context) = make_plant(LEG, 1e-3), stretched()
     still = leg.CreateDefaultContext()
