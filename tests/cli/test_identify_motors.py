@@ -1,10 +1,11 @@
-"""`drake-tc identify --method motor`: nothing is repaired, contradicted, cut or lost in silence."""
+"""`drake-tc identify --method motor`: parameters, and nothing is repaired, contradicted, cut or lost in silence."""
 
 import json
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from drake_tc.actuation.model_file import load_model_file
 
@@ -16,7 +17,10 @@ SHEET = (
 
 @pytest.fixture
 def bench(tmp_path):
-    """bench(**columns): arguments of the command on a motor in closed form, with columns of the log replaced."""
+    """bench(**columns): arguments of the command on a motor in closed form, with columns of the log replaced.
+
+    v = Rm/(kt N) (tau + tau_co sign v + (tau_v + ke kt N^2/Rm) v + Jm N^2 a).
+    """
 
     def make(gear=100.0, joints=("elbow",), drive="voltage", **columns):
         t = np.arange(6000) * 1e-3
@@ -33,6 +37,61 @@ def bench(tmp_path):
         return ["identify", "--method", "motor", *files, "--out", tmp_path / "model.yaml"]
 
     return make
+
+
+def test_a_voltage_motor_by_its_data_sheet(invoke, bench, tmp_path):
+    """Inertia and dry friction are the logs'; kt and Rm come as far back as tau_v is known; the gain is their ratio."""
+    call = bench()
+    found = json.loads(invoke(*call, "--json").out)["joints"]["elbow"]["parameters"]
+    assert_allclose(found["rotor_inertia"]["value"], 1.2e-5, rtol=0.03)
+    assert_allclose(found["coulomb"]["value"], 3.0, rtol=0.01)
+    assert_allclose(found["torque_constant"]["value"], 0.04, rtol=0.04)
+    assert found["torque_constant"]["data_sheet"] == 0.043
+    assert found["viscous"]["from_logs"] < 0.5 < 0.99 < found["coulomb"]["from_logs"]
+    for name, truth in {"torque_constant": 0.04, "resistance": 0.6, "viscous": 1.5}.items():
+        low, high = found[name]["ci95"]
+        assert low <= truth <= high
+    written = load_model_file(tmp_path / "model.yaml")
+    assert written.models["elbow"].drive.kind == "voltage"
+    assert_allclose(written.models["elbow"].drive.gain, 0.15, rtol=2e-3)
+    assert written.provenance["data_sheet"] == "sheet.yaml"
+    shown = invoke(*call).out
+    assert "data sheet" in shown and "from logs" in shown
+
+
+KT = "torque_constant: 0.043"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("motors: {}", "motors: expected a mapping of joint, or 'all'"),
+        ("motors: {hip: SHEET}", "no motor of joint 'elbow', nor 'all'; there: hip"),
+        (f"motors: {{all: {SHEET.replace(f'{KT}, ', '')}}}", "motors.all: torque_constant is missing"),
+        (f"motors: {{all: {SHEET.replace('}', ', mass: 1}')}}}", "motors.all: unknown key 'mass'"),
+        (
+            f"motors: {{all: {SHEET.replace(KT, 'torque_constant: much')}}}",
+            "motors.all.torque_constant: expected a finite number",
+        ),
+        (
+            f"motors: {{all: {SHEET.replace(KT, 'torque_constant: -1')}}}",
+            "sheet.yaml: motors.all.torque_constant: expected a number from 1e-12 to 1e+09",
+        ),
+        ("motors: {all: SHEET}\nwidths: {coulomb: 0}", "widths.coulomb: expected a"),
+    ],
+)
+def test_a_data_sheet_that_cannot_be_used_is_refused(invoke, bench, tmp_path, text, says):
+    call = bench()
+    (tmp_path / "sheet.yaml").write_text(text.replace("SHEET", SHEET).replace("GEAR", "100.0"))
+    assert says in invoke(*call).refusal()
+
+
+def test_data_sheet_and_method_go_together(invoke, bench):
+    call = bench()
+    at = call.index("--sheet")
+    assert "without a --sheet" in invoke(*call[:at], *call[at + 2 :]).refusal()
+    other = ["least_squares" if word == "motor" else word for word in call]
+    assert "--method least_squares and a --sheet" in invoke(*other).refusal()
 
 
 def test_a_column_that_was_turned_is_told_everywhere(invoke, bench, tmp_path):
