@@ -175,10 +175,10 @@ def test_the_pages_of_simulators_export_and_read(knee, monkeypatch):
 
 
 def test_the_tutorial_leads_from_logs_to_a_command(tmp_path, monkeypatch, capsys):
-    """With recordings of 8 s in place of 30 s, which have the same two effects, and a search for these alone."""
+    """With recordings of 6 s in place of 30 s, which have the same two effects, and a search for these alone."""
     diagnoses_look_for(monkeypatch, "deadzone", "stribeck")
     experiments_fit(monkeypatch, "deadzone", "stribeck")
-    short = demo.DemoLength(duration=8.0, period=2e-3, step=2.5e-4)
+    short = demo.DemoLength(duration=6.0, period=4e-3, step=5e-4)
     monkeypatch.setattr(demo, "record_demo", partial(demo.record_demo, length=short, jobs=1))
     monkeypatch.chdir(tmp_path)
     follow("docs/tutorial.md")
