@@ -8,8 +8,9 @@ import numpy as np
 
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.model import RunSpread
-from drake_tc.diagnosis.priors import FALLS
+from drake_tc.diagnosis.priors import ALTERNATIVE, FALLS
 from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.search import equally_noisy, settled
 from drake_tc.diagnosis.split import is_filter
 from drake_tc.types import FloatArray
 
@@ -35,7 +36,8 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
 def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, ...]]:
     """The part of a set that predicts the held-out runs best where the whole set predicts them worse, and the rest.
 
-    All held-out runs count together: no run has a veto. Effects that take each other's place hide each other's fault,
+    All held-out runs count together: no run has a veto. What the training runs hardly ask for must not be less
+    probable by training and held-out runs together. Effects that take each other's place hide each other's fault,
     so that every part of the set is tried, not only what is left when one effect goes. Three noise models are
     asked: that of the set, one in which rows count alike, because a whitened error can fall while the error itself
     grows, and one in which runs and rows near rest are alike too, as the errors of the report have it.
@@ -51,11 +53,23 @@ def confirmed(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term, .
             left = [[t for t in scored.terms if t not in gone] for gone in parts]
             density = np.array([noise.predictive(rest, variance) for rest in left])
             gains = np.maximum(gains, density - density[0] - _improbable(noise, scored, parts))
+        gains -= [_asked(evidence, scored, gone) for gone in parts]
         worst = parts[int(np.argmax(gains))]
-        if gains.max() <= FALLS:
+        if gains.max() <= 0.0:
             return scored, tuple(dropped)
         dropped += worst
         scored = evidence.refined(evidence.score([t for t in scored.terms if t not in worst]))
+
+
+def _asked(evidence: Evidence, scored: Scored, gone: Sequence[Term]) -> float:
+    """Log density of the held-out runs that a part of a set must cost: `FALLS`, or less where the training runs by
+    themselves name it by less than that.
+    """
+    if len(gone) != 1:
+        return FALLS
+    rest = settled(evidence, evidence.score([t for t in scored.terms if t is not gone[0]]))
+    odds = [each.log_odds for _, each in equally_noisy([(evidence, scored), rest])]
+    return float(np.clip(odds[0] - odds[1] - ALTERNATIVE, 0.0, FALLS))
 
 
 def _improbable(noise: Evidence, scored: Scored, parts: Sequence[tuple[Term, ...]]) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
-from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS, NAMED
+from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS, NAMED, OLDEST
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
@@ -132,7 +132,7 @@ class Sets:
 
 
 def possible(evidence: Evidence, scored: Scored) -> bool:
-    """Whether every asked parameter lies in its physically possible range.
+    """Whether every asked parameter and, beside it, every channel's age lies in its physically possible range.
 
     The torques that limit it are those of the larger drive gain: without a drive, any load would be possible.
     """
@@ -147,7 +147,10 @@ def possible(evidence: Evidence, scored: Scored) -> bool:
     }
     context = replace(model.context, fitted=known)
     asked = [t for t in scored.terms if not model.is_declared(t.effect)]
-    return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
+    if any(implausible(t.effect, named[t.effect.key], context) for t in asked):
+        return False
+    ages = zip(scored.posterior.beta[evidence.places_of_ages(scored)], model.ages.values(), strict=True)
+    return not asked or all(abs(age - mean) <= OLDEST * deviation for age, (mean, deviation) in ages)
 
 
 def as_fit(scored: Scored) -> Fit:
