@@ -13,7 +13,7 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.shapes import ShapeScreen
-from drake_tc.diagnosis.split import drives
+from drake_tc.diagnosis.split import LATE_RECORD, drives
 from drake_tc.effects.base import Effect
 from drake_tc.effects.plausibility import implausible
 from drake_tc.types import FloatArray
@@ -65,7 +65,7 @@ class Sets:
         key = tuple(sorted(str(t.cache_key) for t in terms))
         if key not in self._known:
             found = self.evidence.refined(self.evidence.score(terms))
-            self._known[key] = found if possible(self.evidence, found) else _impossible(found)
+            self._known[key] = _sensible(self.evidence, found)
         return self._known[key]
 
     def children(self, parent: Scored) -> list[Scored]:
@@ -132,7 +132,7 @@ class Sets:
 
 
 def possible(evidence: Evidence, scored: Scored) -> bool:
-    """Whether every asked parameter and, beside it, every channel's age lies in its physically possible range.
+    """Whether every asked parameter lies in its physically possible range.
 
     The torques that limit it are those of the larger drive gain: without a drive, any load would be possible.
     """
@@ -147,10 +147,22 @@ def possible(evidence: Evidence, scored: Scored) -> bool:
     }
     context = replace(model.context, fitted=known)
     asked = [t for t in scored.terms if not model.is_declared(t.effect)]
-    if any(implausible(t.effect, named[t.effect.key], context) for t in asked):
-        return False
-    ages = zip(scored.posterior.beta[evidence.places_of_ages(scored)], model.ages.values(), strict=True)
-    return not asked or all(abs(age - mean) <= OLDEST * deviation for age, (mean, deviation) in ages)
+    return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
+
+
+def _sensible(evidence: Evidence, scored: Scored) -> Scored:
+    """The set, without odds if its values are impossible, or beside effects the age of a recorded channel.
+
+    Beside no effect, ages may stand for what is missing.
+    """
+    model = evidence.model
+    if not possible(evidence, scored):
+        return _impossible(scored)
+    if all(model.is_declared(t.effect) for t in scored.terms):
+        return scored
+    ages = zip(model.ages.items(), scored.posterior.beta[evidence.places_of_ages(scored)], strict=True)
+    recorded = [abs(age - mean) / width for (channel, (mean, width)), age in ages if channel in LATE_RECORD]
+    return _impossible(scored) if max(recorded, default=0.0) > OLDEST else scored
 
 
 def as_fit(scored: Scored) -> Fit:
@@ -225,8 +237,7 @@ def _compared(
         for contender in _contenders(pool, before):
             evidence, scored = settled(used, contender)
             distortions.append(evidence.distortion(scored))
-            sensible = scored if possible(evidence, scored) else _impossible(scored)
-            tried.append((_without_columns(evidence), sensible))
+            tried.append((_without_columns(evidence), _sensible(evidence, scored)))
     tried = equally_noisy(tried)
     return tried, [pair for pair, distortion in zip(tried, distortions, strict=True) if distortion <= DISTORTED]
 
