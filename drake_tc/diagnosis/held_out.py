@@ -19,15 +19,18 @@ def timing_holds(evidence: Evidence, scored: Scored) -> tuple[Scored, tuple[Term
     """The set without lags of the effort that only the noise of one channel asks for, and these.
 
     A lag of the recorded effort can explain noise of the effort, and one of the effort that the model needs can explain
-    noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none.
+    noise of the load. What acts in the drive is seen by both. A delay passes all noise and explains none. With and
+    without the lag, the noise is what each leaves: that of the lag is coloured by it.
     """
     dropped: list[Term] = []
     for share in (0.0, 1.0):
         lags = [t for t in scored.terms if is_filter(t) and not t.effect.ages_of]
         for term in [t for t in lags if not evidence.model.is_declared(t.effect)]:
-            other = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
             rest = [t for t in scored.terms if t is not term]
-            if other.refined(other.score(scored.terms)).log_odds < other.refined(other.score(rest)).log_odds:
+            shared = Evidence(evidence.model.with_share(share), evidence.noise, evidence.spread)
+            each = [(shared.heard(terms), terms) for terms in (scored.terms, rest)]
+            odds = [own.refined(own.score(terms)).log_odds for own, terms in each]
+            if odds[0] < odds[1]:
                 dropped.append(term)
                 scored = evidence.refined(evidence.score(rest))
     return scored, tuple(dropped)

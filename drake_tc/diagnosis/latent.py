@@ -48,7 +48,7 @@ def filtered(samples: Samples, taps: FloatArray, values: FloatArray) -> FloatArr
         return np.asarray(taps[0] * values)
     out, half = np.empty_like(values), taps.size // 2
     for s in samples.segments:
-        out[s] = oaconvolve(np.pad(samples.settled(values, s), half, mode="edge"), taps, mode="valid")
+        out[s] = oaconvolve(np.pad(values[s], half, mode="edge"), taps, mode="valid")
     return out
 
 

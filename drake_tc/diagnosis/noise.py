@@ -13,10 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from drake_tc.diagnosis.data.preparation import SLOWER
+from drake_tc.diagnosis.data.preparation import slower
 from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.priors import MEMORIES_S, MOVING, NEAR_REST, RATIOS, RESTS
-from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.kernels.calls import Kernel
 from drake_tc.types import FloatArray, IntArray
 
@@ -117,7 +116,7 @@ def drawn_noise(samples: Samples, *, measured: bool) -> list[Samples]:
     level, s, light = samples.resolution, samples.signals, samples.light
     random = np.random.default_rng(SEED)
     raw, white, third = random.standard_normal((3, len(s)))
-    slow = CommonKernel(SLOWER * light.actual_width_s, s.period)
+    slow = slower(light)
     if level.raw_velocity_noise > 0.0:
         velocity = level.raw_velocity_noise * raw
         motion = (np.zeros(len(s)), light.smooth(velocity), light.derivative(velocity))

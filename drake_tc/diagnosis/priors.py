@@ -34,9 +34,6 @@ LATE = float(np.log(0.1))
 """Log prior odds that a channel comes late by another way: a bus, a buffer, another process."""
 LATE_S = 0.003
 """Mean and standard deviation of how much later it then is [s]: a few cycles of a field bus or of a serial bus."""
-OLDEST = 4.0
-"""Deviations from its mean at which the prior of the age of a recorded channel ends: what is older is a delay that is
-named."""
 LINEAR = 0.1
 """Curvature of what an age does over the noise, up to which it is linear in the age."""
 SERVO_LAG_S = (0.001, 0.001)

@@ -8,12 +8,12 @@ import numpy as np
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
-from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS, NAMED, OLDEST
+from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS, NAMED
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.shapes import ShapeScreen
-from drake_tc.diagnosis.split import LATE_RECORD, drives
+from drake_tc.diagnosis.split import drives
 from drake_tc.effects.base import Effect
 from drake_tc.effects.plausibility import implausible
 from drake_tc.types import FloatArray
@@ -65,7 +65,7 @@ class Sets:
         key = tuple(sorted(str(t.cache_key) for t in terms))
         if key not in self._known:
             found = self.evidence.refined(self.evidence.score(terms))
-            self._known[key] = _sensible(self.evidence, found)
+            self._known[key] = found if possible(self.evidence, found) else _impossible(found)
         return self._known[key]
 
     def children(self, parent: Scored) -> list[Scored]:
@@ -150,21 +150,6 @@ def possible(evidence: Evidence, scored: Scored) -> bool:
     return not any(implausible(t.effect, named[t.effect.key], context) for t in asked)
 
 
-def _sensible(evidence: Evidence, scored: Scored) -> Scored:
-    """The set, without odds if its values are impossible, or beside effects the age of a recorded channel.
-
-    Beside no effect, ages may stand for what is missing.
-    """
-    model = evidence.model
-    if not possible(evidence, scored):
-        return _impossible(scored)
-    if all(model.is_declared(t.effect) for t in scored.terms):
-        return scored
-    ages = zip(model.ages.items(), scored.posterior.beta[evidence.places_of_ages(scored)], strict=True)
-    recorded = [abs(age - mean) / width for (channel, (mean, width)), age in ages if channel in LATE_RECORD]
-    return _impossible(scored) if max(recorded, default=0.0) > OLDEST else scored
-
-
 def as_fit(scored: Scored) -> Fit:
     """The set in the form that reports and model files read; without residuals."""
     empty = np.zeros(0)
@@ -237,7 +222,8 @@ def _compared(
         for contender in _contenders(pool, before):
             evidence, scored = settled(used, contender)
             distortions.append(evidence.distortion(scored))
-            tried.append((_without_columns(evidence), _sensible(evidence, scored)))
+            sensible = scored if possible(evidence, scored) else _impossible(scored)
+            tried.append((_without_columns(evidence), sensible))
     tried = equally_noisy(tried)
     return tried, [pair for pair, distortion in zip(tried, distortions, strict=True) if distortion <= DISTORTED]
 

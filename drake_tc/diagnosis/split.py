@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from drake_tc.diagnosis.data.preparation import SLOWER
+from drake_tc.diagnosis.data.preparation import slower
 from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
@@ -17,7 +17,6 @@ from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_te
 from drake_tc.effects.base import DriveEffect, SensorEffect
 from drake_tc.effects.delay import shift
 from drake_tc.effects.signals import Signals
-from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.types import FloatArray
 
 LATE_RECORD = {"command": -1.0, "effort": 1.0, "torque": 1.0}
@@ -64,12 +63,17 @@ class Split:
     @cached_property
     def latent(self) -> FloatArray:
         """(T,) x, see `latent` [effort]."""
-        return np.asarray(self.modelled + self._followed(self.samples.signals.effort - self.modelled))
+        return np.asarray(self.modelled + self._error)
 
     @cached_property
     def acting(self) -> FloatArray:
         """(T,) the same effort after the filters of the fit, and at its ages: the one with which the drive acts."""
-        return np.asarray(self.needed + self._followed(self.samples.signals.effort - self.modelled))
+        return np.asarray(self.needed + self._error)
+
+    @cached_property
+    def _error(self) -> FloatArray:
+        """(T,) what the model lacks of the effort, l * (u - w)."""
+        return self._followed(self.samples.signals.effort - self.modelled)
 
     @cached_property
     def load(self) -> FloatArray:
@@ -385,6 +389,7 @@ def with_needed(
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size and not term.effect.ages_of.keys() & ages.keys():
             torque = torque + samples.by_segment(term.effect, term.shape) @ theta
+    torque = np.concatenate([samples.settled(torque, each) for each in samples.segments])
     gain = 1.0 / float(beta[0])
     modelled = gain * torque
     for term in reversed(drives(terms)):
@@ -407,7 +412,7 @@ def with_clean(first: Split) -> Split:
     load = first.load if first.measured else s.load_torque
     slow = s.slow_torque
     if first.measured:
-        slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
+        slow = slower(samples.light).smooth(load)
     stiffness = 1.0 / first.gain if s.stiffness > 0.0 else 0.0
     acting = replace(s, effort=first.acting, command=command, stiffness=stiffness)
     expected = without_sensor_errors(replace(acting, load_torque=load), *first.fit)

@@ -119,7 +119,7 @@ class EffectColumns:
     def _by_shape(self, effect: Effect, size: Size) -> Variant:
         split, model = self._model.train, self._model
         values = strengths(effect, size, self._fitted.context)
-        if effect.key in self._shapes:  # in a search for a motion
+        if effect.key in self._shapes:
             values = values[:: min(THINNED, max(values.size - 1, 1))]
         grid = effect.shape_grid(self._fitted.context)
         terms = [Term(effect, {**grid[len(grid) // 2], size.name: float(value)}) for value in values]

@@ -31,6 +31,12 @@ from drake_tc.logs.rig import Rig
 from drake_tc.types import BoolArray, FloatArray, IntArray
 
 SLOWER = 3.0
+"""Width of the filter of a load torque that effects differentiate, over that of the light kernel."""
+
+
+def slower(light: CommonKernel) -> CommonKernel:
+    """The filter of a load torque that effects differentiate."""
+    return CommonKernel(SLOWER * light.actual_width_s, light.period)
 
 
 def _load(
@@ -40,7 +46,7 @@ def _load(
     load = rig.load[channels.joint]
     if unknown_form(load) is not None:
         return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
-    slow = CommonKernel(SLOWER * light.actual_width_s, channels.period)
+    slow = slower(light)
     if not isinstance(load, Pendulum):
         raw = channels.raw("torque")
         return light.smooth(raw), slow.smooth(raw), np.zeros_like(q)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.diagnosis.data.preparation import SLOWER, load_scale
+from drake_tc.diagnosis.data.preparation import load_scale, slower
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit, bounds_of, solve_bounded
@@ -20,7 +20,6 @@ from drake_tc.diagnosis.thresholds import CLEARLY_WORSE, LEAST_UNEXPLAINED, MAX_
 from drake_tc.effects.base import Context
 from drake_tc.effects.unknown_load import CURVE_LOADS, PENDULUM, SLIDER, SMOOTH_LOADS, UnknownLoadEffect
 from drake_tc.errors import IdentificationError
-from drake_tc.filtering.common_kernel import CommonKernel
 from drake_tc.identification.regression import least_squares
 from drake_tc.logs.loads import unknown_form
 from drake_tc.logs.rig import Rig
@@ -62,7 +61,7 @@ def with_fitted_load(columns: Columns, fitted: Fit) -> Columns:
     slope = (ends[1] - ends[0]) / (2.0 * STEP)
     inertial = isinstance(term.effect, UnknownLoadEffect) and term.effect.inertial
     inertia = float(theta[-1]) if inertial else 0.0
-    slow = CommonKernel(SLOWER * samples.light.actual_width_s, s.period).smooth(load)
+    slow = slower(samples.light).smooth(load)
     signals = replace(
         s, load_torque=load, expected_torque=load, slow_torque=slow, load_slope=slope, link_inertia=inertia
     )

@@ -37,8 +37,6 @@ SHARES = (1.0, 0.3, 0.1)
 """Sizes of single waves among the starts, over what the limits allow: effects of small speeds need slow motions."""
 PASSES = (1.0, 0.5)
 """Shares of the position range that slow passes cover."""
-TRIALS = 100
-"""Motions that are tried after the candidates."""
 FIRST_STEP, LEAST_STEP = 0.1, 1e-3
 """Steps s, over the amplitude that the limits allow each function alone."""
 GROWTH = 1.5
@@ -113,7 +111,7 @@ class MotionSearch:
         known: Sequence[FloatArray] = (),
         *,
         starts: int = 1,
-        trials: int = TRIALS,
+        trials: int,
         progress: Progress = lambda text, share: None,
     ) -> MotionPlan:
         """The best plan.
