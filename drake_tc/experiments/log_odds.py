@@ -36,6 +36,8 @@ SHAPES_SEEN = 0.8
 """Share of the shapes of an effect at which the size that counts as found must suffice."""
 NUMERICAL = 1e-7
 """Share of a contribution (RMS) that must be left: less of it is the rounding error of an exact identity."""
+IMITATED = 0.25
+"""Share of a contribution (RMS) up to which the rest of the model imitates it."""
 CERTAIN = 1.6448536269514722
 """95 % quantile of the standard normal distribution."""
 ROUNDS = 3
@@ -84,20 +86,45 @@ class EffectOdds:
         self._columns = made.all()
         self._variance = fitted.best.posterior.variance
         self._found = frozenset(t.effect.id for t in fitted.found)
-        self._known: dict[tuple[str, bool], Remainders] = {}
+        self._known: dict[tuple[frozenset[str], bool], Remainders] = {}
+        self._out: dict[str, frozenset[str]] = {}
         self._occam: dict[int, float] = {}
 
     def beside(self, effect: Effect, *, plain: bool = False) -> Remainders:
-        """Remainders beside the set without this effect; `plain`: of the rows as they are, not whitened."""
-        out = effect.id if effect.id in self._found else ""
+        """Remainders beside what is set beside this effect; `plain`: of the rows as they are, not whitened."""
+        return self._without(self.out(effect), plain=plain)
+
+    def out(self, effect: Effect) -> frozenset[str]:
+        """Ids of found effects that are compared with an effect, not set beside it: itself, and what imitates it."""
+        if effect.id not in self._out:
+            own, rest = frozenset({effect.id}) & self._found, self._found - {effect.id}
+            imitated = rest and self._kept(effect, own) < IMITATED
+            out = [found for found in rest if imitated and self._kept(effect, own | {found}) >= IMITATED]
+            self._out[effect.id] = own.union(out)
+        return self._out[effect.id]
+
+    def _without(self, out: frozenset[str], *, plain: bool) -> Remainders:
         if (out, plain) not in self._known:
-            terms = [t for t in self.fitted.best.terms if self.model.is_declared(t.effect) or t.effect.id != out]
+            terms = self._terms(out)
             evidence, rows = self.fitted.evidence, self.model.train.rows
             if plain:
                 evidence = Evidence(self.model, NoiseModel(), evidence.spread)
             white = rows.whitened(self._columns, evidence.noise)[0]
             self._known[out, plain] = Remainders(evidence, white, terms, self._variance)
         return self._known[out, plain]
+
+    def _terms(self, out: frozenset[str]) -> list[Term]:
+        """The most probable set without effects that were found."""
+        return [t for t in self.fitted.best.terms if self.model.is_declared(t.effect) or t.effect.id not in out]
+
+    def kept(self, effect: Effect) -> float:
+        """Share of the contribution of an effect (RMS) that what is set beside it does not imitate."""
+        return self._kept(effect, self.out(effect))
+
+    def _kept(self, effect: Effect, out: frozenset[str]) -> float:
+        variant = self.middle(effect)
+        strongest = float(variant.sizes[-1]) if variant.by_shape else 1.0
+        return self._left(variant, strongest, out) / max(self.whole(variant, strongest), 1e-300)
 
     def occam(self, variant: Variant, size: float) -> float:
         """O of a variant at a size."""
@@ -174,8 +201,11 @@ class EffectOdds:
 
     def left(self, variant: Variant, size: float) -> float:
         """RMS of what the set without the effect does not take over of its contribution [effort]."""
+        return self._left(variant, size, self.out(variant.term.effect))
+
+    def _left(self, variant: Variant, size: float, out: frozenset[str]) -> float:
         places, weights = variant.at(size)
-        own = self.beside(variant.term.effect, plain=True).left[np.ix_(places, places)]
+        own = self._without(out, plain=True).left[np.ix_(places, places)]
         left = math.sqrt(max(float(weights @ own @ weights), 0.0))
         return left if left > NUMERICAL * self.whole(variant, size) else 0.0
 
@@ -196,7 +226,7 @@ class EffectOdds:
     def _named(self, effect: Effect) -> tuple[list[str], FloatArray]:
         """Names and RMS of the columns of the set without an effect, nuisances after its terms."""
         model, evidence = self.model, self.fitted.evidence
-        terms = [t for t in self.fitted.best.terms if model.is_declared(t.effect) or t.effect.id != effect.id]
+        terms = self._terms(self.out(effect))
         names = ["the drive gain", *(t.effect.title for t in terms for _ in t.effect.coefficients)]
         names += [f"the age of the {AGES[channel]}" for channel in model.ages]
         design, _ = Evidence(model, NoiseModel(), evidence.spread).design(model.train, terms)

@@ -171,9 +171,7 @@ def _visibility(effect: Effect, odds: EffectOdds, facts: MotionFacts) -> Visibil
         if not same and not size.falling:
             separable, below = _separable(effect, odds, (smallest, at))
         status = "not_separable" if same else status
-    variant, reason = odds.middle(effect), ""
-    strongest = float(variant.sizes[-1]) if variant.by_shape else 1.0
-    kept = odds.left(variant, strongest) / max(odds.whole(variant, strongest), 1e-300)
+    kept, reason = odds.kept(effect), ""
     if status in ("not_seen", "weakly"):
         reason = why_hidden(effect, odds, facts, smallest, kept)
     return Visibility(

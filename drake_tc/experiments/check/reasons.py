@@ -10,7 +10,7 @@ from drake_tc.config.joint_units import TURNING, JointUnits
 from drake_tc.diagnosis.problem.columns import Columns
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.within_tolerance import WithinTolerance
-from drake_tc.experiments.log_odds import NUMERICAL, EffectOdds
+from drake_tc.experiments.log_odds import IMITATED, NUMERICAL, EffectOdds
 
 SLOW = 0.1
 """Share of the largest speed, below which a row counts as slow."""
@@ -74,8 +74,6 @@ class MotionFacts:
         )
 
 
-IMITATED = 0.25
-"""Share of a contribution that the declared model must leave, below which it is said to imitate the effect."""
 HIDDEN_BY: Mapping[str, str] = {
     "backlash": "load sign",
     "load_dependent_friction": "load change",
