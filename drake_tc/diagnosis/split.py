@@ -111,10 +111,11 @@ class Split:
         for term in acting:
             if is_filter(term):
                 out = out - self._offset(term)
+        stand = stands_for(acting)
         for channel, aged in self._aged.items():
-            if channel not in stands_for(acting):
+            if channel not in stand:
                 out = out - aged
-        return out
+        return out + self._of_integral(stand) if self._integrators else out
 
     @property
     def channels(self) -> Mapping[str, "Aged"]:
@@ -129,8 +130,31 @@ class Split:
         }
 
     def slope_of(self, channel: str) -> FloatArray:
-        """(T,) df/da at the age at which the channel is linearised."""
-        return self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0))
+        """(T,) df/da at the age at which the channel is linearised, and what an integrator makes of it."""
+        return self._acted(self.channels[channel].slope(self.samples, self.ages.get(channel, 0.0)))
+
+    @cached_property
+    def _integrators(self) -> list[tuple[Term, FloatArray]]:
+        return [(t, theta) for t, theta in coefficients_by_term(*self.fit) if t.effect.unknown_start]
+
+    def _acted(self, change: FloatArray) -> FloatArray:
+        """(T,) what a change of the acting effort (T,) does in the balance, with integrators of the fit."""
+        effort = replace(self.samples, signals=replace(self.samples.signals, effort=change))
+        acted = [self.gain * effort.by_segment(t.effect, t.shape) @ theta for t, theta in self._integrators]
+        return np.asarray(change - sum(acted))
+
+    def _of_integral(self, stand: frozenset[str]) -> FloatArray:
+        """(N,) what integrators make of the changes of the effort at which their columns are computed.
+
+        Those of ages are in `slope_of`, but for channels for whose ages a delay stands.
+        """
+        change = np.zeros(len(self.samples.signals))
+        for term in drives(self.fit[0]):
+            if is_filter(term):
+                change = change + self._change(term)
+        for channel in stand & self.ages.keys():
+            change = change + _inside(self.channels[channel].change(self.samples, self.ages[channel]), self.samples)
+        return self.samples.reduce(self._acted(change) - change)
 
     def reduced_slope(self, channel: str) -> FloatArray:
         """(N,) the same on the rows; of the rate in a servo for a viscous friction of 1 N m s/rad."""
@@ -200,13 +224,17 @@ class Split:
         return {}
 
     def _offset(self, term: Term) -> FloatArray:
-        """(N,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
+        """(N,) what a filter T changes in the balance."""
         if term.cache_key not in self._kept:
-            u, w = self.samples.signals.effort, self.needed
-            act = partial(self.clean.samples.by_segment, term.effect, term.shape)
-            needed = act(w, undo=True) - w
-            self._kept[term.cache_key] = self.samples.reduce(needed + self._followed(u - act(u) - needed))
+            self._kept[term.cache_key] = self.samples.reduce(self._acted(self._change(term)))
         return np.asarray(self._kept[term.cache_key])
+
+    def _change(self, term: Term) -> FloatArray:
+        """(T,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
+        u, w = self.samples.signals.effort, self.needed
+        act = partial(self.clean.samples.by_segment, term.effect, term.shape)
+        needed = act(w, undo=True) - w
+        return np.asarray(needed + self._followed(u - act(u) - needed))
 
     def log_jacobian(self, terms: Sequence[Term], deviation: float) -> float:
         """Sum over the rows that count of log |du*/du| of drive effects.
@@ -386,17 +414,24 @@ def with_needed(
     torque = s.rotor_inertia * s.acceleration + s.known_torque
     if not samples.load_unknown:  # else the load is among the terms
         torque = torque + s.load_torque
+    late = ages.get("inside", 0.0) - ages.get("effort", 0.0)
+    of_command = Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
+    acting = moved(s.effort - of_command, samples, -late)
+    for term in drives(terms):
+        if is_filter(term):
+            acting = samples.by_segment(term.effect, term.shape, acting)
+    arrived = replace(samples, signals=replace(s, effort=acting))
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size and not term.effect.ages_of.keys() & ages.keys():
-            torque = torque + samples.by_segment(term.effect, term.shape) @ theta
+            own = arrived if term.effect.unknown_start else samples
+            torque = torque + own.by_segment(term.effect, term.shape) @ theta
     torque = np.concatenate([samples.settled(torque, each) for each in samples.segments])
     gain = 1.0 / float(beta[0])
     modelled = gain * torque
     for term in reversed(drives(terms)):
         if is_filter(term):
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
-    modelled = moved(modelled, samples, ages.get("inside", 0.0) - ages.get("effort", 0.0))
-    modelled = modelled + Aged(s.command, -1.0).change(samples, ages.get("command", 0.0))
+    modelled = moved(modelled, samples, late) + of_command
     modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
     shares = shares or latent_shares(samples, s.effort - modelled, gain)
     return with_clean(

@@ -111,8 +111,11 @@ HANGING = replace(SERVO, encoder_noise=5e-5, torque_noise=0.0, extra=lambda m: 8
 """Without the hand that pushes the other joint: a pendulum of 8 N m and 0.3 kg m^2."""
 
 
-def integrating(joint: Joint, charges: tuple[float, ...], rig: dict[str, object]) -> Record:
-    """y + RATE (I_0 + int y dt) = K (tau + ...), by the bilinear transform; RATE I_0 is `charge` first needs."""
+def integrating(joint: Joint, charges: tuple[float, ...], rig: dict[str, object], early: int = 0) -> Record:
+    """y + RATE (I_0 + int y dt) = K (tau + ...), by the bilinear transform; RATE I_0 is `charge` first needs.
+
+    `early`: samples by which the goal is logged before the servo acts on it.
+    """
 
     def run(number: int, seed: int) -> Run:
         made = record(joint, f"run_{number}", SHIFTS[number], 1000 * seed + number)
@@ -120,7 +123,8 @@ def integrating(joint: Joint, charges: tuple[float, ...], rig: dict[str, object]
         half, need = 0.5 * RATE * joint.period, need - charges[number] * need[0]
         start = need[:1] * (1.0 - 1.0 / (1.0 + half))
         effort = lfilter([1.0, -1.0], [1.0 + half, half - 1.0], need, zi=start)[0]
-        return changed(made, position_command=made.columns["joint/position"] + effort)
+        goal = made.columns["joint/position"] + effort
+        return changed(made, position_command=np.append(goal[early:], np.full(early, goal[-1])))
 
     return recorder({"joint": "joint", "drive": "position_servo"} | rig, run)
 
@@ -154,6 +158,8 @@ INTEGRATORS = [
          values={"drive.gain": Is(SERVO.gain, 0.01), "viscous.viscous": 6.0}),
     Case("drive: integral action that holds a load at first", integrating(SERVO, (1.0, 1.6, 0.7), KNOWN), RATES,
          values={"drive.gain": Is(SERVO.gain, 0.01), "viscous.viscous": 6.0}),
+    Case("drive: integral action on a goal that is logged early", integrating(SERVO, (1.0, 1.6, 0.7), KNOWN, early=2),
+         RATES | {"delay": {"delay": Is(0.004, 0.05)}}, values={"drive.gain": Is(SERVO.gain, 0.01), "viscous.viscous": 6.0}),
     Case("drive: integral action under an unknown pendulum", integrating(HANGING, (1.0, 1.6, 0.7), unknown("pendulum")), RATES,
          values=OF_HANGING | {"load.moment": Is(8.0, 0.01)}),
     Case("drive: integral action under a smooth load", integrating(HANGING, (1.0, 1.6, 0.7), unknown("smooth")), RATES, values=OF_HANGING),
