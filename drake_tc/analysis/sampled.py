@@ -49,6 +49,7 @@ class SamplingPeriod:
             integrator = self._simulator.get_mutable_integrator()
             integrator.set_fixed_step_mode(True)
             integrator.set_maximum_step_size(dt / FINE)
+            integrator.request_initial_step_size_target(dt / FINE)  # the default may be longer, which Drake refuses
         self._quiet = InitializeParams(suppress_initialization_events=True)
         self._last = self.coordinates.read(self.base)
 

@@ -29,15 +29,15 @@ A = np.array([[0.0, 1.0], [-9.0, -0.4]])
 B, C = np.array([[0.0], [3.0]]), np.array([[1.0, 0.0]])
 
 
-def servo(gain=-2.0, delay=0):
+def servo(gain=-2.0, delay=0, dt=DT):
     """A continuous oscillator, sampled and held, fed back through a gain and a delay of some ticks."""
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", LinearSystem(A, B, C, np.zeros((1, 1))))
     control = builder.AddNamedSystem("control", Gain(gain, 1))
-    hold = builder.AddNamedSystem("hold", ZeroOrderHold(DT, 1))
+    hold = builder.AddNamedSystem("hold", ZeroOrderHold(dt, 1))
     source = plant.get_output_port()
     if delay:
-        late = builder.AddNamedSystem("late", DiscreteTimeDelay(DT, delay, 1))
+        late = builder.AddNamedSystem("late", DiscreteTimeDelay(dt, delay, 1))
         builder.Connect(source, late.get_input_port())
         source = late.get_output_port()
     builder.Connect(source, control.get_input_port())
@@ -46,15 +46,16 @@ def servo(gain=-2.0, delay=0):
     return builder.Build()
 
 
-def discretised():
-    block = expm(DT * np.block([[A, B], [np.zeros((1, 3))]]))
+def discretised(dt=DT):
+    block = expm(dt * np.block([[A, B], [np.zeros((1, 3))]]))
     return block[:2, :2], block[:2, 2:]
 
 
-def test_a_sampled_continuous_loop_is_its_matrix_exponential():
-    diagram = servo(-2.0)
-    found = linearise(diagram, diagram.CreateDefaultContext(), DT)
-    ad, bd = discretised()
+@pytest.mark.parametrize("dt", [DT, 1e-3])
+def test_a_sampled_continuous_loop_is_its_matrix_exponential(dt):
+    diagram = servo(-2.0, dt=dt)
+    found = linearise(diagram, diagram.CreateDefaultContext(), dt)
+    ad, bd = discretised(dt)
     wanted = np.linalg.eigvals(ad + bd @ (-2.0 * C))  # the hold passes its input on at the tick
     moving = found.eigenvalues[np.abs(found.eigenvalues) > 1e-6]
     assert_allclose(np.sort_complex(moving), np.sort_complex(wanted), atol=1e-8)
