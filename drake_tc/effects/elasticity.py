@@ -15,8 +15,8 @@ from drake_tc.effects.base import (
     TransmissionEffect,
 )
 from drake_tc.effects.context import BETWEEN_ENCODERS, NO_INERTIA
-from drake_tc.effects.held_gain import held_gain, is_held, scale_column
 from drake_tc.effects.kernel import Transmission
+from drake_tc.effects.torque_sensor_gain import held_gain, is_held, scale_column
 from drake_tc.types import FloatArray
 
 COMPLIANCE_RANGE = Plausible(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
-from drake_tc.effects.encoder_wave import encoder_wave
+from drake_tc.effects.encoder_ripple import encoder_wave
 from drake_tc.types import FloatArray
 
 DISC_ERROR_RANGE = Plausible(

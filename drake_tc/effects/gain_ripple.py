@@ -8,7 +8,7 @@ import numpy as np
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
 from drake_tc.effects.kernel import DriveKernel
 from drake_tc.effects.position_dependent_friction import LEAST_PERIODS
-from drake_tc.effects.sliding_wave import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
+from drake_tc.effects.torque_ripple import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.types import FloatArray
 
 PART_RANGE = Plausible(

@@ -9,7 +9,7 @@ from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.cable_spring import CableSpring, SpringBesideWeight
 from drake_tc.effects.check import checked_effect
 from drake_tc.effects.coulomb import Coulomb
-from drake_tc.effects.current_lag import CommandLag, CurrentLag
+from drake_tc.effects.current_lag import CommandLag, CurrentLag, WindingLag
 from drake_tc.effects.deadzone import Deadzone
 from drake_tc.effects.delay import CommandDelay, Delay
 from drake_tc.effects.directional_efficiency import DirectionalEfficiency
@@ -20,30 +20,26 @@ from drake_tc.effects.encoder_eccentricity import EncoderEccentricity, SeparateE
 from drake_tc.effects.encoder_offset import EncoderOffset
 from drake_tc.effects.encoder_ripple import EncoderRipple
 from drake_tc.effects.gain_ripple import GainRipple
-from drake_tc.effects.linear_friction import LinearPositionFriction
 from drake_tc.effects.load_dependent_friction import LoadDependentFriction
 from drake_tc.effects.load_stribeck import LoadStribeck
 from drake_tc.effects.load_tilt import LoadTilt
-from drake_tc.effects.payload import DeclaredGainPayload, OwnArmPayload, Payload, PendulumPayload
-from drake_tc.effects.position_dependent_friction import PositionDependentFriction
+from drake_tc.effects.payload import DeclaredGainPayload, OwnArmPayload, Payload, PendulumPayload, SlidingPayload
+from drake_tc.effects.position_dependent_friction import LinearPositionFriction, PositionDependentFriction
 from drake_tc.effects.position_dependent_load import PositionDependentLoad
-from drake_tc.effects.position_sensor_delay import PositionSensorDelay
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis, SlidingPresliding
 from drake_tc.effects.quadratic_viscous import QuadraticViscous
 from drake_tc.effects.rotor_inertia import RotorInertia
 from drake_tc.effects.run_in_friction import RunInFriction
-from drake_tc.effects.saturation import Saturation, ServoSaturation
+from drake_tc.effects.saturation import Saturation, ServoSaturation, SupplyLimit
+from drake_tc.effects.sensor_delay import PositionSensorDelay, TorqueSensorDelay
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.servo_integrator import ServoIntegrator
-from drake_tc.effects.sliding_payload import SlidingPayload
 from drake_tc.effects.static_friction import StaticFriction
 from drake_tc.effects.stribeck import Stribeck
-from drake_tc.effects.supply_limit import SupplyLimit
 from drake_tc.effects.supply_sag import SupplySag
 from drake_tc.effects.thermal_friction import ThermalFriction
 from drake_tc.effects.torque_ripple import TorqueRipple
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
-from drake_tc.effects.torque_sensor_delay import TorqueSensorDelay
 from drake_tc.effects.torque_sensor_drift import TorqueSensorDrift
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.unknown_load import UNKNOWN_LOADS
@@ -51,7 +47,6 @@ from drake_tc.effects.velocity_sign_switch import VelocitySignSwitch
 from drake_tc.effects.viscous import Viscous
 from drake_tc.effects.viscous_power import ViscousPower
 from drake_tc.effects.winding_heat import WindingHeat
-from drake_tc.effects.winding_lag import WindingLag
 from drake_tc.effects.winding_temperature import WindingTemperature
 from drake_tc.errors import ParamsError
 from drake_tc.extensions import EFFECTS

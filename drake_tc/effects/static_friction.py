@@ -22,7 +22,7 @@ class StaticFriction(EquationEffect):
 
     A Stribeck peak is seen while the joint slides slowly; this one only as the effort at which the joint breaks away.
     The regression takes no rows at rest, where friction can be anything up to its limit, so the effect is not searched
-    for: `drake_tc.identification.break_away` finds the level from the events in which the joint starts to move.
+    for: a model file states its level.
     """
 
     id = "static_friction"
@@ -46,7 +46,7 @@ class StaticFriction(EquationEffect):
 
     def obstacle(self, context: Context) -> str:
         """Rows at rest take no part in a regression."""
-        return "rows at rest take no part in the fit: it is found from the efforts at which the joint breaks away"
+        return "rows at rest take no part in the fit"
 
     def numbers(self, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
         """Those of a Stribeck peak of exponent 2."""

@@ -9,8 +9,8 @@ import numpy as np
 from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
+from drake_tc.effects.position_dependent_load import spline_columns, spline_curve
 from drake_tc.effects.rotor_inertia import SCREW_RANGE
-from drake_tc.effects.splines import spline_columns, spline_curve
 from drake_tc.kernels import torque_equations
 from drake_tc.types import FloatArray
 

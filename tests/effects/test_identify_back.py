@@ -158,8 +158,9 @@ CASES: dict[str, Case] = {
 
 
 ELSEWHERE = {"servo_gain", "static_friction", "cable_spring.beside_weight"}
-"""A free drive gain holds the first, rows at rest the second, an unknown load of a sliding joint the third:
-test_servo_gain.py, test_break_away.py and tests/diagnosis/test_sliding_joint.py."""
+"""A free drive gain holds the first (test_servo_gain.py), an unknown load of a sliding joint the third
+(tests/diagnosis/test_sliding_joint.py); the second is stated in a model file and not fitted, as a fit takes no rows at
+rest."""
 
 
 def test_every_effect_of_the_library_has_a_case():

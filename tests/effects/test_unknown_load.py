@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline
 from drake_tc.actuation.model import EffectValue
 from drake_tc.effects.base import Context, plain_signals
 from drake_tc.effects.library import LIBRARY, UNCOMMON, effect
-from drake_tc.effects.splines import spline_columns, spline_curve
+from drake_tc.effects.position_dependent_load import spline_columns, spline_curve
 from drake_tc.effects.unknown_load import PENDULUM, UNKNOWN_LOADS
 
 RNG = np.random.default_rng(3)

@@ -13,7 +13,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, Signals, TorqueEffect, plain_signals
 from drake_tc.effects.check import EQUATION_SIGNALS, _check_equation
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
-from drake_tc.effects.splines import spline_columns
+from drake_tc.effects.position_dependent_load import spline_columns
 from drake_tc.effects.unknown_load import UNKNOWN_LOADS
 from drake_tc.report.equation import SYMBOLS, equations, model_equations
 from drake_tc.report.numbers import interval
