@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from drake_tc.analysis.sweep import processes
-from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import progress_bar
-from drake_tc.cli.usage import LARGEST_SEED
+from drake_tc.cli.usage import LARGEST_SEED, Declared, tell_declared
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drake_tc.analysis.sweep import processes
-from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import print_wide, progress_bar
-from drake_tc.cli.usage import LARGEST_SEED
+from drake_tc.cli.usage import LARGEST_SEED, Declared, tell_declared
 from drake_tc.errors import LogError, ParamsError
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drake_tc.cli.declared import Declared, tell_declared
 from drake_tc.cli.out_files import Force, result_file, result_folder
 from drake_tc.cli.terminal import UnusedSeed, command_line, print_wide, progress_bar, say_next
+from drake_tc.cli.usage import Declared, tell_declared
 from drake_tc.config.files import is_folder, utf8_name
 from drake_tc.config.quoted import json_value
 from drake_tc.errors import LogError

@@ -1,8 +1,10 @@
 """How commands show the values of their options, and what they say of values that they cannot read."""
 
+import sys
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, TypeAlias, get_args
 
+import typer
 from typer.core import TyperCommand
 from typer.exceptions import TyperException
 
@@ -78,3 +80,17 @@ def _message(error: TyperException) -> str:
         return f"{named}: {first['msg'].removeprefix('Value error, ')}"
     expected = EXPECTED[first["type"]].format(**first.get("ctx", {}))
     return f"{named}: expected {expected}, got {first['input']}"
+
+
+Declared: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(help="File of your present model: URDF, MJCF, or a parameter file of BAM (JSON)."),
+]
+
+
+def tell_declared(command: str, rig: Path, declared: Path | None) -> None:
+    """What files of other simulators declare, on stderr."""
+    from drake_tc.logs.rig import load_rig
+
+    for line in load_rig(rig, declared).declared_by_files:
+        print(f"{command}: {line}", file=sys.stderr)

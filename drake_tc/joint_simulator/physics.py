@@ -9,16 +9,68 @@ Temperature: C dT/dt = (g s + B_g v) v + 0.002 tau_m^2 - (T - T_ambient) C/150 s
 The gear between motor and link where it is not rigid: a gap, a soft spring, or both, between two masses.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_tc.joint_simulator import terms_joint, terms_load
 from drake_tc.joint_simulator.reference import LOG_PERIOD, Motion, make_motion
-from drake_tc.joint_simulator.registry import TERMS, simulated_causes
 from drake_tc.joint_simulator.spec import BlindError, DivergedError, RigSpec
 from drake_tc.joint_simulator.terms import Stage, State, Term, build_terms
 from drake_tc.joint_simulator.terms_joint import step_bristle
 from drake_tc.types import FloatArray, IntArray
+
+TERMS: Mapping[str, tuple[type[Term], ...]] = {
+    "rotor_inertia": (),
+    "stribeck": (terms_joint.Stribeck,),
+    "quadratic_viscous": (terms_joint.QuadraticViscous,),
+    "load_dependent_friction": (terms_joint.LoadDependent,),
+    "asymmetric_friction": (terms_joint.AsymmetricLevel, terms_joint.AsymmetricViscous),
+    "presliding_hysteresis": (terms_joint.SlowBristle,),
+    "position_dependent_friction": (terms_joint.PositionDependent,),
+    "thermal_friction": (terms_joint.ThermalLevel, terms_joint.ThermalViscous),
+    "torque_ripple": (terms_load.TorqueRipple,),
+    "cable_spring": (terms_load.CableSpring,),
+    "backlash": (),
+    "elasticity": (),
+    "deadzone": (terms_joint.Deadzone,),
+    "saturation": (terms_joint.Saturation,),
+    "servo_integrator": (terms_joint.ServoIntegrator,),
+    "velocity_sign_switch": (terms_joint.VelocitySignSwitch,),
+    "delay": (),
+    "command_delay": (terms_joint.CommandDelay,),
+    "effort_delay": (terms_joint.EffortDelay,),
+    "current_lag": (terms_joint.CurrentLag,),
+    "payload": (),
+    "torque_sensor_bias": (),
+    "torque_sensor_gain": (),
+    "torque_sensor_drift": (),
+    "encoder_offset": (),
+    "encoder_eccentricity": (),
+    "touch": (terms_load.Touch,),
+    "periodic_disturbance": (terms_load.PeriodicDisturbance,),
+    "unrecorded_supply_sag": (terms_joint.SupplySag,),
+    "position_velocity_friction": (terms_load.PositionTimesVelocity,),
+    "detent": (terms_load.Detent,),
+    "ageing": (terms_load.Ageing,),
+    "triangular_cam": (terms_load.TriangularCam,),
+    "random_disturbance": (terms_load.RandomDisturbance,),
+    "long_touch": (terms_load.LongTouch,),
+    "wandering_sensor": (),
+    "end_stop": (terms_load.EndStop,),
+    "load_times_speed": (terms_load.LoadTimesSpeed,),
+    "drive_dropout": (terms_load.DriveDropout,),
+    "friction_jump": (terms_load.FrictionJump,),
+}
+"""Terms of the simulator that make up each cause; causes of sensors and transmission have none."""
+
+
+def simulated_causes(spec: RigSpec) -> dict[str, Mapping[str, float]]:
+    """The rig's causes as the simulator names them: a delay acts on q_d in a servo, on the effort elsewhere."""
+    delay = "command_delay" if spec.joint.drive == "position_servo" else "effort_delay"
+    return {delay if cause == "delay" else cause: values for cause, values in spec.causes.items()}
+
 
 RIGID_STIFFNESS = 4e5  # [N m/rad], of a gear that has a gap but is otherwise stiff
 DAMPING_RATIO = 0.5

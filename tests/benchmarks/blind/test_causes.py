@@ -5,8 +5,7 @@ import pytest
 
 from drake_tc.joint_simulator.amplitudes import AMPLITUDES
 from drake_tc.joint_simulator.measurement import CleanLog, clean_log, unmodelled_torque
-from drake_tc.joint_simulator.physics import Record, simulate
-from drake_tc.joint_simulator.registry import TERMS
+from drake_tc.joint_simulator.physics import TERMS, Record, simulate
 from tests.benchmarks.blind.calibrate import calibrate
 from tests.benchmarks.blind.catalogue import caused_rig
 
