@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects
-from drake_tc.actuation.joint_step import JointOutput, JointStep
+from drake_tc.actuation.joint_step import JointInputs, JointOutput, JointStep
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.kernels.joint_layout import OUTPUTS
 
@@ -66,6 +66,6 @@ class JointProgram:
         load = None if now.load_torque is None else np.array([now.load_torque])
         around = np.array([now.temperature]), np.array([now.supply_voltage])
         kept, state = np.array([*memory, -inf if at_tick else 0.0]), np.array([now.position, now.velocity])
-        self._step.step(out, kept, np.array([now.command]), state, 0.0, load, around)
+        self._step.step(out, kept, JointInputs(np.array([now.command]), state, load, around), 0.0)
         memory[:] = out[OUTPUTS:-1].tolist()
         return JointOutput(*out[:OUTPUTS].tolist())

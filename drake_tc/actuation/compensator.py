@@ -30,7 +30,7 @@ from drake_tc.kernels import compensation_layout as at
 from drake_tc.kernels.calls import Kernel
 from drake_tc.kernels.equations import needed_torque, soft_sign
 from drake_tc.kernels.joint_layout import INTERPRETED
-from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS, JointState
 from drake_tc.types import FloatArray, IntArray
 
 _EFFORTS = Kernel("torque_control", "efforts")
@@ -46,6 +46,26 @@ def undone(model: ActuatorModel) -> list[tuple[DriveEffect, Mapping[str, float]]
     last_to_first = list(reversed(model.drive_effects))
     parallel = [pair for pair in last_to_first if pair[0].coefficients]
     return [pair for pair in last_to_first if not pair[0].coefficients] + parallel
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion to compensate for; every array (T,), or (n,) of n joints at one instant.
+
+    Attributes:
+        velocity: [rad/s].
+        position: [rad]; None: 0.
+        acceleration: [rad/s^2]; None: 0 (rotor inertia is then not compensated).
+        direction: In [-1, 1], what dry friction is scaled with; None: sign of the velocity, 0 at rest, or as
+            the `Compensator` has it.
+        temperature: [deg C]; None: 25.
+    """
+
+    velocity: FloatArray
+    position: FloatArray | None = None
+    acceleration: FloatArray | None = None
+    direction: FloatArray | None = None
+    temperature: FloatArray | None = None
 
 
 class _Joint:
@@ -65,14 +85,14 @@ class _Joint:
         self.compiled = len(self.terms) == len(self.kernels)
         self.compiled &= all(law.kind != INTERPRETED for law in self.inverses)
 
-    def effort(self, tau: float, v: float, direction: float, q: float, a: float, celsius: float) -> float:
+    def effort(self, now: JointState, acceleration: float) -> float:
         """The law where some effect has no compiled equation."""
-        parts = np.array(self.parts)
+        tau, parts = now.tau, np.array(self.parts)
         for kernel in self.kernels:
-            parts += kernel(q, v, direction, tau, celsius, direction)
-        effort = self.gain * needed_torque(tau, v, direction, a, parts, self.inertia)
+            parts += kernel(*now)
+        effort = self.gain * (needed_torque(tau, now.v, now.direction, parts) + self.inertia * acceleration)
         for law in self.inverses:
-            effort = law.invert(effort, q, direction)
+            effort = law.invert(effort, now.q, now.direction)
         lead = self.half_gap * soft_sign(self.gain * tau, self.smoothing)
         return float(effort + self.compliance * tau + lead)
 
@@ -135,45 +155,34 @@ class Compensator:
         """Joints that have an effect without compiled equation, whose efforts only `effort_of` gives."""
         return self._interpreted
 
-    def effort_of(
-        self, joint: int, tau: float, v: float, direction: float, q: float, a: float, celsius: float
-    ) -> float:
-        """Effort of one joint; arguments as `effort`, of that joint."""
-        return self._laws[joint].effort(tau, v, direction, q, a, celsius)
+    def effort_of(self, joint: int, now: JointState, acceleration: float) -> float:
+        """Effort of one joint; tau is the torque that is desired, z the direction."""
+        return self._laws[joint].effort(now, acceleration)
 
     def direction(self, velocity: FloatArray) -> FloatArray:
-        """(n,) in [-1, 1]: tanh(v/v_s), the sign of v for v_s = 0; what `effort` takes where it is given none."""
+        """(n,) in [-1, 1]: tanh(v/v_s), the sign of v for v_s = 0; what `effort` takes where the motion has none."""
         return np.tanh(velocity / self._speed) if self._speed else np.sign(velocity)
 
-    def effort(
-        self,
-        tau: FloatArray,
-        velocity: FloatArray,
-        direction: FloatArray | None = None,
-        position: FloatArray | None = None,
-        acceleration: FloatArray | None = None,
-        temperature: FloatArray | None = None,
-    ) -> FloatArray:
+    def effort(self, tau: FloatArray, motion: Motion) -> FloatArray:
         """Effort (n,) [rad | A | V | N m] for the link torques `tau`; a servo's command is q plus this.
 
         Args:
             tau: Desired torques on the link side (n,) [N m].
-            velocity: (n,) [rad/s].
-            direction: (n,) in [-1, 1], what dry friction is scaled with; None: see `direction`.
-            position: (n,) [rad]; None: 0.
-            acceleration: (n,) [rad/s^2]; None: 0 (rotor inertia is then not compensated).
-            temperature: (n,) [deg C]; None: 25.
+            motion: What the joints do, every array (n,); where it has no direction, see `direction`.
 
         Returns:
             y; NaN for a joint whose inputs are.
         """
-        ways = self.direction(velocity) if direction is None else direction
-        places, warm = self._nil if position is None else position, self._room if temperature is None else temperature
-        rates, out = self._nil if acceleration is None else acceleration, np.empty(len(self._laws))
+        velocity, out = motion.velocity, np.empty(len(self._laws))
+        ways = self.direction(velocity) if motion.direction is None else motion.direction
+        places = self._nil if motion.position is None else motion.position
+        rates = self._nil if motion.acceleration is None else motion.acceleration
+        warm = self._room if motion.temperature is None else motion.temperature
         given = [np.ascontiguousarray(x, dtype=np.float64) for x in (tau, velocity, ways, places, rates, warm)]
         _EFFORTS(tuple(given), self._tables, out)
         for j in self._interpreted:
-            out[j] = self.effort_of(j, *(float(x[j]) for x in given))
+            t, v, d, q, a, celsius = (float(x[j]) for x in given)
+            out[j] = self.effort_of(j, JointState(q, v, d, t, celsius, d), a)
         return out
 
 
@@ -191,25 +200,6 @@ def _tables(joints: Sequence[_Joint]) -> tuple[FloatArray, FloatArray, IntArray,
         row[at.TERMS], row[at.TERMS_END] = len(terms), len(terms) + len(joint.terms)
         terms += joint.terms
     return rows, np.array(inverses, dtype=np.float64).reshape(-1, 2), *term_tables(terms)
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The motion to compensate for; every array (T,).
-
-    Attributes:
-        velocity: [rad/s].
-        position: [rad]; None: 0.
-        acceleration: [rad/s^2]; None: 0 (rotor inertia is then not compensated).
-        direction: In [-1, 1], what dry friction is scaled with; None: sign of the velocity, 0 at rest.
-        temperature: [deg C]; None: 25.
-    """
-
-    velocity: FloatArray
-    position: FloatArray | None = None
-    acceleration: FloatArray | None = None
-    direction: FloatArray | None = None
-    temperature: FloatArray | None = None
 
 
 def _signals(tau_d: FloatArray, motion: Motion) -> Signals:

@@ -26,7 +26,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.actuation.joint_effects import JointEffects, tables
-from drake_tc.actuation.joint_step import UNCONNECTED, JointStep
+from drake_tc.actuation.joint_step import UNCONNECTED, JointInputs, JointStep
 from drake_tc.actuation.model import ActuatorModel, EffectValue, split_parts
 from drake_tc.actuation.recorded_run import Link, PlantSide, Recording, plant_side
 from drake_tc.effects.base import TorqueEffect
@@ -150,14 +150,14 @@ def _interpreted(
     asked, state, load = np.empty(1), np.empty(2), np.full(1, np.nan)
     for k, (command, outside, slope, warmth) in enumerate(samples.tolist()):
         out[k], asked[0] = q, command
-        surroundings = np.array([warmth]), supply[k : k + 1]
+        inputs = JointInputs(asked, state, load, (np.array([warmth]), supply[k : k + 1]))
         for n in range(int(substeps)):
             loaded = outside + n * slope
             state[:] = q, v
             if known:
                 load[0] = loaded
             try:
-                law.step(after, kept, asked, state, 0.0, load, surroundings)
+                law.step(after, kept, inputs, 0.0)
                 v += h * (float(after[0]) - moment * math.sin(q - zero) - loaded) / total
             except (ArithmeticError, ValueError):  # a number ran away inside the step
                 return

@@ -22,7 +22,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, split_parts, term_tables
-from drake_tc.effects.kernel import DriveKernel, EquationKernel, TorqueKernel
+from drake_tc.effects.kernel import DriveKernel, DriveSurroundings, EquationKernel, TorqueKernel
 from drake_tc.errors import ParamsError
 from drake_tc.kernels import joint_layout as at
 from drake_tc.kernels.equations import gear_torque
@@ -248,7 +248,7 @@ class JointEffects:
         for kernel, place in self._effort:
             memory[place : place + kernel.size] = kernel.start(value, raw)
             if kernel.observe is not None:
-                kernel.observe(drive_q, v, *around, memory, place)
+                kernel.observe(DriveSurroundings(drive_q, v, *around), memory, place)
             value = kernel.step(value, raw, memory[at.DEFLECTION], list(memory), place)
 
     def evaluate(self, memory: list[float], work: Sequence[float], around: tuple[float, float]) -> tuple[float, ...]:
@@ -263,9 +263,10 @@ class JointEffects:
             Commanded effort, effective effort, level, damping and rest, as they go into `work`.
         """
         q, v, tau, command = work[at.DRIVE_POSITION], work[at.DRIVE_VELOCITY], work[at.LOAD_TORQUE], work[at.ACTED]
+        seen = DriveSurroundings(q, v, *around)
         for kernel, place in (*self._command, *self._effort):
             if kernel.observe is not None:
-                kernel.observe(q, v, *around, memory, place)
+                kernel.observe(seen, memory, place)
         direction = memory[at.DEFLECTION]
         target = command
         for kernel, place in self._command:

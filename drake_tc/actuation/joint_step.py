@@ -6,7 +6,7 @@ The joint's memory is a list of floats, whose places `drake_tc.kernels.joint_lay
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,22 @@ from drake_tc.types import FloatArray
 _ADVANCE, _MOTORS = Kernel("actuator", "advance"), Kernel("actuator", "motors")
 UNCONNECTED = (REFERENCE_CELSIUS, np.nan)
 """Temperature [deg C] and supply voltage [V] of a joint of which neither is known."""
+
+
+class JointInputs(NamedTuple):
+    """Inputs of n joints' actuators.
+
+    Attributes:
+        command: (n,).
+        state: (2n,) [q; v].
+        load: (n,) torque on the link side [N m]; None: what the motion says.
+        around: (n,) temperatures [deg C] and supply voltages [V]; None: as `UNCONNECTED`.
+    """
+
+    command: FloatArray
+    state: FloatArray
+    load: FloatArray | None = None
+    around: tuple[FloatArray, FloatArray] | None = None
 
 
 class JointStep:
@@ -59,71 +75,55 @@ class JointStep:
         starts = zip(self.joints, velocity, strict=True)
         return np.array([*(value for joint, v in starts for value in joint.initial(v)), -np.inf])
 
-    def step(
-        self,
-        out: FloatArray,
-        kept: FloatArray,
-        command: FloatArray,
-        state: FloatArray,
-        time: float,
-        load: FloatArray | None = None,
-        around: tuple[FloatArray, FloatArray] | None = None,
-    ) -> None:
+    def step(self, out: FloatArray, kept: FloatArray, inputs: JointInputs, time: float) -> None:
         """One step.
 
         Args:
             out: (width,) [outputs; x[n+1]], written.
             kept: x[n].
-            command: (n,).
-            state: (2n,) [q; v].
+            inputs: u[n].
             time: Now [s].
-            load: (n,) torque on the link side [N m]; None: what the motion says.
-            around: (n,) temperatures [deg C] and supply voltages [V]; None: as `UNCONNECTED`.
         """
-        load = self._unknown if load is None else load
-        now = kept, command, state, load, self._room if around is None else around[0], time
+        now = kept, *self._given(inputs), time
         work = np.empty((len(self.joints), at.WORK)) if self._interpreted else self._no_work
         done = _ADVANCE(now, self._tables, False, work, out)
         if done == at.UNSTARTED:
-            now = (self._started(kept, command, state, load, around), *now[1:])
+            now = (self._started(kept, inputs), *now[1:])
             done = _ADVANCE(now, self._tables, False, work, out)
         if done == at.PENDING:
             memory = out[at.OUTPUTS * len(self.joints) :]
             for j in self._interpreted:
                 if work[j, at.STATUS]:
                     own = memory[self._parts[j]].tolist()
-                    found = self.joints[j].evaluate(own, work[j].tolist(), _around(around, j))
+                    found = self.joints[j].evaluate(own, work[j].tolist(), _around(inputs.around, j))
                     memory[self._parts[j]] = own
                     work[j, at.ASKED :] = found
             _ADVANCE(now, self._tables, True, work, out)
 
-    def bind(
-        self,
-        out: FloatArray,
-        kept: FloatArray,
-        command: FloatArray,
-        state: FloatArray,
-        load: FloatArray | None = None,
-        around: tuple[FloatArray, FloatArray] | None = None,
-    ) -> Callable[[float], object]:
+    def _given(self, inputs: JointInputs) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Command, state, load and temperatures as the kernel has them."""
+        load = self._unknown if inputs.load is None else inputs.load
+        return inputs.command, inputs.state, load, self._room if inputs.around is None else inputs.around[0]
+
+    def bind(self, out: FloatArray, kept: FloatArray, inputs: JointInputs) -> Callable[[float], object]:
         """`step` on arrays that stay the same objects, as a function of the time [s]; arguments as there."""
-        now = kept, command, state, self._unknown if load is None else load, self._room if around is None else around[0]
 
         def step(time: float) -> None:
-            self.step(out, kept, command, state, time, load, around)
+            self.step(out, kept, inputs, time)
 
         if self._interpreted:
             return step
-        return KernelCall(ADVANCE, step, *now, TIME, *self._tables, SKIPPED, self._no_work, out)
+        return KernelCall(ADVANCE, step, kept, *self._given(inputs), TIME, *self._tables, SKIPPED, self._no_work, out)
 
-    def _started(self, kept: FloatArray, command: FloatArray, state: FloatArray, load: FloatArray, around: Any) -> Any:
+    def _started(self, kept: FloatArray, inputs: JointInputs) -> FloatArray:
         """X in which all joints have started whose state is finite."""
         kept, n = kept.copy(), len(self.joints)
+        command, state, load, _ = self._given(inputs)
         for j, (joint, part) in enumerate(zip(self.joints, self._parts, strict=True)):
             q, v = float(state[j]), float(state[n + j])
             if kept[part.start] == 0.0 and np.isfinite(q) and np.isfinite(v):
                 own = kept[part].tolist()
-                joint.start(own, float(command[j]), (q, v), float(load[j]), _around(around, j))
+                joint.start(own, float(command[j]), (q, v), float(load[j]), _around(inputs.around, j))
                 kept[part] = own
         return kept
 

@@ -22,7 +22,7 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_tc.actuation.joint_effects import JointEffects, JointValues, Models, joint_values, model_list
-from drake_tc.actuation.joint_step import UNCONNECTED, JointOutput, JointStep
+from drake_tc.actuation.joint_step import UNCONNECTED, JointInputs, JointOutput, JointStep
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods, places
 from drake_tc.errors import ParamsError
@@ -176,7 +176,7 @@ class ActuatorPlant(PortMethods, LeafSystem):
             given, out, before, after = arrays.inputs, arrays.out, arrays.before, arrays.after
             command, state, load, reached = given["command"], given["state"], given.get("load_torque"), out[kinds * n :]
             around = self._around(given.get("temperature"), given.get("supply_voltage"))
-            return step.bind(out, before, command, state, load, around), copying(reached, after)
+            return step.bind(out, before, JointInputs(command, state, load, around)), copying(reached, after)
 
         ports = {name: np.arange(i, kinds * n, kinds) for i, name in enumerate(JointOutput._fields)}
         reads = frozenset({"command", "state", "temperature", "supply_voltage", "load_torque"})
@@ -193,15 +193,10 @@ class ActuatorPlant(PortMethods, LeafSystem):
         """(outputs, x[n+1]) into the port `step`, which all others and the update read."""
         ports = (self._temperature, self._supply)
         around = self._around(*(port.Eval(context) if port.HasValue(context) else None for port in ports))
-        self._step_of_joints.step(
-            vector.get_mutable_value(),
-            context.get_discrete_state(self._memory).value(),
-            self._command.Eval(context),
-            self._state.Eval(context),
-            context.get_time(),
-            self._load.Eval(context) if self._load.HasValue(context) else None,
-            around,
-        )
+        load = self._load.Eval(context) if self._load.HasValue(context) else None
+        inputs = JointInputs(self._command.Eval(context), self._state.Eval(context), load, around)
+        kept = context.get_discrete_state(self._memory).value()
+        self._step_of_joints.step(vector.get_mutable_value(), kept, inputs, context.get_time())
 
     def _around(self, temperature: FloatArray | None, supply: FloatArray | None) -> Any:
         """Both (n,), with nominal values for what is not connected; None where neither is."""

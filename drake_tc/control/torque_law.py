@@ -14,7 +14,7 @@ from drake_tc.actuation.compensator import Compensator
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import SOLVE, Kernel, KernelCall
 from drake_tc.kernels.compensation_layout import LIMIT, SERVO
-from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
+from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS, JointState
 from drake_tc.types import FloatArray
 
 Source = Literal["estimate", "reference"]
@@ -126,9 +126,10 @@ class TorqueLaw:
         velocity, turning = motion[sources[0], n : 2 * n], motion[sources[1], n : 2 * n]
         acceleration = motion[sources[2], 2 * n :]
         for j in self._compensator.interpreted:
-            now = (velocity[j], math.tanh(turning[j] * per_speed), position[j], acceleration[j])
-            v, direction, q, a = map(float, now)
-            effort = self._compensator.effort_of(j, float(rows[5, j]), v, direction, q, a, REFERENCE_CELSIUS)
+            direction = math.tanh(turning[j] * per_speed)
+            q, v, tau = float(position[j]), float(velocity[j]), float(rows[5, j])
+            now = JointState(q, v, direction, tau, REFERENCE_CELSIUS, direction)
+            effort = self._compensator.effort_of(j, now, float(acceleration[j]))
             rows[0, j], rows[3, j] = joints[j, SERVO] * position[j] + effort, effort
 
     def next_sum(self, before: FloatArray, error: FloatArray, gains: FloatArray, solution: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from math import isnan, nan
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.effects.kernel import DriveKernel, DriveSurroundings, memoryless
 from drake_tc.kernels.equations import lagged
 from drake_tc.kernels.joint_layout import LAG
 from drake_tc.types import FloatArray
@@ -66,12 +66,12 @@ class CurrentLag(DriveEffect):
         """The same recursion; memory is [y*, last y]."""
         if parameters["lag"] <= 0.0:
             return memoryless(lambda value, effort, direction: value)
-        pole, new, old = hold_coefficients(parameters["lag"], period)
+        numbers = hold_coefficients(parameters["lag"], period)
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            return lagged(value, pole, new, old, memory, at)
+            return lagged(value, numbers, memory, at)
 
-        return DriveKernel(2, lambda value, effort: [value, value], step, kind=LAG, numbers=(pole, new, old))
+        return DriveKernel(2, lambda value, effort: [value, value], step, kind=LAG, numbers=numbers)
 
     def typical_size(self, n: JointNumbers, context: Context) -> float:
         """See `Effect.typical_size`."""
@@ -185,12 +185,10 @@ class WindingLag(CurrentLag):
             return super().kernel(parameters, period)
         pole, new, old = hold_coefficients(lag, period)
 
-        def observe(
-            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
-        ) -> None:
+        def observe(now: DriveSurroundings, memory: list[float], at: int) -> None:
             if isnan(memory[at + 2]):
-                memory[at + 2] = memory[at + 3] = velocity
-            memory[at + 4] = velocity
+                memory[at + 2] = memory[at + 3] = now.velocity
+            memory[at + 4] = now.velocity
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
             velocity = memory[at + 4]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature, Values
-from drake_tc.effects.kernel import DriveKernel
+from drake_tc.effects.kernel import DriveKernel, DriveSurroundings
 from drake_tc.effects.position_dependent_friction import LEAST_PERIODS
 from drake_tc.effects.torque_ripple import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.types import FloatArray
@@ -115,10 +115,8 @@ class GainRipple(DriveEffect):
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """Memory is [c cos(n q) + s sin(n q)]; acts on the raw effort, as the columns do."""
 
-        def observe(
-            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
-        ) -> None:
-            memory[at] = float(_ripple(position, parameters))
+        def observe(now: DriveSurroundings, memory: list[float], at: int) -> None:
+            memory[at] = float(_ripple(now.position, parameters))
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
             return value + memory[at] * effort

@@ -7,7 +7,7 @@ kernels and `Effect.columns` together.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from drake_tc.kernels.joint_layout import INTERPRETED
 from drake_tc.kernels.torque_equations import EQUATIONS, JointState
@@ -44,6 +44,22 @@ class EquationKernel:
         return float(level), float(damping), float(rest)
 
 
+class DriveSurroundings(NamedTuple):
+    """What a drive of one joint sees at one instant, beside its command.
+
+    Attributes:
+        position: [rad].
+        velocity: [rad/s].
+        celsius: Temperature [deg C].
+        supply: Voltage [V].
+    """
+
+    position: float
+    velocity: float
+    celsius: float
+    supply: float
+
+
 @dataclass(frozen=True)
 class DriveKernel:
     """A drive effect sampled at a fixed period, for one joint.
@@ -53,8 +69,8 @@ class DriveKernel:
         start: (value, raw effort) to the memory of a drive that has always seen these.
         step: (value, raw effort, direction, memory, at) to the value passed on; the effect's memory is
             `memory[at : at + size]` and is overwritten with the next one.
-        observe: (position [rad], velocity [rad/s], temperature [deg C], supply voltage [V], memory, at), called before
-            `step` at every sample, writes into the memory what `step` needs to know of them; None where it needs none.
+        observe: (surroundings, memory, at), called before `step` at every sample, writes into the memory what `step`
+            needs to know of them; None where it needs none.
         kind: Of the compiled equation that is the same as `step` (`drake_tc.kernels.joint_layout`).
         numbers: Its parameters, three at most.
     """
@@ -62,7 +78,7 @@ class DriveKernel:
     size: int
     start: Callable[[float, float], list[float]]
     step: Callable[[float, float, float, list[float], int], float]
-    observe: Callable[[float, float, float, float, list[float], int], None] | None = None
+    observe: Callable[[DriveSurroundings, list[float], int], None] | None = None
     kind: int = INTERPRETED
     numbers: tuple[float, ...] = ()
 

@@ -6,7 +6,7 @@ from math import inf, isfinite
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel, memoryless
+from drake_tc.effects.kernel import DriveKernel, DriveSurroundings, memoryless
 from drake_tc.kernels.equations import saturated
 from drake_tc.kernels.joint_layout import SATURATION
 from drake_tc.types import FloatArray
@@ -93,10 +93,8 @@ class ServoSaturation(Saturation):
         """Memory is [the velocity now]."""
         limit, time = parameters["limit"], parameters["derivative_time"]
 
-        def observe(
-            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
-        ) -> None:
-            memory[at] = velocity
+        def observe(now: DriveSurroundings, memory: list[float], at: int) -> None:
+            memory[at] = now.velocity
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
             damping = time * memory[at]
@@ -161,10 +159,8 @@ class SupplyLimit(DriveEffect):
         """Memory is [the limit now]."""
         share = parameters["limit_per_volt"]
 
-        def observe(
-            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
-        ) -> None:
-            memory[at] = share * supply if isfinite(supply) and supply > 0.0 else inf
+        def observe(now: DriveSurroundings, memory: list[float], at: int) -> None:
+            memory[at] = share * now.supply if isfinite(now.supply) and now.supply > 0.0 else inf
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
             limit = memory[at]

@@ -69,14 +69,12 @@ class ServoIntegrator(DriveEffect):
 
     def kernel(self, parameters: Mapping[str, float], period: float) -> DriveKernel:
         """Trapezoidal integral of the raw effort; memory is [integral, last effort]."""
-        rate, half = parameters["integral_rate"], 0.5 * period
+        numbers = parameters["integral_rate"], 0.5 * period
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
-            return integrated(value, effort, rate, half, memory, at)
+            return integrated(value, effort, numbers, memory, at)
 
-        return DriveKernel(
-            2, lambda value, effort: [-period * effort, effort], step, kind=INTEGRAL, numbers=(rate, half)
-        )
+        return DriveKernel(2, lambda value, effort: [-period * effort, effort], step, kind=INTEGRAL, numbers=numbers)
 
     def typical_size(self, n: JointNumbers, context: Context) -> float:
         """See `Effect.typical_size`."""

@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel
+from drake_tc.effects.kernel import DriveKernel, DriveSurroundings
 from drake_tc.types import FloatArray
 
 SENSITIVITY_RANGE = Plausible(
@@ -99,10 +99,8 @@ class SupplySag(DriveEffect):
         """Memory is [V/V_0 - 1]; acts on the raw effort, as the column does."""
         sensitivity, nominal = parameters["supply_sensitivity"], parameters["nominal_voltage"]
 
-        def observe(
-            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
-        ) -> None:
-            memory[at] = supply / nominal - 1.0 if isfinite(supply) and supply > 0.0 else 0.0
+        def observe(now: DriveSurroundings, memory: list[float], at: int) -> None:
+            memory[at] = now.supply / nominal - 1.0 if isfinite(now.supply) and now.supply > 0.0 else 0.0
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
             return value + sensitivity * memory[at] * effort

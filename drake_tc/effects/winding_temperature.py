@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.kernel import DriveKernel
+from drake_tc.effects.kernel import DriveKernel, DriveSurroundings
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
 
@@ -102,11 +102,9 @@ class WindingTemperature(DriveEffect):
         """y/r + k_e (1 - 1/r) qdot; memory is [1/r, qdot]."""
         rate, constant = parameters["resistance_per_kelvin"], parameters["back_emf"]
 
-        def observe(
-            position: float, velocity: float, celsius: float, supply: float, memory: list[float], at: int
-        ) -> None:
-            memory[at] = 1.0 / max(1.0 + rate * (celsius - REFERENCE_CELSIUS), 0.2)
-            memory[at + 1] = velocity
+        def observe(now: DriveSurroundings, memory: list[float], at: int) -> None:
+            memory[at] = 1.0 / max(1.0 + rate * (now.celsius - REFERENCE_CELSIUS), 0.2)
+            memory[at + 1] = now.velocity
 
         def step(value: float, effort: float, direction: float, memory: list[float], at: int) -> float:
             conductance = memory[at]

@@ -24,6 +24,7 @@ from drake_tc.kernels.compiling import (
     kernel,
     together,
 )
+from drake_tc.kernels.equations import Push
 from drake_tc.kernels.torque_equations import JointState
 from drake_tc.kernels.torque_terms import parts_of
 from drake_tc.types import FloatArray, IntArray
@@ -90,14 +91,6 @@ class Asked(NamedTuple):
     direction: float
 
 
-class Push(NamedTuple):
-    """What acts on the motor over a step: thrust [N m], and level [N m] and damping [N m s/rad] of its friction."""
-
-    thrust: float
-    level: float
-    damping: float
-
-
 @helper
 def through_drive(tables: Tables, d: int, asked: Asked, memory: FloatArray) -> float:
     """The value that effect d of the drives passes on; updates its own part of the memory of all joints."""
@@ -113,9 +106,9 @@ def through_drive(tables: Tables, d: int, asked: Asked, memory: FloatArray) -> f
     elif kind == at.DELAY:
         passed = _delayed(value, int(numbers[0]), numbers[1], memory, place)
     elif kind == at.LAG:
-        passed = _lagged(value, numbers[0], numbers[1], numbers[2], memory, place)
+        passed = _lagged(value, numbers, memory, place)
     elif kind == at.INTEGRAL:
-        passed = _integrated(value, raw, numbers[0], numbers[1], memory, place)
+        passed = _integrated(value, raw, numbers, memory, place)
     return passed
 
 
@@ -204,7 +197,7 @@ def through_gear(memory: FloatArray, tables: Tables, j: int, now: Inputs, push: 
     passed = rubbed_in_all = 0.0
     for _ in range(count):
         tau = _gear_torque(theta - q, omega - v, gap, compliance, contact_time)
-        z, omega, rubbed = _friction_step(z, omega, push.thrust - tau, push.level, push.damping, inertia, h)
+        z, omega, rubbed = _friction_step(z, omega, Push(push.thrust - tau, push.level, push.damping), inertia, h)
         theta += h * omega
         v += h * (tau - load) / numbers[at.LINK_INERTIA]
         q += h * v
@@ -228,8 +221,9 @@ def finish(
         torque, rubbed = through_gear(memory, tables, j, now, Push(motor - rest, level, damping))
         turn_over(memory, layout, tables.travels, memory[first + at.MOTOR] - before)
     else:
-        z, thrust = memory[first + at.DEFLECTION], motor - rest - memory[first + at.LOAD]
-        _, _, rubbed = _friction_step(z, now.v, thrust, level, damping, numbers[at.INERTIA], numbers[at.PERIOD])
+        push = Push(motor - rest - memory[first + at.LOAD], level, damping)
+        z, inertia, period = memory[first + at.DEFLECTION], numbers[at.INERTIA], numbers[at.PERIOD]
+        _, _, rubbed = _friction_step(z, now.v, push, inertia, period)
         torque = motor - rest - rubbed
     memory[first + at.POSITION], memory[first + at.VELOCITY] = now.q, now.v
     memory[first + at.TORQUE], memory[first + at.COMMAND] = torque, work[at.ACTED]

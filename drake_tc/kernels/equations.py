@@ -26,7 +26,7 @@ Source: Dahl (1968) and the elasto-plastic reading of Dupont et al. (2002); the 
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,18 +76,18 @@ def delayed(value: float, whole: int, part: float, memory: Any, at: int) -> floa
     return (1.0 - part) * late + part * memory[at + 1 + (newest - whole - 1) % length]  # type: ignore[no-any-return]
 
 
-def lagged(value: float, pole: float, new: float, old: float, memory: Any, at: int) -> float:
-    """y*[n] = p y*[n-1] + b0 y[n] + b1 y[n-1]; memory is [y*, y]."""
-    passed = pole * memory[at] + new * value + old * memory[at + 1]
+def lagged(value: float, numbers: Any, memory: Any, at: int) -> float:
+    """y*[n] = p y*[n-1] + b0 y[n] + b1 y[n-1]; numbers are p, b0 and b1, memory is [y*, y]."""
+    passed = numbers[0] * memory[at] + numbers[1] * value + numbers[2] * memory[at + 1]
     memory[at], memory[at + 1] = passed, value
     return passed  # type: ignore[no-any-return]
 
 
-def integrated(value: float, effort: float, rate: float, half_period: float, memory: Any, at: int) -> float:
-    """Value + K_i int y dt by trapezoids; memory is [integral, last effort]."""
-    integral = memory[at] + half_period * (effort + memory[at + 1])
+def integrated(value: float, effort: float, numbers: Any, memory: Any, at: int) -> float:
+    """Value + K_i int y dt by trapezoids; numbers are K_i and half of the period, memory is [integral, last effort]."""
+    integral = memory[at] + numbers[1] * (effort + memory[at + 1])
     memory[at], memory[at + 1] = integral, effort
-    return value + rate * integral  # type: ignore[no-any-return]
+    return value + numbers[0] * integral  # type: ignore[no-any-return]
 
 
 def gear_torque(twist: float, rate: float, half_gap: float, compliance: float, contact_time: float) -> float:
@@ -107,11 +107,9 @@ def gear_torque(twist: float, rate: float, half_gap: float, compliance: float, c
     return 0.0 if half_gap > 0.0 and tau * pressed < 0.0 else tau
 
 
-def needed_torque(
-    tau: float, velocity: float, direction: float, acceleration: float, parts: Any, inertia: float
-) -> float:
-    """What the drive must give for a link torque [N m]: tau + level d + damping v + rest + J a; parts (3,)."""
-    needed: float = tau + parts[0] * direction + parts[1] * velocity + parts[2] + inertia * acceleration
+def needed_torque(tau: float, velocity: float, direction: float, parts: Any) -> float:
+    """Drive torque for a link torque at constant speed [N m]: tau + level d + damping v + rest; parts (3,)."""
+    needed: float = tau + parts[0] * direction + parts[1] * velocity + parts[2]
     return needed
 
 
@@ -130,20 +128,31 @@ def wound_up(deflection: float, moved: float) -> float:
     return min(max(deflection + moved / PRESLIDING_DISPLACEMENT, -1.0), 1.0)
 
 
-def friction_step(
-    z: float, v: float, thrust: float, level: float, damping: float, inertia: float, step: float
-) -> tuple[float, float, float]:
+class Push(NamedTuple):
+    """What acts on a mass over a step.
+
+    Attributes:
+        thrust: Sum of all torques but friction, signed like v [N m].
+        level: Of dry friction in full sliding, >= 0 [N m].
+        damping: Of viscous friction, >= 0 [N m s/rad].
+    """
+
+    thrust: float
+    level: float
+    damping: float
+
+
+def friction_step(z: float, v: float, push: Push, inertia: float, step: float) -> tuple[float, float, float]:
     """z', v' and the friction torque over a step, the solution of (bristle).
 
     Args:
         z: Deflection of the bristle in [-1, 1].
         v: [rad/s].
-        thrust: Sum of all other torques on the joint, signed like v [N m].
-        level: Of dry friction in full sliding, >= 0 [N m].
-        damping: >= 0 [N m s/rad].
+        push: What acts on the joint.
         inertia: J that the joint moves [kg m^2]; 0 where it is not known: friction is then taken at v' = v.
         step: h [s].
     """
+    thrust, level, damping = push.thrust, push.level, push.damping
     rate = step / PRESLIDING_DISPLACEMENT
     if inertia <= 0.0:
         wound = z + step * v / PRESLIDING_DISPLACEMENT

@@ -36,7 +36,8 @@ def effort_of(tables: tuple[Any, ...], j: int, now: JointState, acceleration: fl
         parts[0] += level
         parts[1] += damping
         parts[2] += rest
-    effort = joint[at.GAIN] * _needed_torque(tau, velocity, direction, acceleration, parts, joint[at.INERTIA])
+    needed = _needed_torque(tau, velocity, direction, parts) + joint[at.INERTIA] * acceleration
+    effort = joint[at.GAIN] * needed
     for i in range(int(joint[at.INVERSES]), int(joint[at.INVERSES_END])):
         if inverses[i, 0] == DEAD_ZONE:
             effort = _dead_zone_inverse(effort, inverses[i, 1], joint[at.SMOOTHING])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_tc.actuation.compensator import Compensator
+from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.joint_effects import JointValues, Models, joint_values, model_list
 from drake_tc.array_stage import Arrays, ArrayStage, PortMethods
 from drake_tc.errors import ParamsError
@@ -226,7 +226,8 @@ class ModelMonitor(PortMethods, LeafSystem):
 
     def needed(self, seen: FloatArray, temperature: FloatArray) -> FloatArray:
         """(n,) torque for which the model asks [N m]; arguments as of `tick`, temperature (n,) [deg C]."""
-        effort = self._law.effort(seen[3], seen[1], None, seen[0], seen[2], temperature)
+        motion = Motion(position=seen[0], velocity=seen[1], acceleration=seen[2], temperature=temperature)
+        effort = self._law.effort(seen[3], motion)
         return np.asarray(effort / self._gain)
 
     @property

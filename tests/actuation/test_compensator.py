@@ -55,7 +55,11 @@ def agree(models, rng):
         rng.uniform(0, 90, n),
     ]
     expected = one_by_one(models, *now)
-    assert_allclose(Compensator(models).effort(*now), expected, rtol=1e-11, atol=1e-11)  # other order of the sum
+    _, v, d, q, a, celsius = now
+    motion = Motion(v, q, a, d, celsius)
+    assert_allclose(
+        Compensator(models).effort(now[0], motion), expected, rtol=1e-11, atol=1e-11
+    )  # other order of the sum
     return expected
 
 
@@ -86,7 +90,7 @@ def test_an_effect_that_is_said_to_have_an_inverse_changes_the_effort(effect):
     rng = np.random.default_rng(4)
     value = drawn(effect, rng)
     plain, with_effect = (ActuatorModel("j", Drive("current", 0.5), values) for values in ((), (value,)))
-    now = np.array([7.0]), np.array([1.0]), np.array([1.0])
+    now = np.array([7.0]), Motion(velocity=np.array([1.0]), direction=np.array([1.0]))
     same = Compensator([plain]).effort(*now) == Compensator([with_effect]).effort(*now)
     assert bool(same[0]) == (type(effect).inverse is DriveEffect.inverse)
 
@@ -114,7 +118,7 @@ def test_the_actuators_deliver_what_was_wanted_through_dead_zone_and_switch(orde
     wanted, velocity, q = np.array([up * tau]), np.array([ahead * v]), np.array([0.3])
     motor = (wanted + 6.0 * velocity + 3.0 * np.sign(velocity))[0]
     assume(abs(motor) * 2e-4 > 0.1 * 3e-4)  # below s w the switched drive is still inside its dead zone
-    effort = Compensator([model]).effort(wanted, velocity)
+    effort = Compensator([model]).effort(wanted, Motion(velocity))
     system = ActuatorPlant([model], 1e-3)
     context = system.CreateDefaultContext()
     system.GetInputPort("command").FixValue(context, q + effort)
@@ -132,7 +136,7 @@ def test_smoothing_removes_the_jump_and_nothing_else():
     still = np.zeros(1)
 
     def at(law, torques):
-        return np.array([law.effort(np.array([tau]), still)[0] for tau in torques])
+        return np.array([law.effort(np.array([tau]), Motion(still))[0] for tau in torques])
 
     far = np.array([-40.0, -1.0, -delta / gain * 1.001, delta / gain * 1.001, 3.0])
     assert_allclose(at(smooth, far), at(sharp, far), rtol=1e-14)
@@ -150,14 +154,15 @@ def test_direction_is_smooth_over_the_given_speed():
     law = Compensator([model], direction_speed=0.1)
     for v in (-1.0, -0.03, 0.0, 0.1):
         expected = 2.0 * (1.0 - 2.0 / (np.exp(2 * v / 0.1) + 1.0))
-        assert_allclose(law.effort(np.zeros(1), np.array([v])), expected, rtol=1e-12, atol=1e-15)
-    assert_allclose(law.effort(np.zeros(1), np.ones(1), -np.ones(1)), -2.0, atol=0)  # a direction that is given wins
+        assert_allclose(law.effort(np.zeros(1), Motion(np.array([v]))), expected, rtol=1e-12, atol=1e-15)
+    against = Motion(velocity=np.ones(1), direction=-np.ones(1))
+    assert_allclose(law.effort(np.zeros(1), against), -2.0, atol=0)  # a direction that is given wins
 
 
 def test_a_lost_sensor_spoils_its_own_joint_only():
     models = [ActuatorModel(n, Drive("position_servo", 2e-4), SERVO) for n in "abc"]
     tau, v = np.array([3.0, 4.0, 5.0]), np.array([0.5, np.nan, -0.5])
-    effort = Compensator(models).effort(tau, v)
+    effort = Compensator(models).effort(tau, Motion(v))
     assert np.isfinite(effort).tolist() == [True, False, True]
 
 

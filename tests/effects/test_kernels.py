@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, TorqueEffect, plain_signals
+from drake_tc.effects.kernel import DriveSurroundings
 from drake_tc.effects.library import LIBRARY, effect
 from drake_tc.effects.presliding_hysteresis import PreslidingHysteresis
 
@@ -97,7 +98,8 @@ def run_kernel(kernel, values, log, memory) -> np.ndarray:
     steps = []
     for k, value in enumerate(values.tolist()):
         if kernel.observe is not None:
-            kernel.observe(log.position[k], log.velocity[k], log.temperature[k], log.supply_voltage[k], memory, 0)
+            now = DriveSurroundings(log.position[k], log.velocity[k], log.temperature[k], log.supply_voltage[k])
+            kernel.observe(now, memory, 0)
         steps.append(kernel.step(value, log.effort[k], log.direction[k], memory, 0))
     return np.array(steps)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.actuation.compensator import Compensator
+from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, Recording
@@ -202,7 +202,10 @@ def test_compiled_it_is_the_closed_form(key):
         expected.append(tau[k] + level * d[k] + damping * v[k] + rest)
     # rounding of the same sum; relative to the load beside it
     assert_allclose(
-        law.effort(tau, v, d, q, None, celsius), expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected))
+        law.effort(tau, Motion(v, q, direction=d, temperature=celsius)),
+        expected,
+        rtol=1e-12,
+        atol=1e-12 * np.max(np.abs(expected)),
     )
 
 

@@ -14,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 import drake_tc.models
-from drake_tc.actuation.compensator import Compensator
+from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.gains import TorqueGains
@@ -264,7 +264,8 @@ def test_every_effect_is_compensated_as_in_python(effect, tmp_path):
         ]  # fmt: skip
         out = np.empty(n)
         compiled.call("effort", *now, out)
-        assert_allclose(out, compensator.effort(*now), rtol=1e-12, atol=1e-12)
+        tau, v, d, q, a, celsius = now
+        assert_allclose(out, compensator.effort(tau, Motion(v, q, a, d, celsius)), rtol=1e-12, atol=1e-12)
 
 
 def test_drive_effects_are_among_them():

@@ -12,6 +12,7 @@ from drake_tc.diagnosis.problem.parameters import Estimate
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.effects.base import DriveEffect, Effect, SensorEffect, Signals, TorqueEffect, plain_signals
 from drake_tc.effects.check import EQUATION_SIGNALS, _check_equation
+from drake_tc.effects.kernel import DriveSurroundings
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
 from drake_tc.effects.position_dependent_load import spline_columns
 from drake_tc.effects.unknown_load import UNKNOWN_LOADS
@@ -113,7 +114,7 @@ def test_a_drive_equation_is_what_the_drive_does(one: DriveEffect) -> None:
     for k in range(T):
         if kernel.observe is not None:
             now = (s.position[k], s.velocity[k], s.temperature[k], s.supply_voltage[k])
-            kernel.observe(*(float(x) for x in now), memory, 0)
+            kernel.observe(DriveSurroundings(*map(float, now)), memory, 0)
         wanted.append(kernel.step(float(s.effort[k]), float(s.effort[k]), float(s.direction[k]), memory, 0))
     assert_allclose(evaluated(one.equation, values, s), wanted, rtol=1e-9, atol=1e-12)
 

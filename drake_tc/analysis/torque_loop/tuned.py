@@ -21,7 +21,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, OutputPort
 
-from drake_tc.actuation.compensator import Compensator
+from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.model_file import save_models
 from drake_tc.analysis.sweep import sweep
@@ -345,7 +345,7 @@ def _efforts(
     still = np.zeros(torque.shape[1])
     return np.array(
         [
-            compensator.effort(tau, v, None, q, a if rotor else still)
+            compensator.effort(tau, Motion(v, q, a if rotor else still))
             for tau, (q, v, a) in zip(torque, motion, strict=True)
         ]
     )

@@ -7,7 +7,7 @@ import pytest
 from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem, ValueProducer
 
-from drake_tc.actuation.compensator import Compensator
+from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.plant import ActuatorPlant
 from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
@@ -96,14 +96,14 @@ def test_compensator():
     models = [ActuatorModel(f"joint{k}", Drive("position_servo", 2e-4), SERVO) for k in range(6)]
     law = Compensator(models, direction_speed=0.05)
     tau, velocity = 9.0 * np.cos(np.arange(6)), np.sin(np.arange(6))
-    direction = law.direction(velocity)
+    motion = Motion(velocity, direction=law.direction(velocity))
     row = "Compensator, 6 joints of 5 effects"
 
     def efforts():
         seconds = []
         for _ in range(500):
             start = time.perf_counter()
-            law.effort(tau, velocity, direction)
+            law.effort(tau, motion)
             seconds.append(time.perf_counter() - start)
         return {row: seconds}
 
