@@ -147,7 +147,7 @@ class GuardLaw:
         self, state: FloatArray, command: FloatArray, position: FloatArray, fault: float, after: FloatArray
     ) -> None:
         """One tick: the next state into `after`, whose first n numbers are the outgoing command."""
-        _STEP(state, command, position, fault, self.limits, self._options, after)
+        _STEP(state, (command, position, fault), self.limits, self._options, after)
 
     def bind(
         self, state: FloatArray, command: FloatArray, position: FloatArray, fault: FloatArray, after: FloatArray

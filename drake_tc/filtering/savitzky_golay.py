@@ -251,8 +251,8 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         distinct = sorted(set(orders))
         weights = np.stack([[savgol_weights(window, o, at, d, dt) for o in distinct] for d in range(3)])
         doubled = np.concatenate([weights, weights], axis=2)  # any rotation is a slice
-        self._table = np.ascontiguousarray(doubled.reshape(3 * len(distinct), 2 * window).T)
-        self._orders = np.array([distinct.index(o) for o in orders])
+        table = np.ascontiguousarray(doubled.reshape(3 * len(distinct), 2 * window).T)
+        self._weights = (table, np.array([distinct.index(o) for o in orders]))
         self._input: Any = self.DeclareVectorInputPort("signal", size)
         all_faulty: Any = np.ones(size)
         start: Any = np.append(np.zeros(window * size + size), window - 1.0)
@@ -285,7 +285,7 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         ring = np.roll(np.asarray(x).reshape(self._window, self._size), int(memory[-1]), axis=0)
         memory[: ring.size] = ring.ravel()
         estimate: Any = np.empty(3 * self._size)
-        _FIT(memory, self._table, self._orders, estimate)
+        _FIT(memory, *self._weights, estimate)
         context.SetDiscreteState(self._memory, memory)
         context.SetDiscreteState(self._estimate, estimate)
 
@@ -300,12 +300,12 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
 
         def bind(arrays: Arrays) -> tuple[Call, Call]:
             memory, estimate, fault = np.split(arrays.after, [kept, kept + 3 * n])
-            arguments = (arrays.inputs["signal"], self._table, self._orders, memory, fault, estimate)
+            signal, weights, written = arrays.inputs["signal"], self._weights, (memory, fault, estimate)
 
             def update(time: float) -> None:
-                _ADVANCE(*arguments)
+                _ADVANCE(signal, weights, *written)
 
-            return copying(arrays.before[kept:], arrays.out), KernelCall(FILTER, update, *arguments)
+            return copying(arrays.before[kept:], arrays.out), KernelCall(FILTER, update, signal, *weights, *written)
 
         names = ("value", "first_derivative", "second_derivative")
         parts = {name: slice(d * n, (d + 1) * n) for d, name in enumerate((*names, "fault"))}
@@ -326,4 +326,4 @@ class SavitzkyGolayFilter(PortMethods, LeafSystem):
         new: Any = discrete_state
         memory, fault = new.get_mutable_value(self._memory), new.get_mutable_value(self._fault)
         estimate = new.get_mutable_value(self._estimate)
-        _ADVANCE(self._input.Eval(context), self._table, self._orders, memory, fault, estimate)
+        _ADVANCE(self._input.Eval(context), self._weights, memory, fault, estimate)

@@ -23,6 +23,7 @@ its acceleration, the forces hold gravity.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,44 @@ from drake_tc.types import FloatArray, IntArray
 BODY_WIDTH = 30
 UNIT = 1e-9
 _ROTATION, _PLACE, _SCREW, _VELOCITY, _ACCELERATION = 0, 9, 12, 18, 24
+
+
+class Motion(NamedTuple):
+    """How a robot stands and moves.
+
+    Attributes:
+        base: (13,) quaternion, p, omega and v of Bo.
+        q, v: Of which each joint takes its number.
+    """
+
+    base: FloatArray
+    q: FloatArray
+    v: FloatArray
+
+
+class Tree(NamedTuple):
+    """A robot without its state.
+
+    Attributes:
+        places, constants: Of its joints.
+        trunk: (10,) the base's body.
+    """
+
+    places: IntArray
+    constants: FloatArray
+    trunk: FloatArray
+
+
+class BodyPoint(NamedTuple):
+    """A point of a body.
+
+    Attributes:
+        row: Of the body.
+        place: (3,) from Bo.
+    """
+
+    row: int
+    place: FloatArray
 
 
 @helper
@@ -79,10 +118,9 @@ def turn_about(out: FloatArray, x: float, y: float, z: float, angle: float) -> N
 
 
 @helper
-def move(
-    base: FloatArray, q: FloatArray, v: FloatArray, places: IntArray, constants: FloatArray, bodies: FloatArray
-) -> None:
-    """Where all bodies are and how they move, into `bodies`; base (13,): quaternion, p, omega, v of Bo."""
+def move(motion: Motion, places: IntArray, constants: FloatArray, bodies: FloatArray) -> None:
+    """Where all bodies are and how they move, into `bodies`."""
+    base, q, v = motion
     root, turn, frame = bodies[0], np.empty(9), np.empty(9)
     rotation_of_quaternion(root, base)
     root[_PLACE : _SCREW + 6] = 0.0
@@ -178,14 +216,13 @@ def load_into(out: FloatArray, inertia: FloatArray, body: FloatArray, momentum: 
 
 
 @helper
-def forces_and_inertias(
-    bodies: FloatArray, places: IntArray, constants: FloatArray, trunk: FloatArray, mass: FloatArray, load: FloatArray
-) -> FloatArray:
+def forces_and_inertias(bodies: FloatArray, tree: Tree, mass: FloatArray, load: FloatArray) -> FloatArray:
     """M and C v over [base; v] into mass (6 + n, 6 + n) and load (6 + n,), n the joints in the order of the table.
 
     Returns:
         (10,) inertia of the whole robot about Bo.
     """
+    places, constants, trunk = tree
     n = places.shape[0]
     inertias, loads, momentum, scratch = np.empty((n + 1, 10)), np.empty((n + 1, 6)), np.empty(6), np.empty(12)
     inertia_into(inertias[0], bodies[0], trunk, 0, scratch)
@@ -254,12 +291,10 @@ def frame_motion(bodies: FloatArray, row: int, place: FloatArray, at: int, out: 
 
 
 @helper
-def frame_jacobian(
-    bodies: FloatArray, row: int, place: FloatArray, at: int, places: IntArray, first: int, out: FloatArray
-) -> None:
-    """J (6, nv) of [omega; v] of that point; first: index in v of the base's velocity, -1 where it is held."""
+def frame_jacobian(bodies: FloatArray, point: BodyPoint, places: IntArray, first: int, out: FloatArray) -> None:
+    """J (6, nv) of [omega; v] of a point; first: index in v of the base's velocity, -1 where it is held."""
     out[:6] = 0.0
-    x, y, z = place[at], place[at + 1], place[at + 2]
+    row, x, y, z = point.row, point.place[0], point.place[1], point.place[2]
     if first >= 0:
         for k in range(6):
             out[k, first + k] = 1.0
@@ -298,8 +333,9 @@ def carry_along(bodies: FloatArray, acceleration: FloatArray) -> None:
 
 
 @helper
-def wrenches_needed(bodies: FloatArray, places: IntArray, constants: FloatArray, trunk: FloatArray) -> FloatArray:
+def wrenches_needed(bodies: FloatArray, tree: Tree) -> FloatArray:
     """F (rows + 1, 6), the base's first."""
+    places, constants, trunk = tree
     n = places.shape[0]
     loads, inertia, momentum, scratch = np.empty((n + 1, 6)), np.empty(10), np.empty(6), np.empty(12)
     inertia_into(inertia, bodies[0], trunk, 0, scratch)

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray, IntArray
 
 
 @helper
 def polynomials(memory: FloatArray, table: FloatArray, orders: IntArray, estimate: FloatArray) -> None:
-    """y_d = w_d . X of each channel, d = 0, 1, 2; arguments as `advance`."""
+    """y_d = w_d . X of each channel, d = 0, 1, 2; table and orders are the weights of `advance`."""
     n, columns, window = orders.shape[0], table.shape[1], table.shape[0] // 2
     first, distinct = window - int(memory[memory.shape[0] - 1]), columns // 3
     sums = np.zeros((columns, n))
@@ -22,11 +22,10 @@ def polynomials(memory: FloatArray, table: FloatArray, orders: IntArray, estimat
             estimate[d * n + i] = sums[d * distinct + orders[i], i]
 
 
-@kernel(VECTOR, MATRIX, INDEX, OUT_VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(VECTOR, together(MATRIX, INDEX), OUT_VECTOR, OUT_VECTOR, OUT_VECTOR)
 def advance(
     signal: FloatArray,
-    table: FloatArray,
-    orders: IntArray,
+    weights: tuple[FloatArray, IntArray],
     memory: FloatArray,
     fault: FloatArray,
     estimate: FloatArray,
@@ -35,12 +34,13 @@ def advance(
 
     Args:
         signal: (n,) u[k].
-        table: (2N, 3m) the weights w_d of m orders twice over, so that those of any rotation stand together.
-        orders: (n,) which of the orders each channel has.
+        weights: (2N, 3m) w_d of m orders twice over, so that those of any rotation stand together; (n,) which of the
+            orders each channel has.
         memory: (N n + n + 1,) window, started flags and the row of the oldest sample; updated.
         fault: (n,) 1 where u[k] is not finite; written.
         estimate: (3n,) [y_0; y_1; y_2]; written.
     """
+    table, orders = weights
     n, window, end = orders.shape[0], table.shape[0] // 2, memory.shape[0] - 1
     oldest = int(memory[end])
     newest = (oldest - 1) % window
@@ -60,7 +60,7 @@ def advance(
 
 @kernel(VECTOR, MATRIX, INDEX, OUT_VECTOR)
 def fit(memory: FloatArray, table: FloatArray, orders: IntArray, estimate: FloatArray) -> None:
-    """The estimate that belongs to a memory; arguments as `advance`."""
+    """The estimate that belongs to a memory; arguments as `polynomials`."""
     polynomials(memory, table, orders, estimate)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray
 
 LARGEST = 1e6
@@ -51,12 +51,10 @@ def damping(away: float, options: FloatArray) -> float:
     return move
 
 
-@kernel(VECTOR, VECTOR, VECTOR, REAL, MATRIX, VECTOR, OUT_VECTOR)
+@kernel(VECTOR, together(VECTOR, VECTOR, REAL), MATRIX, VECTOR, OUT_VECTOR)
 def step(
     state: FloatArray,
-    command: FloatArray,
-    position: FloatArray,
-    fault: float,
+    given: tuple[FloatArray, FloatArray, float],
     limits: FloatArray,
     options: FloatArray,
     after: FloatArray,
@@ -66,13 +64,12 @@ def step(
     Args:
         state: (3n + 5,) [y; last finite position; anchor; mode, time in hold and damp, time sound, s, 1/T]; in normal
             mode the anchor is the y before the last. 1/T = 0 before the first tick.
-        command: (n,).
-        position: (n,).
-        fault: As the port.
+        given: (n,) command; (n,) position; fault as the port.
         limits: (4, n) offset limit, largest step, that of the start, and 1 for a position servo, 0 for another drive.
         options: dt, then start, hold and damp time, damp rate, recover and blend time.
         after: (3n + 5,) written.
     """
+    command, position, fault = given
     n = command.shape[0]
     mode, waited, sound_for, s, rate = (
         state[3 * n],

@@ -7,6 +7,8 @@ import numpy as np
 from drake_tc.kernels.compiling import MATRIX, OUT_VECTOR, TABLE, VECTOR, kernel, together
 from drake_tc.kernels.dynamics import (
     BODY_WIDTH,
+    Motion,
+    Tree,
     add_joint_accelerations,
     add_joint_forces,
     carry_along,
@@ -29,12 +31,13 @@ def joint_forces(motion: tuple[FloatArray, ...], tree: tuple[Any, ...], base: Fl
         base: (19,) quaternion and place of the base, [omega; v], and [alpha; proper acceleration] of its origin.
         out: (n,) written.
     """
-    (q, v, vdot), (places, constants, trunk) = motion, tree
+    (q, v, vdot), own = motion, Tree(*tree)
+    places = own.places
     bodies = np.empty((places.shape[0] + 1, BODY_WIDTH))
-    move(base, q, v, places, constants, bodies)
+    move(Motion(base, q, v), places, own.constants, bodies)
     add_joint_accelerations(bodies, places, vdot)
     carry_along(bodies, base[13:19])
-    loads = wrenches_needed(bodies, places, constants, trunk)
+    loads = wrenches_needed(bodies, own)
     out[:] = 0.0
     add_joint_forces(bodies, loads, places, out)
 

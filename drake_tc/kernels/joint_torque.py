@@ -18,6 +18,8 @@ import numpy as np
 from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, TABLE, VECTOR, helper, kernel, together
 from drake_tc.kernels.dynamics import (
     BODY_WIDTH,
+    Motion,
+    Tree,
     add_joint_accelerations,
     add_joint_forces,
     carry_along,
@@ -38,10 +40,9 @@ _STILL, _UNKNOWN = 12, 18
 
 
 @helper
-def imu_acceleration(
-    bodies: FloatArray, row: int, mode: int, pose: FloatArray, imu: FloatArray, out: FloatArray
-) -> None:
+def imu_acceleration(bodies: FloatArray, picks: IntArray, pose: FloatArray, imu: FloatArray, out: FloatArray) -> None:
     """[alpha; a] of the base into out[:6], from bodies whose base has none yet; pose (12,) of the IMU."""
+    row, mode = picks[0], picks[1]
     seen, motion = np.empty(6), np.empty(12)
     rotate_into(seen, 0, pose, imu, 6)
     rotate_into(seen, 3, pose, imu, 3)
@@ -92,18 +93,18 @@ def carry_base(joint: FloatArray, imu: FloatArray, robot: Robot) -> FloatArray:
     root[0] = 1.0
     if row >= 0:
         if row > 0:
-            move(root, q, v, places, constants, bodies)
+            move(Motion(root, q, v), places, constants, bodies)
             frame_pose(bodies, row, base, pose)
             rotate_into(root, 7, pose, imu, 0)
             for k in range(3):
                 root[7 + k] -= bodies[row, _VELOCITY + k]
         else:
             rotate_into(root, 7, base, imu, 0)
-    move(root, q, v, places, constants, bodies)
+    move(Motion(root, q, v), places, constants, bodies)
     add_joint_accelerations(bodies, places, vdot)
     if row >= 0:
         frame_pose(bodies, row, base, pose)
-        imu_acceleration(bodies, row, picks[1], pose, imu, acceleration)
+        imu_acceleration(bodies, picks, pose, imu, acceleration)
     else:
         acceleration[:] = base[_STILL : _STILL + 6]
     carry_along(bodies, acceleration)
@@ -151,7 +152,7 @@ def estimate(sensed: tuple[FloatArray, ...], robot: tuple[Any, ...], largest: fl
                 out[out.shape[0] - 1] = 1.0
                 return
     bodies = carry_base(joint, imu, own)
-    loads = wrenches_needed(bodies, places, own.constants, own.trunk)
+    loads = wrenches_needed(bodies, Tree(places, own.constants, own.trunk))
     pose, wrench = np.empty(12), np.empty(6)
     for i in range(sensors.shape[0]):
         at, row, touched = 6 * sensors[i, 0], sensors[i, 1], sensors[i, 2]

@@ -7,9 +7,11 @@ the CUSUMs, C of the moment b and C * C of the information matrix A, with two co
 old.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, VECTOR, helper, kernel
+from drake_tc.kernels.compiling import MATRIX, OUT_MATRIX, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray
 
 WAIT, HELD, CAUSE, SIZE, STARTED, LAST, COPY, LAG, RATE, BEFORE, PAST = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
@@ -54,21 +56,10 @@ def most_probable(moment: FloatArray, information: FloatArray, prior: FloatArray
     return best, change
 
 
-@kernel(MATRIX, VECTOR, MATRIX, MATRIX, VECTOR, OUT_MATRIX, OUT_MATRIX)
-def watch(
-    seen: FloatArray,
-    needed: FloatArray,
-    joints: FloatArray,
-    sizes: FloatArray,
-    numbers: FloatArray,
-    state: FloatArray,
-    out: FloatArray,
-) -> None:
-    """All joints of one tick.
+class Constants(NamedTuple):
+    """What does not change from tick to tick.
 
-    Args:
-        seen: (6, n) position, velocity, acceleration, load torque, effort, external torque; NaN: the residual is it.
-        needed: (n,) torque for which the model asks [N m].
+    Attributes:
         joints: (n, 7) standard deviation [N m], correlation from row to row, ticks of a row, largest external torque,
             gain K, inertia, 1/K of a position servo and 0 of other drives.
         sizes: (n, 3 C) sizes of the changes that are looked for, prior deviations, 0 where not looked for, and changes
@@ -77,9 +68,27 @@ def watch(
             nothing is learned, speed of rest, period [s], ticks in which a CUSUM reaches its limit at the soonest,
             shares of friction and of the needed torque that add to the largest external torque, time from a reversal
             [s]. Near one the rate stands still: it has no jump of the friction.
+    """
+
+    joints: FloatArray
+    sizes: FloatArray
+    numbers: FloatArray
+
+
+@kernel(MATRIX, VECTOR, together(MATRIX, MATRIX, VECTOR), OUT_MATRIX, OUT_MATRIX)
+def watch(
+    seen: FloatArray, needed: FloatArray, constants: tuple[FloatArray, ...], state: FloatArray, out: FloatArray
+) -> None:
+    """All joints of one tick.
+
+    Args:
+        seen: (6, n) position, velocity, acceleration, load torque, effort, external torque; NaN: the residual is it.
+        needed: (n,) torque for which the model asks [N m].
+        constants: See `Constants`.
         state: (n, size) of the joints; written.
         out: (n, 4 + C) whitened residual, cause, change, largest CUSUM over its limit, tracked changes; written.
     """
+    joints, sizes, numbers = Constants(*constants)
     count = sizes.shape[1] // 3
     keep, limit, hold, rest, period = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     learned = 3 * count + count * count

@@ -7,36 +7,32 @@ import math
 
 import numpy as np
 
-from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, VECTOR, WHOLE, helper, kernel, together
+from drake_tc.kernels.compiling import INDEX, MATRIX, OUT_VECTOR, REAL, VECTOR, helper, kernel, together
 from drake_tc.types import FloatArray, IntArray
 
 _TICK, _STUCK, _OFFSET = range(3)
 
 
-@kernel(VECTOR, MATRIX, WHOLE, VECTOR, VECTOR, MATRIX, INDEX, OUT_VECTOR)
+@kernel(VECTOR, VECTOR, together(VECTOR, VECTOR), together(MATRIX, INDEX), OUT_VECTOR)
 def reading(
     truth: FloatArray,
-    rows: FloatArray,
-    at: int,
-    ring: FloatArray,
-    last: FloatArray,
-    channels: FloatArray,
-    layout: IntArray,
+    row: FloatArray,
+    past: tuple[FloatArray, FloatArray],
+    settings: tuple[FloatArray, IntArray],
     out: FloatArray,
 ) -> None:
     """y[n] of `SensorBase`.
 
     Args:
         truth: (n,) u[n]; not looked at by a sensor with latency.
-        rows: (B, ...) [k, any m, o, m, a] of some ticks, m and a where the sensor has them.
-        at: Row of this tick.
-        ring: (L n,) the true values of the last L ticks; empty for a sensor that reads the present one.
-        last: (n,) last finite reading; empty for a sensor that is never stuck.
-        channels: (2, n) scale and resolution, 0 for none.
-        layout: (2,) latency [ticks], and where in a row the additional ages begin, 0 for none.
+        row: [k, any m, o, m, a] of this tick, m and a where the sensor has them.
+        past: (L n,) the true values of the last L ticks, empty for a sensor that reads the present one; (n,) last
+            finite reading, empty for a sensor that is never stuck.
+        settings: (2, n) scale and resolution, 0 for none; (2,) latency [ticks], and where in a row the additional ages
+            begin, 0 for none.
         out: (n,) written.
     """
-    n, row = out.shape[0], rows[at]
+    (ring, last), (channels, layout), n = past, settings, out.shape[0]
     length, tick = ring.shape[0] // n, int(row[_TICK])
     for i in range(n):
         age = layout[0]
@@ -141,29 +137,24 @@ def size_of(force: FloatArray) -> float:
     return math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
 
 
-@kernel(VECTOR, VECTOR, REAL, VECTOR, VECTOR, OUT_VECTOR, OUT_VECTOR, OUT_VECTOR)
+@kernel(together(VECTOR, VECTOR), REAL, VECTOR, VECTOR, together(OUT_VECTOR, OUT_VECTOR, OUT_VECTOR))
 def wrenches(
-    raw: FloatArray,
-    flagged: FloatArray,
+    sensed: tuple[FloatArray, FloatArray],
     settled: float,
     options: FloatArray,
     state: FloatArray,
-    reading: FloatArray,
-    good: FloatArray,
-    after: FloatArray,
+    written: tuple[FloatArray, FloatArray, FloatArray],
 ) -> bool:
     """One tick of `ValidatedWrench`; whether all sensors can be believed.
 
     Args:
-        raw: (6k,) [f; t].
-        flagged: (mk,) any that is up leaves its sensor out.
+        sensed: (6k,) raw [f; t]; (mk,) of which any that is up leaves its sensor out.
         settled: 1 where jumps count.
         options: 1 - exp(-dt/T) of the mean, `LOAD_JUMP`, `LOADS_AGREE`.
         state: (13k + 1,) last good readings, raw ones, mean of the total load, and 1 for each sensor that is doubted.
-        reading: (6k,) written.
-        good: (k,) 1 where a sensor can be believed; written.
-        after: (13k + 1,) written.
+        written: (6k,) reading; (k,) 1 where a sensor can be believed; (13k + 1,) the state after it.
     """
+    (raw, flagged), (reading, good, after) = sensed, written
     k, marks = good.size, flagged.size // good.size
     before, sizes, doubt, total, suspect = state[12 * k], 0.0, np.zeros(k), 0.0, False
     for i in range(k):

@@ -151,7 +151,8 @@ def run(calls: IntArray, time: float) -> int:
             if rows.shape[0] > 1 and not 0 <= tick < rows.shape[0]:
                 return i
             row = tick if rows.shape[0] > 1 else 0
-            reading(vector(c, 0), rows, row, vector(c, 4), vector(c, 5), matrix(c, 6), index(c, 7), vector(c, 8))
+            past, settings = (vector(c, 4), vector(c, 5)), (matrix(c, 6), index(c, 7))
+            reading(vector(c, 0), rows[row], past, settings, vector(c, 8))
         elif kind == ESTIMATE:
             given = (vector(c, 0), vector(c, 1), vector(c, 2))
             robot = (table(c, 3), matrix(c, 4), vector(c, 5), vector(c, 6), index(c, 7), table(c, 8), matrix(c, 9))
@@ -164,14 +165,15 @@ def run(calls: IntArray, time: float) -> int:
             more, tables = (vector(c, 6), vector(c, 7)), (matrix(c, 10), matrix(c, 11), table(c, 12), vector(c, 13))
             solve(inputs + more, index(c, 8), vector(c, 9)[0], tables, vector(c, 14))
         elif kind == GUARD:
-            step(vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3)[0], matrix(c, 4), vector(c, 5), vector(c, 6))
+            asked = (vector(c, 1), vector(c, 2), vector(c, 3)[0])
+            step(vector(c, 0), asked, matrix(c, 4), vector(c, 5), vector(c, 6))
         elif kind == ADVANCE:
             now = (vector(c, 0), vector(c, 1), vector(c, 2), vector(c, 3), vector(c, 4), time)
             models = (table(c, 6), matrix(c, 7), table(c, 8), matrix(c, 9), table(c, 10), vector(c, 11), vector(c, 12))
             if advance(now, models, False, matrix(c, 14), vector(c, 15)):
                 return i
         elif kind == FILTER:
-            filtered(vector(c, 0), matrix(c, 1), index(c, 2), vector(c, 3), vector(c, 4), vector(c, 5))
+            filtered(vector(c, 0), (matrix(c, 1), index(c, 2)), vector(c, 3), vector(c, 4), vector(c, 5))
         elif kind == RAISE_FLAGS:
             checked = (matrix(c, 2), index(c, 3), matrix(c, 4), index(c, 5), index(c, 6)[0], vector(c, 7))
             level = raise_flags((vector(c, 0), vector(c, 1)), checked, vector(c, 8), vector(c, 9))
@@ -214,8 +216,8 @@ def run(calls: IntArray, time: float) -> int:
             imu(doubts, settled, (vector(c, 4), vector(c, 5)), vector(c, 6), (vector(c, 7), vector(c, 8)))
         elif kind == WRENCHES:
             jumps, told = 1.0 if time >= vector(c, 2)[0] else 0.0, vector(c, 8)
-            raw = (vector(c, 0), vector(c, 1), jumps, vector(c, 3), vector(c, 4))
-            if not wrenches(*raw, vector(c, 5), vector(c, 6), vector(c, 7)):
+            raw, validated = (vector(c, 0), vector(c, 1)), (vector(c, 5), vector(c, 6), vector(c, 7))
+            if not wrenches(raw, jumps, vector(c, 3), vector(c, 4), validated):
                 return i
             stood = vector(c, 9)
             for k in range(told.shape[0]):

@@ -1,7 +1,7 @@
 """A tick of the torque laws of series-elastic joints, see `drake_tc.control.series_elastic`."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,27 +18,37 @@ SHAPE, CURVE, GROWTH, SPEED, UNDER_WAY, FELT = range(6)
 """Rows of weights on the memory's ticks."""
 
 
+class Observer(NamedTuple):
+    """A generalized-momentum observer of one joint.
+
+    Attributes:
+        inertia: J [kg m^2].
+        gain: K_o [rad/s].
+        dt: [s].
+    """
+
+    inertia: float
+    gain: float
+    dt: float
+
+
 @helper
-def momentum(
-    inertia: float, gain: float, thrust: float, total: float, last: float, speed: float, dt: float
-) -> tuple[float, float]:
+def momentum(of: Observer, thrust: float, total: float, last: float, speed: float) -> tuple[float, float]:
     """Generalized-momentum observer of one joint, one tick: (friction, integral).
 
         s[k] = s[k-1] + dt (v[k-1]/K - F_v w[k] - tau[k] - f[k-1]),   f[k] = K_o (s[k] - J w[k])
 
     Args:
-        inertia: J [kg m^2].
-        gain: K_o [rad/s].
+        of: The observer.
         thrust: v[k-1]/K - F_v w[k] - tau[k]; the published observer knows no delay [N m].
         total: s[k-1].
         last: f[k-1] [N m].
         speed: w[k] [rad/s].
-        dt: [s].
 
     Source: De Luca and Mattone (2003); Le Tien et al. (2008), for friction of joints with torque sensors.
     """
-    total += dt * (thrust - last)
-    return gain * (total - inertia * speed), total
+    total += of.dt * (thrust - last)
+    return of.gain * (total - of.inertia * speed), total
 
 
 @helper
@@ -192,7 +202,8 @@ def law(
     for j in range(n):
         if mode == MOMENTUM:
             thrust = motor[0, j] * previous[VOLTAGE, j] - motor[1, j] * speed[j] - last[TORQUE, j]
-            friction[j], integral[0, j] = momentum(motor[2, j], gain, thrust, held[0, j], held[1, j], speed[j], dt)
+            observer_of = Observer(motor[2, j], gain, dt)
+            friction[j], integral[0, j] = momentum(observer_of, thrust, held[0, j], held[1, j], speed[j])
             integral[1, j] = friction[j]
         push = motor[1, j] * integral[2, j] + friction[j] + motor[2, j] * (readings[3, j] + winding[j])
         push += last[SHAPED, j]

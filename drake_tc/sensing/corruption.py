@@ -281,7 +281,7 @@ class SensorOnArrays:
             if not 0 <= tick - first_tick[0] < len(rows):
                 first_tick[0] = tick - tick % BLOCK
                 rows[:] = self._rows(tick // BLOCK, 0.0 if draw is None else float(draw[0]))[: len(rows)]
-            _READING(truth, rows, int(tick - first_tick[0]), nothing, nothing, *fixed, out)
+            _READING(truth, rows[int(tick - first_tick[0])], (nothing, nothing), fixed, out)
 
         reading = KernelCall(READING, read, truth, rows, first_tick, self._dt, nothing, nothing, *fixed, out)
         return ([look, reading] if isinstance(given, Held) else [reading]), None
@@ -292,15 +292,17 @@ class SensorOnArrays:
         row, line, last = np.split(arrays.before, self._ends())
         next_row, next_line, next_last = np.split(arrays.after, self._ends())
         rows, nothing, block, draw = row[np.newaxis], self._nothing, _Rows(), _draw_from(arrays)
-        fixed = (line, last, self._channels, self._layout, out)
+        past, fixed = (line, last), (self._channels, self._layout)
 
         def outputs(time: float) -> None:
             seen = nothing if self._delay else truth()
-            _READING(seen, rows, 0, *fixed)
+            _READING(seen, row, past, fixed, out)
 
         shown: Call = outputs
         if self._delay:
-            shown = KernelCall(READING, outputs, nothing, rows, np.zeros(1, dtype=np.int64), self._dt, *fixed)
+            shown = KernelCall(
+                READING, outputs, nothing, rows, np.zeros(1, dtype=np.int64), self._dt, *past, *fixed, out
+            )
 
         def update(time: float) -> None:
             tick = int(row[TICK])

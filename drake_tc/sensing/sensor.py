@@ -209,7 +209,7 @@ class SensorBase(SensorOnArrays, PortMethods, LeafSystem):
         ring = context.get_discrete_state(self._line).value() if self._length else self._nothing
         last = context.get_discrete_state(self._last).value() if self._freezes else self._nothing
         truth = self._nothing if self._delay else self._truth(context)
-        _READING(truth, rows, at, ring, last, self._channels, self._layout, output.get_mutable_value())
+        _READING(truth, rows[at], (ring, last), (self._channels, self._layout), output.get_mutable_value())
 
     def _update(self, context: Any, values: DiscreteValues) -> None:
         new: Any = values

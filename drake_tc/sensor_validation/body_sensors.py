@@ -167,8 +167,8 @@ class ValidatedWrench(PortMethods, LeafSystem):
 
     def _check(self, now: Sequence[FloatArray], time: float, before: FloatArray, solved: _Solved) -> None:
         """The readings of a tick and the state after it."""
-        fixed = (float(time >= SETTLED), self._options, before)
-        solved.well = _WRENCHES(*now, *fixed, solved.reading, solved.good, solved.after)
+        written = (solved.reading, solved.good, solved.after)
+        solved.well = _WRENCHES(tuple(now), float(time >= SETTLED), self._options, before, written)
 
     def _stood(self, solved: _Solved, stood: FloatArray | None) -> FloatArray:
         """(c,) the output `contacts`, of the input of that name; None where that is not connected."""

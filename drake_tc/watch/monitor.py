@@ -253,7 +253,7 @@ class ModelMonitor(PortMethods, LeafSystem):
         """
         n = needed.size
         state, out = memory.reshape(n, -1), shown.reshape(n, -1)
-        _WATCH(seen, needed, self._joints, self._sizes, self._numbers, state, out)
+        _WATCH(seen, needed, (self._joints, self._sizes, self._numbers), state, out)
 
 
 def _state_size(causes: int) -> int:

@@ -17,7 +17,7 @@ from drake_tc.control.series_elastic import (
     observer_weights,
 )
 from drake_tc.errors import ParamsError
-from drake_tc.kernels.series_elastic import momentum
+from drake_tc.kernels.series_elastic import Observer, momentum
 
 DT = 1e-3
 MOTOR = VoltageMotor(0.04, 0.04, 0.6, 1.2e-5, 100.0, 3.0, 1.5, 200.0, 24.0)
@@ -64,11 +64,12 @@ def test_the_momentum_observer_lags_by_its_gain():
     """f -> F (1 - exp(-K t)) for a friction F that sets in, whatever the motion."""
     gain, dry, rng = 40.0, 2.0, np.random.default_rng(0)
     total = friction = speed = 0.0
+    observer = Observer(MOTOR.inertia, gain, DT)
     for tick in range(1, 61):
         volts, torque = rng.uniform(-2.0, 2.0), rng.uniform(-3.0, 3.0)
         thrust = volts / MOTOR.volts_per_torque - torque
         speed = (speed + DT * (thrust - dry) / MOTOR.inertia) / (1.0 + DT * MOTOR.damping / MOTOR.inertia)
-        friction, total = momentum(MOTOR.inertia, gain, thrust - MOTOR.damping * speed, total, friction, speed, DT)
+        friction, total = momentum(observer, thrust - MOTOR.damping * speed, total, friction, speed)
         if tick in (10, 25, 60):
             assert_allclose(friction, dry * (1.0 - np.exp(-gain * tick * DT)), rtol=0.03)
 

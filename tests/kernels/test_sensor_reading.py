@@ -11,7 +11,7 @@ PLAIN, NOTHING = np.array([[1.0, 1.0], [0.0, 0.0]]), np.zeros(0)
 
 def read(truth, row, *, ring=NOTHING, last=NOTHING, channels=PLAIN, layout=(0, 0)):
     out = np.empty(2)
-    READING(np.array(truth), np.array([row]), 0, ring, last, channels, np.array(layout), out)
+    READING(np.array(truth), np.array(row), (ring, last), (channels, np.array(layout)), out)
     return out
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_tc.kernels.base.state import STARTED, Memory
 from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, helper, together
-from drake_tc.kernels.dynamics import BODY_WIDTH, frame_motion, frame_pose, move
+from drake_tc.kernels.dynamics import BODY_WIDTH, Motion, frame_motion, frame_pose, move
 from drake_tc.kernels.linear_algebra import cross
 from drake_tc.types import FloatArray, IntArray
 
@@ -227,7 +227,7 @@ def posture_of(q: FloatArray, qd: FloatArray, tree: tuple[Any, ...]) -> Posture:
     count = frame_bodies.size
     bodies, base = np.empty((places.shape[0] + 1, BODY_WIDTH)), np.zeros(13)
     base[0] = 1.0
-    move(base, q, qd, places, constants, bodies)
+    move(Motion(base, q, qd), places, constants, bodies)
     rotation, position = np.empty((count, 3, 3)), np.empty((count, 3))
     rate, velocity = np.empty((count, 3)), np.empty((count, 3))
     pose, motion = np.empty(12), np.empty(12)

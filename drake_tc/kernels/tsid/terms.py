@@ -7,6 +7,9 @@ import numpy as np
 from drake_tc.kernels.compiling import INDEX, MATRIX, TABLE, VECTOR, WHOLE, helper, kernel, together
 from drake_tc.kernels.dynamics import (
     BODY_WIDTH,
+    BodyPoint,
+    Motion,
+    Tree,
     forces_and_inertias,
     frame_jacobian,
     frame_motion,
@@ -85,7 +88,7 @@ def contact_rows(robot: Robot, bodies: FloatArray, active: IntArray, jacobian: F
         body = robot.frame_bodies[frame]
         frame_pose(bodies, body, robot.frames[frame], pose)
         frame_motion(bodies, body, pose, 9, motion)
-        frame_jacobian(bodies, body, pose, 9, robot.places, robot.floating[1], whole)
+        frame_jacobian(bodies, BodyPoint(body, pose[9:]), robot.places, robot.floating[1], whole)
         if upright:
             pose[:9] = 0.0
             pose[0] = pose[4] = pose[8] = 1.0
@@ -121,9 +124,9 @@ def terms(q: FloatArray, v: FloatArray, robot: tuple[Any, ...], active: IntArray
     else:
         base[:7] = own.held
     bodies = np.empty((n + 1, BODY_WIDTH))
-    move(base, q, v, own.places, own.constants, bodies)
+    move(Motion(base, q, v), own.places, own.constants, bodies)
     mass, load = np.zeros((6 + n, 6 + n)), np.empty(6 + n)
-    whole = forces_and_inertias(bodies, own.places, own.constants, own.trunk, mass, load)
+    whole = forces_and_inertias(bodies, Tree(own.places, own.constants, own.trunk), mass, load)
     matrix, bias, momentum = arranged(own, mass, load, nv)
     x, y, z = whole[1] / whole[0], whole[2] / whole[0], whole[3] / whole[0]
     rate = np.empty((6, 1))
@@ -150,7 +153,7 @@ def frame_terms(
     body = own.frame_bodies[index]
     frame_pose(bodies, body, own.frames[index], pose)
     frame_motion(bodies, body, pose, 9, motion)
-    frame_jacobian(bodies, body, pose, 9, own.places, own.floating[1], jacobian)
+    frame_jacobian(bodies, BodyPoint(body, pose[9:]), own.places, own.floating[1], jacobian)
     rotation, position = pose[:9].copy().reshape(3, 3), np.empty(3)
     for k in range(3):
         start = own.held[4 + k] if own.floating[0] < 0 else q[own.floating[0] + 4 + k]
