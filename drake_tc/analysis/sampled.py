@@ -9,7 +9,7 @@ One control period of a Diagram as a function of state and inputs, and its deriv
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -96,6 +96,8 @@ STEP = 1e-5
 """Of the differences, times max(1, |x|)."""
 DRIFT = 1e-5
 """Eigenvalues as close to 1 belong to what stays where it is put."""
+SINGULAR = 1e12
+"""Condition number from which on an algebraic loop has no solution."""
 NEGLIGIBLE = 1e-9
 """Entries of A below this share of its largest are rounding errors of the differences."""
 
@@ -212,7 +214,7 @@ class SampledSystem:
         shut = list(range(len(self.inputs))) if channels is None else list(channels)
         left = [i for i in range(len(self.inputs)) if i not in shut]
         around = np.eye(len(shut)) - self.d[np.ix_(shut, shut)]
-        if shut and np.linalg.cond(around) > 1e12:
+        if shut and np.linalg.cond(around) > SINGULAR:
             raise ParamsError("closed: expected a loop with one solution; this one is algebraic and singular")
         from_x, from_u = np.linalg.solve(around, self.c[shut]), np.linalg.solve(around, self.d[np.ix_(shut, left)])
         rows = [i for i in range(len(self.outputs)) if i not in shut]
@@ -321,8 +323,13 @@ def linearise(
     )
 
 
-def open_loop(diagram: Diagram, context: Context, dt: float, port: str, step: float = STEP) -> SampledSystem:
+def open_loop(
+    diagram: Diagram, context: Context, dt: float, port: str, step: float = STEP, *, relative_to: str | None = None
+) -> SampledSystem:
     """The loop cut open at a port: u goes in there, y is what would have come; closed again it is u = y.
+
+    With `relative_to`, a port with r, the cut is at the difference: u + r goes in, and y is what would have come less
+    r. A position servo's effort q_d - q is "torque_control:command" relative to "torque_control:position".
 
     Args:
         diagram: As `linearise`; so are `context`, `dt` and `step`.
@@ -330,9 +337,10 @@ def open_loop(diagram: Diagram, context: Context, dt: float, port: str, step: fl
         dt: See there.
         step: See there.
         port: "system:port", an output port (all that it feeds is cut) or an input port (that one wire).
+        relative_to: "system:port" of the same size, whose connections stay.
 
     Raises:
-        ParamsError, SimulationError: as `linearise`.
+        ParamsError, SimulationError: as `linearise`; a port of another size.
 
     Example:
         >>> diagram = small_loop()
@@ -340,7 +348,28 @@ def open_loop(diagram: Diagram, context: Context, dt: float, port: str, step: fl
         >>> cut.inputs
         ('gain:y0[0]',)
     """
-    return linearise(diagram, context, dt, inputs=(port,), outputs=(port,), step=step)
+    if relative_to is None:
+        return linearise(diagram, context, dt, inputs=(port,), outputs=(port,), step=step)
+    found = linearise(diagram, context, dt, inputs=(port,), outputs=(port, relative_to), step=step)
+    m = len(found.inputs)
+    if len(found.outputs) != 2 * m:
+        raise ParamsError(
+            f"relative_to: expected a port of size {m}, as {port} has, got {relative_to} of size"
+            f" {len(found.outputs) - m}"
+        )
+    around = np.eye(m) - found.d[m:]
+    if np.linalg.cond(around) > SINGULAR:
+        raise ParamsError(f"relative_to: {relative_to} follows {port} within the tick, so that nothing is left to cut")
+    from_x, from_u = np.linalg.solve(around, found.c[m:]), np.linalg.inv(around)
+    difference, direct = found.c[:m] - found.c[m:], found.d[:m] - found.d[m:]
+    return replace(
+        found,
+        a=found.a + found.b @ from_x,
+        b=found.b @ from_u,
+        c=difference + direct @ from_x,
+        d=direct @ from_u,
+        outputs=found.outputs[:m],
+    )
 
 
 def loop_margins(

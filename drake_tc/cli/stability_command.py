@@ -70,6 +70,10 @@ def stability_command(
     open_at: Annotated[
         str, typer.Option(help="SYSTEM:PORT or SYSTEM:PORT[i] where the loop is cut.")
     ] = "torque_control:command",
+    relative_to: Annotated[
+        str | None,
+        typer.Option(help="SYSTEM:PORT that is taken off there: torque_control:position cuts the effort of servos."),
+    ] = None,
     joint: Annotated[
         str | None, typer.Option(help="Joint whose channel is cut, or its number from 0; the first when left out.")
     ] = None,
@@ -108,11 +112,12 @@ def stability_command(
         if entry.kind == "torque":
             scenario = replace(scenario, sensors="perfect")
         with naming_errors(f"stability {diagram}"):
-            channel, found = _analyse(entry, scenario, open_at, joint, at, seed, progress)
+            channel, found = _analyse(entry, scenario, (open_at, relative_to), joint, at, seed, progress)
     if as_json:
-        print(json.dumps({"diagram": diagram, "at": at, "friction": friction, "open_at": channel, **_to_json(found)}))
+        where = {"diagram": diagram, "at": at, "friction": friction, "open_at": channel, "relative_to": relative_to}
+        print(json.dumps({**where, **_to_json(found)}))
         return
-    _print(found, channel)
+    _print(found, channel if relative_to is None else f"{channel} relative to {relative_to}")
 
 
 def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, direction: float) -> Any:
@@ -133,7 +138,7 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
 def _analyse(
     entry: "DiagramEntry[Any, Any]",
     scenario: Any,
-    open_at: str,
+    cut_at: tuple[str, str | None],
     joint: str | None,
     at: float,
     seed: int,
@@ -144,6 +149,7 @@ def _analyse(
     from drake_tc.analysis.sampled import loop_margins, open_loop
     from drake_tc.control.stability_margins import frequency_grid
 
+    open_at, relative_to = cut_at
     progress("to the operating point", 0.0)
     loop, context = settled_at(entry, scenario, at)
     place = _channel(loop, joint)
@@ -153,7 +159,7 @@ def _analyse(
         raise ParamsError(
             f"--joint: expected --open-at without an index, got {open_at}; give --joint or an index, not both"
         )
-    cut = open_loop(loop.diagram, context, loop.period, requested.port)
+    cut = open_loop(loop.diagram, context, loop.period, requested.port, relative_to=relative_to)
     index = requested.index if joint is None else place
     if index >= len(cut.inputs):
         which = f"element {index}" if joint is None else f"joint {joint!r}"

@@ -312,9 +312,18 @@ def quick_margins(loop: JointLoop) -> Margins | None:
     if abs(np.unwrap(np.angle(closed))[-1] - np.angle(closed[0])) > 0.5 * np.pi:
         return None
     plant = np.fft.rfft(np.convolve(loop.plant, loop.integrator), POINTS)[1:]
-    opened = closed / plant - 1.0
-    omega: FloatArray = np.arange(1.0, opened.size + 1.0) * (2.0 * np.pi / (POINTS * loop.dt))
-    peak = float(np.max(np.abs(plant / closed)))
+    omega: FloatArray = np.arange(1.0, closed.size + 1.0) * (2.0 * np.pi / (POINTS * loop.dt))
+    return grid_margins(closed / plant - 1.0, omega)
+
+
+def grid_margins(opened: ComplexArray, omega: FloatArray) -> Margins:
+    """Margins of a stable loop from its open response on a grid, to the grid's resolution.
+
+    Args:
+        opened: (W,) L, negative feedback.
+        omega: (W,) rising frequencies up to that of Nyquist [rad/s].
+    """
+    peak = float(np.max(np.abs(1.0 / (1.0 + opened))))
     phase, late, crossover = _unity(opened, omega)
     gain, turning = _real(opened, omega)
     return Margins(gain, phase, late, peak, crossover, turning)

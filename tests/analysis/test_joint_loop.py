@@ -60,8 +60,17 @@ def test_open_loop_is_that_of_the_diagram(tmp_path):
     loop, context = started(scenario)
     cut = open_loop(loop.diagram, context, scenario.dt, "torque_control:command")
     omega = np.geomspace(1.0, 3000.0, 40)
-    wanted = command_loop(closed_form(loop, context, TRUE, MODEL), omega)
-    assert_allclose(cut.loop_response(0)(omega), wanted, rtol=1e-6)
+    mine = closed_form(loop, context, TRUE, MODEL)
+    assert_allclose(cut.loop_response(0)(omega), command_loop(mine, omega), rtol=1e-6)
+    at_effort = open_loop(
+        loop.diagram, context, scenario.dt, "torque_control:command", relative_to="torque_control:position"
+    )
+    assert_allclose(at_effort.loop_response(0)(omega), mine.open_loop(omega), rtol=1e-6)
+    assert_allclose(at_effort.closed().spectral_radius, cut.closed().spectral_radius, atol=1e-9)
+    with pytest.raises(ParamsError, match="relative_to: expected a port of size"):
+        open_loop(loop.diagram, context, scenario.dt, "torque_control:command", relative_to="plant:state")
+    with pytest.raises(ParamsError, match="within the tick"):
+        open_loop(loop.diagram, context, scenario.dt, "torque_control:command", relative_to="guard:command")
 
 
 @pytest.mark.parametrize("kf", [pytest.param(0.0, marks=pytest.mark.slow), 1.5])

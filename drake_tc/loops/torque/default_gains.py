@@ -2,30 +2,27 @@
 
 Default gains and filter window of a torque loop: the stiffest ones that leave each joint its margins.
 
-A joint is judged by itself, in sliding and with the others at rest (`joint_loops`): its loop, cut at the drive's
-effort, must bear a factor of `GAIN_MARGIN` and a phase of `PHASE_MARGIN`.
+Joints are judged in sliding: the loop of each, cut at the effort of its drive, must bear a factor of `GAIN_MARGIN` and
+a phase of `PHASE_MARGIN`, while the others are at rest (`joint_loops`) as while their loops are closed (`coupling`).
 """
 
 import logging
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.actuation.model import ActuatorModel
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.joint_loop import JointLoop, quick_margins, with_values
 from drake_tc.control.stability_margins import Margins
 from drake_tc.errors import DrakeTcError, ParamsError
+from drake_tc.loops.torque.coupling import Coupling, coupled_margins, coupling
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source
 from drake_tc.loops.torque.stages import LoopDesign
-from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import PRISMATIC, joint_axes
-from drake_tc.types import GRAVITY, FloatArray
+from drake_tc.types import FloatArray
 
 
 def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str, JointLoop]:
@@ -42,17 +39,27 @@ def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str
         ParamsError: another loop, a scenario that cannot be built, or numbers that make no loop.
     """
     design = loop if isinstance(loop, LoopDesign) else LoopDesign.of_scenario(loop)
+    return dict(tied_loops(design, direction).loops)
+
+
+def tied_loops(design: LoopDesign, direction: float = 0.0) -> "JointLoops":
+    """The loops of `joint_loops`, and what ties them together."""
     spec, gains = design.spec, design.gains
     _check_loop(spec)
     filters = spec.filters
     loops = {}
-    true_weights = _weights(design.plant_robot, design.posture)
-    for i, (joint, weights) in enumerate(_weights(design.robot, design.posture).items()):
-        moved = true_weights[joint]
+    known = moved = coupling(design.robot, design.posture)
+    if design.plant_robot is not design.robot:
+        moved = coupling(design.plant_robot, design.posture)
+    for i, joint in enumerate(design.robot.joints):
         true, model = design.actuators[i], design.models[i]
         (k_tau, k_v), (k_tau_model, k_v_model) = _drive(true, direction), _drive(model, direction)
         loops[joint] = JointLoop(
-            inertia=moved["link_inertia"] + true.inertia,
+            inertia=float(moved.inertia[i, i]) + true.inertia,
+            link_inertia=float(known.inertia[i, i]),
+            gravity_stiffness=float(moved.gravity[i, i]),
+            sensed_inertia=float(known.sensed_inertia[i, i]),
+            sensed_gravity=float(known.sensed_gravity[i, i]),
             k_tau=k_tau,
             k_v=k_v,
             k_tau_model=k_tau_model,
@@ -69,9 +76,8 @@ def joint_loops(loop: Scenario | LoopDesign, direction: float = 0.0) -> dict[str
             gravity_at=spec.configuration,
             velocity_from=spec.compensation.velocity,
             rotor_model=0.0 if spec.compensation.acceleration == "none" else model.inertia,
-            **weights | {"gravity_stiffness": moved["gravity_stiffness"]},
         )
-    return loops
+    return JointLoops(loops, known, moved)
 
 
 def _check_loop(spec: TorqueLoopSpec) -> None:
@@ -93,56 +99,6 @@ def _drive(model: ActuatorModel, direction: float) -> tuple[float, float]:
     return gain, gain * values.get("viscous", {}).get("viscous", 0.0)
 
 
-def _weights(robot: Robot, at: FloatArray) -> dict[str, dict[str, Any]]:
-    """Joint to inertia and gravity stiffness of what it moves, and of what lies beyond the F/T sensor."""
-    plant: Any = make_plant(robot, 0.0)
-    context = plant.CreateDefaultContext()
-    positions = np.array(plant.GetPositions(context))
-    for name, position in zip(robot.joints, at, strict=True):
-        positions[plant.GetJointByName(name).position_start()] = position
-    plant.SetPositions(context, positions)
-    sensed = [_beyond(plant, mount.joint) for mount in robot.force_torque]
-    found: dict[str, dict[str, Any]] = {}
-    for name in robot.joints:
-        joint = plant.GetJointByName(name)
-        moved = plant.GetBodiesKinematicallyAffectedBy([joint.index()])
-        beyond = [body for bodies in sensed for body in bodies if body in moved]
-        link_inertia, gravity = _about(plant, context, joint, moved)
-        inertia, weight = _about(plant, context, joint, beyond) if beyond else (0.0, 0.0)
-        found[name] = {
-            "link_inertia": link_inertia,
-            "gravity_stiffness": gravity,
-            "sensed_inertia": inertia,
-            "sensed_gravity": weight,
-        }
-    return found
-
-
-def _beyond(plant: MultibodyPlant, weld: str) -> list[Any]:
-    """Bodies at and beyond a welded sensor joint that move with its child."""
-    child = plant.GetJointByName(weld).child_body()
-    found = [child.index()]
-    for index in plant.GetJointIndices():
-        joint: Any = plant.get_joint(index)
-        if joint.parent_body().index() in found:
-            found.append(joint.child_body().index())
-    return found
-
-
-def _about(plant: Any, context: Any, joint: Any, bodies: list[Any]) -> tuple[float, float]:
-    """(inertia [kg m^2], stiffness -d tau_gravity/dq [N m/rad]) of bodies about a joint's axis.
-
-    Of a prismatic joint, (mass [kg], 0 [N/m]): gravity does not change along its axis.
-    """
-    if joint.type_name() == PRISMATIC:
-        return float(plant.CalcSpatialInertia(context, joint.frame_on_parent(), bodies).get_mass()), 0.0
-    frame, axis = joint.frame_on_parent(), joint_axes(plant, [joint])[0]
-    spatial = plant.CalcSpatialInertia(context, frame, bodies)
-    weight = frame.CalcPoseInWorld(context).rotation().matrix().T @ [0.0, 0.0, -GRAVITY * spatial.get_mass()]
-    inertia = float(axis @ spatial.CalcRotationalInertia().CopyToFullMatrix3() @ axis)
-    return inertia, float(-axis @ np.cross(np.cross(axis, spatial.get_com()), weight))
-
-
 _LOG = logging.getLogger(__name__)
 GAIN_MARGIN = 2.0
 """Least factor on the loop gain, up or down, that brings a joint to its border."""
@@ -156,40 +112,93 @@ SETTINGS = tuple(
 """(K6 [-], K7 [s], Kp [-]) from stiff to soft."""
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """A joint's setting: gains as in `SETTINGS`, and whether they leave the margins."""
-
-    k6: float
-    k7: float
-    kp: float
-    sound: bool
+KEPT = 0.5
+"""Share of a joint's K6 that is left it when the other loops disturb it; a shorter window is preferred to less."""
+ROUNDS = 4
+"""In which joints that disturb each other get other settings."""
+Setting = tuple[float, float, float]
 
 
 def is_sound(found: Margins | None) -> bool:
     """Whether margins of a stable loop suffice."""
-    if found is None:
-        return False
-    gain = math.exp(abs(math.log(found.gain_margin))) if found.gain_margin > 0.0 else 0.0
-    return gain >= GAIN_MARGIN and abs(found.phase_margin) >= PHASE_MARGIN
+    return found is not None and _lacking(found) == 0.0
 
 
-def chosen_setting(loop: JointLoop) -> Chosen:
-    """The stiffest of `SETTINGS` that leaves a joint its margins, or the one of the lowest sensitivity peak."""
-    best, peak = SETTINGS[-1], math.inf
-    for k6, k7, kp in SETTINGS:
-        found = quick_margins(with_values(loop, {"k6": k6, "k7": k7, "kp": kp}))
-        if is_sound(found):
-            return Chosen(k6, k7, kp, sound=True)
-        if found is not None and found.sensitivity_peak < peak:
-            best, peak = (k6, k7, kp), found.sensitivity_peak
-    return Chosen(*best, sound=False)
+def _lacking(found: Margins) -> float:
+    """What margins lack, each as a share of what they shall be."""
+    factor = abs(math.log(found.gain_margin)) if found.gain_margin > 0.0 else 0.0
+    return max(0.0, 1.0 - factor / math.log(GAIN_MARGIN)) + max(0.0, 1.0 - abs(found.phase_margin) / PHASE_MARGIN)
+
+
+@dataclass(frozen=True, eq=False)
+class JointLoops:
+    """The loops of a robot's joints, and what ties them together.
+
+    Attributes:
+        loops: Joint to its loop (`joint_loops`).
+        known, moved: What the controller takes the links for, and what they are.
+    """
+
+    loops: Mapping[str, JointLoop]
+    known: Coupling
+    moved: Coupling
+
+    def margins(self, changes: Sequence[Mapping[str, float]] | None = None) -> list[Margins] | None:
+        """Of every joint while the other loops are closed; None where they are unstable together.
+
+        Args:
+            changes: One a joint: values that replace the loop's own.
+        """
+        loops = list(self.loops.values())
+        if changes is not None:
+            loops = [with_values(loop, values) for loop, values in zip(loops, changes, strict=True)]
+        return coupled_margins(loops, self.moved, self.known)
+
+    def settings(self, window: int, kept: float = 0.0) -> tuple[list[Setting], list[bool]]:
+        """The stiffest of `SETTINGS` that leave every joint its margins with these filters, and whether they do.
+
+        Each joint begins with the stiffest that suffices while the others are at rest. Joints whose margins the closed
+        loops of the others take then get, the worst first, the stiffest setting that restores them, or most of them,
+        without taking those of others. A joint without any that suffices alone has that of the lowest sensitivity peak.
+
+        Args:
+            window: Of the filters [samples].
+            kept: Least share of the K6 with which a joint begins.
+        """
+        options, alone = [], []
+        for loop in self.loops.values():
+            found = [(s, quick_margins(with_values(loop, _values(s, window)))) for s in SETTINGS]
+            enough = [s for s, each in found if is_sound(each)]
+            calm = min(found, key=lambda pair: math.inf if pair[1] is None else pair[1].sensitivity_peak)
+            options.append([s for s in enough if s[0] >= kept * enough[0][0]] or [calm[0]])
+            alone.append(bool(enough))
+        places = [0] * len(options)
+
+        def lacking(at: Sequence[int]) -> FloatArray:
+            found = self.margins([_values(each[k], window) for each, k in zip(options, at, strict=True)])
+            return np.full(len(at), np.inf) if found is None else np.array([_lacking(each) for each in found])
+
+        now = lacking(places)
+        for _ in range(ROUNDS if all(alone) else 0):
+            for i in np.argsort(-now, kind="stable").tolist():
+                if now[i] > 0.0:
+                    tried = np.array([lacking([*places[:i], k, *places[i + 1 :]]) for k in range(len(options[i]))])
+                    taken = np.maximum(tried, now) - now if np.isfinite(now[i]) else np.zeros(1)
+                    cost = tried[:, i] + taken.sum(axis=-1)
+                    places[i] = int(np.argmin(cost)) if np.isfinite(cost.min()) else len(cost) - 1
+                    now = lacking(places)
+        return [each[k] for each, k in zip(options, places, strict=True)], (now == 0.0).tolist()
+
+
+def _values(setting: Setting, window: int) -> dict[str, float]:
+    return {**dict(zip(("k6", "k7", "kp"), setting, strict=True)), "window": window}
 
 
 def with_default_gains(design: LoopDesign, *, window: bool) -> LoopDesign:
     """The design with gains, and where asked with a window, that leave each joint of the known robot its margins.
 
-    The window is the longest one with which every joint has such gains, or the one with which most joints have.
+    The window is the longest one with which every joint has such gains, if possible with `KEPT` of the stiffness that
+    it could have alone, or the one with which most joints have.
 
     Args:
         design: Its drives are taken to be what the controller knows; its gains are not used.
@@ -200,39 +209,46 @@ def with_default_gains(design: LoopDesign, *, window: bool) -> LoopDesign:
     """
     known = replace(design, actuators=design.models, plant_robot=design.robot)
     try:
-        loops = joint_loops(known)
+        joints = tied_loops(known)
     except DrakeTcError:
         return design
+    tries = [(design.spec.filters.window, 0.0)]
+    if window:
+        tries = [(samples, kept) for kept in (KEPT, 0.0) for samples in WINDOWS]
     found = []
-    for samples in WINDOWS if window else (design.spec.filters.window,):
-        chosen = [chosen_setting(with_values(loop, {"window": samples})) for loop in loops.values()]
-        found.append((sum(each.sound for each in chosen), samples, chosen))
-        if found[-1][0] == len(loops):
+    for samples, kept in tries:
+        settings, sound = joints.settings(samples, kept)
+        found.append((sum(sound), samples, settings))
+        if all(sound):
             break
-    _, samples, chosen = max(found, key=lambda each: each[:2])
-    k6, k7, kp = np.array([(each.k6, each.k7, each.kp) for each in chosen]).T
+    _, samples, settings = max(found, key=lambda each: each[:2])
+    k6, k7, kp = np.array(settings).T
     spec = replace(design.spec, filters=replace(design.spec.filters, window=samples))
     return replace(design, spec=spec, gains=TorqueGains.from_servo(design.models, k6, k7, kp))
 
 
 def weak_joints(design: LoopDesign) -> tuple[str, ...]:
-    """One line for each joint whose loop lacks the margins; none where the loop is none that `joint_loops` has."""
-    try:
-        loops = joint_loops(design)
-    except DrakeTcError:
+    """A line for each joint whose loop lacks the margins, and what helps; or one on why margins are not known."""
+    if design.spec.controller != "torque":
         return ()
-    lines = []
-    for joint, loop in loops.items():
-        found = quick_margins(loop)
-        if found is None:
+    try:
+        joints = tied_loops(design)
+    except DrakeTcError as error:
+        return (f"whether the gains leave margins is not known: {error}",)
+    lines, together = [], joints.margins()
+    alone = {joint: quick_margins(loop) for joint, loop in joints.loops.items()}
+    for i, (joint, loop) in enumerate(joints.loops.items()):
+        if alone[joint] is None:
             lines.append(f"joint {joint}: the linear loop is unstable (|z| = {loop.spectral_radius():.4f})")
-        elif not is_sound(found):
+        elif together is not None and not is_sound(together[i]):
             lines.append(
-                f"joint {joint}: gain margin {found.gain_margin:.2f}, phase margin"
-                f" {math.degrees(found.phase_margin):.0f} deg; expected a factor of {GAIN_MARGIN:g} and"
+                f"joint {joint}: gain margin {together[i].gain_margin:.2f}, phase margin"
+                f" {math.degrees(together[i].phase_margin):.0f} deg; expected a factor of {GAIN_MARGIN:g} and"
                 f" {math.degrees(PHASE_MARGIN):.0f} deg"
             )
-    return tuple(lines)
+    if together is None and not lines:
+        lines.append("the linear loops of the joints are unstable together, though each of them is stable by itself")
+    return (*lines, "other gains or a shorter window help (`drake-tc tune`)") if lines else ()
 
 
 def torque_design(
@@ -281,4 +297,4 @@ def warn_of_weak_joints(design: LoopDesign, own: Collection[str] = ()) -> None:
     """
     lines = () if OF_MARGINS & {place.partition(".")[0] for place in own} else weak_joints(design)
     if lines:
-        _LOG.warning("torque loop: %s; other gains or a shorter window help (`drake-tc tune`)", "; ".join(lines))
+        _LOG.warning("torque loop: %s", "; ".join(lines))

@@ -106,7 +106,8 @@ def add_torque_loop(
         spec: How the loop is controlled; None: the defaults, with the longest window of the filters with which every
             joint can have its margins.
         gains: Feedback gains; None: for each joint the stiffest that leave a gain margin of 2 and a phase margin of
-            40 degrees (`drake_tc.loops.torque.default_gains`). A loop without these margins logs a warning.
+            40 degrees (`drake_tc.loops.torque.default_gains`). A loop without these margins, or whose margins are
+            not known, logs a warning.
         controller_models: What the controller takes the drives for; None: what they are.
         force_reference: (6k) forces and torques at the F/T sensors' contacts [N, N m]; None: no force is commanded, or
             0 where the gains feed forces back.

@@ -13,15 +13,17 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.wiring import sliding
-from drake_tc.analysis.sampled import linearise
+from drake_tc.analysis.sampled import linearise, loop_margins, open_loop
 from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
+from drake_tc.estimation.delay_predictor import PredictorSpec
 from drake_tc.loops.plant import add_robot_plant
-from drake_tc.loops.torque.default_gains import joint_loops
+from drake_tc.loops.torque.coupling import coupling
+from drake_tc.loops.torque.default_gains import joint_loops, tied_loops
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
-from drake_tc.robot.plant import joint_limits
+from drake_tc.robot.plant import joint_limits, make_plant
 from drake_tc.robot.robot import load_robot
 from tests.robot_files import joint_tag, link_tag, urdf, write_robot
 
@@ -40,7 +42,7 @@ def arm(tmp_path):
     return load_robot(write_robot(tmp_path, text, ["shoulder", "elbow", "wrist"]))
 
 
-def models_of(robot):
+def models_of(robot, rated_torques=(150.0, 80.0, 30.0)):
     return {
         joint: ActuatorModel(
             joint,
@@ -51,7 +53,7 @@ def models_of(robot):
                 EffectValue("rotor_inertia", {"rotor_inertia": 0.005 * rated}),
             ),
         )
-        for joint, rated in zip(robot.joints, (150.0, 80.0, 30.0), strict=True)
+        for joint, rated in zip(robot.joints, rated_torques, strict=True)
     }
 
 
@@ -84,6 +86,88 @@ def test_default_gains_and_window_leave_every_joint_its_margins(arm, caplog):
     assert radius(arm, models, loop.design.spec, loop.design.gains) < 1.0 + 1e-9  # what is held has an eigenvalue of 1
     controller = torque_controller(arm, models)
     assert controller.GetSystems()
+
+
+@pytest.fixture(params=["parallel_axes", "gripper"])
+def tied(request, tmp_path):
+    """Joints whose loops disturb each other, and a gripper one of whose fingers follows the other."""
+    tags = [
+        link_tag("upper", (0.15, 0, 0), 3.0, (0.002, 0.03, 0.03)),
+        link_tag("fore", (0.13, 0, 0), 2.0, (0.002, 0.02, 0.02)),
+        joint_tag("shoulder", "base", "upper", axis=(0, 0, 1)),
+        joint_tag("elbow", "upper", "fore", axis=(0, 0, 1), xyz=(0.3, 0, 0)),
+    ]
+    joints, rated = ["shoulder", "elbow"], (30.0, 15.0)
+    if request.param == "gripper":
+        tags[2:] = [joint_tag("shoulder", "base", "upper", axis=(0, 1, 0))]
+        tags[1] = link_tag("left", (0, 0, -0.05), 0.4, (1e-3, 1e-3, 1e-4))
+        tags.append(link_tag("right", (0, 0, -0.05), 0.4, (1e-3, 1e-3, 1e-4)))
+        follows = '<mimic joint="left" multiplier="-1"/></joint>'
+        tags.append(joint_tag("left", "upper", "left", axis=(1, 0, 0), xyz=(0.3, 0.05, 0)))
+        right = joint_tag("right", "upper", "right", axis=(1, 0, 0), xyz=(0.3, -0.05, 0))
+        tags.append(right.replace("</joint>", follows))
+        joints, rated = ["shoulder", "left"], (30.0, 5.0)
+    return load_robot(write_robot(tmp_path, urdf(*tags), joints)), rated
+
+
+def test_default_gains_leave_every_joint_its_margins_with_the_other_loops_closed(tied, caplog):
+    """Cut at the efforts of the drives in the diagram itself, as Drake steps it."""
+    robot, rated = tied
+    models = models_of(robot, rated)
+    with caplog.at_level(logging.WARNING):
+        loop, _, _ = built(robot, models)
+    assert caplog.text == ""
+    perfect = replace(loop.design.spec, sensors="perfect")
+    _, diagram, _ = built(robot, sliding(models), None, perfect, gains=loop.design.gains)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.2)
+    cut = open_loop(
+        diagram,
+        simulator.get_context(),
+        perfect.dt,
+        "torque_control:command",
+        relative_to="torque_control:position",
+    )
+    for name, found in loop_margins(cut).items():
+        assert max(found.gain_margin, 1.0 / found.gain_margin) >= 2.0 * 0.99, name
+        assert math.degrees(abs(found.phase_margin)) >= 39.5, name
+    together = tied_loops(replace(loop.design, spec=perfect)).margins()
+    for one, other in zip(together, loop_margins(cut).values(), strict=True):
+        assert_allclose(one.phase_margin, other.phase_margin, rtol=0.02)  # to the resolution of a grid
+        assert_allclose(one.gain_margin, other.gain_margin, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("spec", "differs"),
+    [
+        (TorqueLoopSpec(torque_from="sensor"), "torque_from"),
+        (TorqueLoopSpec(predictor=PredictorSpec()), "predictor"),
+        (TorqueLoopSpec(controller="servo"), None),
+    ],
+)
+def test_a_loop_whose_margins_are_not_known_says_so(arm, caplog, spec, differs):
+    with caplog.at_level(logging.WARNING):
+        torque_controller(arm, models_of(arm), None, spec)
+    if differs is None:
+        assert caplog.text == ""
+    else:
+        assert "whether the gains leave margins is not known" in caplog.text
+        assert f"it differs in {differs}" in caplog.text
+
+
+def test_coupling_is_that_of_drakes_plant(arm):
+    at = np.array([0.3, -0.7, 1.1])
+    found, plant = coupling(arm, at), make_plant(arm, 0.0)
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, at)
+    assert_allclose(found.inertia, plant.CalcMassMatrix(context), rtol=1e-12, atol=1e-12)
+    for j in range(3):
+        sides = []
+        for way in (1e-4, -1e-4):
+            plant.SetPositions(context, at + way * np.eye(3)[j])
+            sides.append(-plant.CalcGravityGeneralizedForces(context))
+        assert_allclose(found.gravity[:, j], (sides[0] - sides[1]) / 2e-4, atol=1e-5)
+    assert not found.sensed_inertia.any()
 
 
 def test_a_loop_without_margins_says_so(arm, caplog):
