@@ -89,7 +89,8 @@ def release(
             x = coordinates.read(own)
             x[[places[name] for name in kick]] += list(kick.values())
             coordinates.write(own, x)
-        rows.append(_run(diagram, own, dt, coordinates, seen, round(duration / dt)))
+        ticks = round(own.get_time() / dt) + np.arange(1, round(duration / dt) + 1)
+        rows.append(_run(diagram, own, coordinates, seen, ticks * dt))
     if len(rows[0]) < round(duration / dt):
         raise SimulationError("release: the run without the kick did not reach its end")
     lost = np.full((len(rows[0]) - len(rows[1]), len(seen)), np.inf)
@@ -99,17 +100,16 @@ def release(
 
 
 def _run(
-    diagram: Diagram, context: Context, dt: float, coordinates: StateCoordinates, seen: list[int], ticks: int
+    diagram: Diagram, context: Context, coordinates: StateCoordinates, seen: list[int], times: FloatArray
 ) -> FloatArray:
     """(T, k) of the watched states; shorter where the simulation failed."""
     simulator = Simulator(diagram, context)
-    begin = round(context.get_time() / dt)
     blocks = [block for block in coordinates.blocks if any(block.first <= i < block.first + block.size for i in seen)]
     found = []
     try:
         simulator.Initialize(InitializeParams(suppress_initialization_events=True))
-        for tick in range(1, ticks + 1):
-            simulator.AdvanceTo((begin + tick) * dt)
+        for time in times.tolist():
+            simulator.AdvanceTo(time)
             x = np.zeros(coordinates.size)
             for block in blocks:
                 x[block.first : block.first + block.size] = block.read(context)

@@ -20,7 +20,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.estimation.plant import CONTACT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import tree_of
+from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.types import GRAVITY, FloatArray
 
 _JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
@@ -59,8 +59,7 @@ class DynamicsTerms:
         movable = self._plant.num_velocities() - 6
         if movable != self.size + len(robot.followers):
             raise ParamsError(f"robot {robot.name!r}: expected {self.size} movable joints, those listed, got {movable}")
-        order = np.arange(self.size)
-        tree = tree_of(self._plant, model.base.body(), robot.joints, order, order, {}, {}, followers=robot.followers)
+        tree = tree_of(self._plant, model.base.body(), in_order(robot), {})
         self.tree = (tree.places, tree.constants, tree.trunk)
         self._origin: Any = np.zeros(3)
         self._force_first = np.array([3, 4, 5, 0, 1, 2])

@@ -175,7 +175,7 @@ def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any, Any
     context = plant.CreateDefaultContext()
     joints = [plant.GetJointByName(name) for name in robot.joints]
     made = tuple(
-        _cut(plant, context, mount, *found) for mount, found in zip(robot.force_torque, frames, strict=bool(frames))
+        _cut(plant, context, mount, found) for mount, found in zip(robot.force_torque, frames, strict=bool(frames))
     )
     n, positions = len(joints), plant.num_positions()
     moves = np.zeros((plant.num_velocities(), n))
@@ -200,10 +200,9 @@ def _index(robot: Robot, plant: MultibodyPlant, frames: list[tuple[Any, Any, Any
     )
 
 
-def _cut(
-    plant: MultibodyPlant, context: Any, mount: ForceTorqueMount, child: Any, sensor: Any, contact: Any
-) -> SensorCut:
-    """Where one sensor sits, and the constant transform of its readings."""
+def _cut(plant: MultibodyPlant, context: Any, mount: ForceTorqueMount, frames: tuple[Any, Any, Any]) -> SensorCut:
+    """Where one sensor sits, and the constant transform of its readings; frames of child, sensor and contact."""
+    child, sensor, contact = frames
     X_MS = sensor.CalcPose(context, child)
     rotation = X_MS.rotation().matrix()
     reading = np.zeros((6, 6))

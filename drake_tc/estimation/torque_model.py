@@ -18,55 +18,18 @@ The robot as `drake_tc.kernels.joint_torque` takes it.
 """
 
 from copy import copy
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, BaseMotion, EstimationPlant, build_plant
+from drake_tc.estimation.plant import CUT_SUFFIX, IMU_SUFFIX, BaseMotion, build_plant
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import tree_of
+from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.types import GRAVITY, FloatArray, IntArray
-
-
-def kernel_tables(
-    robot: Robot, model: EstimationPlant, context: Any, unknown: Any, imu: Any, mode: int, still: FloatArray
-) -> tuple[Any, ...]:
-    """The robot as `drake_tc.kernels.joint_torque.Robot` has it.
-
-    Args:
-        robot: The robot.
-        model: Its plant.
-        context: Of the plant, at q = 0, with the links' inertias.
-        unknown: Frame of the link that takes the unknown wrench.
-        imu: Frame of the IMU; None for a base at rest.
-        mode: Source of the angular acceleration, see there.
-        still: (6,) [alpha; a] of a base at rest.
-    """
-    cuts, order = model.cuts, model.inward
-    frames = {"unknown": unknown} | ({} if imu is None else {"imu": imu})
-    first = len(frames)
-    for i in order:
-        frames |= {f"{i} sensor": cuts[i].sensor, f"{i} contact": cuts[i].contact}
-    held = [mount.joint + CUT_SUFFIX for mount in robot.force_torque]
-    places = np.arange(len(robot.joints))
-    tree = tree_of(
-        model.plant, model.base.body(), robot.joints, places, places, frames, {}, held, context, robot.followers
-    )
-    rows = dict(zip(frames, tree.frame_bodies.tolist(), strict=True))
-    sensors = [(i, rows[f"{i} sensor"], rows[f"{i} contact"]) for i in order]
-    return (
-        tree.places,
-        tree.constants,
-        tree.trunk,
-        np.concatenate([tree.frames[1] if imu is not None else np.zeros(12), still, tree.frames[0, 9:]]),
-        np.array([rows.get("imu", -1), mode, rows["unknown"]]),
-        np.array(sensors, dtype=np.int64).reshape(-1, 3),
-        np.ascontiguousarray(tree.frames[first:]),
-    )
-
 
 BaseSource = Literal["imu", "fixed"]
 AngularAcceleration = Literal["gyro", "neglected", "zero"]
@@ -162,9 +125,28 @@ class TorqueModel:
         return other
 
     def _tables_of(self, context: Any) -> tuple[Any, ...]:
-        """The robot as `drake_tc.kernels.joint_torque` takes it, with the inertias of a context."""
+        """The robot as `drake_tc.kernels.joint_torque.Robot` has it, with the links' inertias of a context."""
+        cuts, order = self.model.cuts, self.model.inward
+        frames = {"unknown": self._unknown} | ({} if self._imu is None else {"imu": self._imu})
+        first = len(frames)
+        for i in order:
+            frames |= {f"{i} sensor": cuts[i].sensor, f"{i} contact": cuts[i].contact}
+        held = tuple(mount.joint + CUT_SUFFIX for mount in self.robot.force_torque)
+        joints = replace(in_order(self.robot), held=held)
+        tree = tree_of(self.model.plant, self.model.base.body(), joints, frames, context)
+        rows = dict(zip(frames, tree.frame_bodies.tolist(), strict=True))
+        sensors = [(i, rows[f"{i} sensor"], rows[f"{i} contact"]) for i in order]
+        imu = np.zeros(12) if self._imu is None else tree.frames[1]
         mode = get_args(AngularAcceleration).index(self._differentiate)
-        return kernel_tables(self.robot, self.model, context, self._unknown, self._imu, mode, self._still)
+        return (
+            tree.places,
+            tree.constants,
+            tree.trunk,
+            np.concatenate([imu, self._still, tree.frames[0, 9:]]),
+            np.array([rows.get("imu", -1), mode, rows["unknown"]]),
+            np.array(sensors, dtype=np.int64).reshape(-1, 3),
+            np.ascontiguousarray(tree.frames[first:]),
+        )
 
     def estimate(
         self,

@@ -11,7 +11,7 @@ A continuous three-piece line for each direction of motion (Del Prete et al., 20
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -69,7 +69,6 @@ def asymmetric_least_squares(
     names: Sequence[str] | None = None,
     weight: float = 100.0,
     lengths: Sequence[int] | None = None,
-    max_condition: float = MAX_CONDITION,
 ) -> AsymmetricFit:
     """Minimise F by a semi-smooth Newton method with an Armijo line search; linear in the samples.
 
@@ -83,7 +82,6 @@ def asymmetric_least_squares(
         names: The p parameters; x0, x1, ... when None.
         weight: w >= 1; 1 is ordinary least squares.
         lengths: Lengths of the contiguous stretches, for the intervals.
-        max_condition: Refuse worse column-scaled condition numbers.
 
     Raises:
         IdentificationError: As `least_squares`; a weight below 1; a search that does not come to rest.
@@ -102,7 +100,7 @@ def asymmetric_least_squares(
     rows = np.ascontiguousarray(a.T) * np.abs(sign)
     scale = column_scale(rows.T, labels)
     rows /= scale[:, None]
-    condition = check_excitation(_triangular(rows), labels, max_condition)
+    condition = check_excitation(_triangular(rows), labels, MAX_CONDITION)
     y: FloatArray = np.asarray(np.linalg.solve(rows @ rows.T, rows @ b))
     if b.size > _COARSE:
         coarse = slice(None, None, b.size // _COARSE + 1)
@@ -179,19 +177,19 @@ class ThreePieces:
         breaks: (τ1, τ2), τ1 < τ2 [N·m].
         slopes: (k1, k2, k3) left, middle, right [effort/(N·m)].
         offset: o, the middle line's value at τ = 0 [effort].
-        converged: Whether the break points came to rest.
-        rounds: Rounds of fitting and moving taken.
         middle_at_bound: Whether the middle slope rests on a bound.
         rms: Of the residual [effort].
+        converged: Whether the break points came to rest.
+        rounds: Rounds of fitting and moving taken.
     """
 
     breaks: tuple[float, float]
     slopes: tuple[float, float, float]
     offset: float
-    converged: bool
-    rounds: int
     middle_at_bound: bool
     rms: float
+    converged: bool = True
+    rounds: int = 0
 
     def __call__(self, torque: FloatArray) -> FloatArray:
         """f(τ), (T,) [effort]."""
@@ -273,7 +271,7 @@ def fit_three_pieces(
         step = max(abs(moved[0] - breaks[0]), abs(moved[1] - breaks[1]))
         breaks = moved
         converged = step <= 1e-9 * span
-    return _continuous(tau, y, breaks, middle_slope, converged, rounds)
+    return replace(_continuous(tau, y, breaks, middle_slope), converged=converged, rounds=rounds)
 
 
 def fit_piecewise(
@@ -348,13 +346,9 @@ def _hinges(tau: FloatArray, breaks: tuple[float, float]) -> FloatArray:
 
 
 def _continuous(
-    tau: FloatArray,
-    y: FloatArray,
-    breaks: tuple[float, float],
-    middle: tuple[float, float],
-    converged: bool,
-    rounds: int,
+    tau: FloatArray, y: FloatArray, breaks: tuple[float, float], middle: tuple[float, float]
 ) -> ThreePieces:
+    """The best three pieces with these break points."""
     from scipy.optimize import lsq_linear
 
     a = _hinges(tau, breaks)
@@ -367,4 +361,4 @@ def _continuous(
         x = lsq_linear(r, q.T @ y, (lower, upper), method="bvls", tol=1e-14).x
     rms = float(np.sqrt(np.mean((y - a @ x) ** 2)))
     slopes = (float(x[1] + x[3]), float(x[1]), float(x[1] + x[2]))
-    return ThreePieces(breaks, slopes, float(x[0]), converged, rounds, at_bound, rms)
+    return ThreePieces(breaks, slopes, float(x[0]), at_bound, rms)

@@ -45,6 +45,8 @@ NAMES = (
 """Of the four numbers."""
 UNKNOWNS = ("torque_constant", "resistance", "rotor_inertia", "coulomb", "viscous")
 CI95 = 1.96
+WIDTH_S = 0.03
+"""Width of the common smoothing kernel [s]."""
 SLIDING = 0.05
 """Share of the fastest speed below which samples are left out: where a joint sticks, dry friction is whatever holds."""
 
@@ -126,7 +128,6 @@ def identify_motor(
     *,
     joint: str | None = None,
     widths: PriorWidths | None = None,
-    width_s: float = 0.03,
 ) -> MotorFit:
     """Fit one joint's motor.
 
@@ -136,7 +137,6 @@ def identify_motor(
         sheet: The data sheet; gear ratio, spring and voltage limit are taken as they are, ke/kt too.
         joint: Which joint; None for the rig's first.
         widths: How far the data sheet is trusted.
-        width_s: Width of the common smoothing kernel [s].
 
     Raises:
         IdentificationError: another drive or load, columns that are missing, an excitation too poor, or logs that
@@ -144,7 +144,7 @@ def identify_motor(
     """
     name = rig.joints[0] if joint is None else joint
     check_motor_rig(rig, name)
-    columns, volts, lengths = _samples(runs, rig, name, width_s)
+    columns, volts, lengths = _samples(runs, rig, name)
     speed = np.abs(columns[:, 1])
     sliding = (speed > SLIDING * np.percentile(speed, 99)).astype(np.float64)
     try:
@@ -154,9 +154,7 @@ def identify_motor(
     return _with_prior(name, fit, sheet, widths or PriorWidths())
 
 
-def _samples(
-    runs: Sequence[Run], rig: Rig, joint: str, width_s: float
-) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+def _samples(runs: Sequence[Run], rig: Rig, joint: str) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
     """(T, 4) [torque, speed, direction, acceleration], (T,) voltage, stretches; all through one kernel."""
     parts = []
     travel, pulled = 0.0, False
@@ -164,7 +162,7 @@ def _samples(
         missing = [c for c in rig.required_columns(joint) if c not in run.columns]
         if missing:
             raise IdentificationError(f"{run.name}: identification of {joint} needs {', '.join(missing)}")
-        kernel = CommonKernel(width_s, run.period)
+        kernel = CommonKernel(WIDTH_S, run.period)
         for part in run.segments():
             if part.stop - part.start <= 2 * kernel.margin:
                 continue
@@ -181,7 +179,7 @@ def _samples(
             )
             parts.append(np.stack(rows, axis=1)[kernel.valid(position.size)])
     if not parts:
-        raise IdentificationError(f"no stretch of {joint}'s runs is longer than the smoothing kernel of {width_s:g} s")
+        raise IdentificationError(f"no stretch of {joint}'s runs is longer than the smoothing kernel of {WIDTH_S:g} s")
     if travel < LEAST_TRAVEL:
         raise IdentificationError(
             f"{joint}: excitation too poor: expected a motion of at least {LEAST_TRAVEL:g} rad and {FEWEST_STEPS} steps"

@@ -70,9 +70,15 @@ def torque_plot(recording: TorqueRecording) -> RunPlot:
     return RunPlot(
         recording.robot.name,
         (
-            _panel("position (dashed: reference)", "rad", time, joints, recording.position, reference),
-            _panel("tracking error", "mrad", time, joints, 1e3 * recording.tracking_error),
-            _panel("torque of the drives", "N m", time, joints, recording["actuation"]),
+            TimePanel(
+                "position (dashed: reference)",
+                "rad",
+                time,
+                _lines(joints, recording.position),
+                _lines(joints, reference),
+            ),
+            TimePanel("tracking error", "mrad", time, _lines(joints, 1e3 * recording.tracking_error), {}),
+            TimePanel("torque of the drives", "N m", time, _lines(joints, recording["actuation"]), {}),
         ),
         time,
         _flags(recording),
@@ -94,7 +100,7 @@ def tsid_plot(recording: TsidRecording) -> RunPlot:
                 {name: 1e3 * np.linalg.norm(error, axis=1) for name, error in errors.items()},
                 {},
             ),
-            _panel("torque over its limit", "%", time, robot.joints, share),
+            TimePanel("torque over its limit", "%", time, _lines(robot.joints, share), {}),
             TimePanel("probability that all limits are kept", "-", time, {"p_ind": recording.status(Status.P_IND)}, {}),
         ),
         time,
@@ -123,16 +129,9 @@ def sea_plot(recording: SeaRecording) -> RunPlot:
     )
 
 
-def _panel(
-    title: str,
-    unit: str,
-    time: FloatArray,
-    names: tuple[str, ...],
-    values: FloatArray,
-    dashed: FloatArray | None = None,
-) -> TimePanel:
-    lines = {name: values[:, i] for i, name in enumerate(names)}
-    return TimePanel(title, unit, time, lines, {} if dashed is None else {n: dashed[:, i] for i, n in enumerate(names)})
+def _lines(names: tuple[str, ...], values: FloatArray) -> dict[str, FloatArray]:
+    """Columns of values (T, n) by name."""
+    return {name: values[:, i] for i, name in enumerate(names)}
 
 
 def _flags(recording: Recording) -> dict[str, BoolArray]:

@@ -72,11 +72,11 @@ def error_table(joint: JointResult) -> ErrorTable:
         ("training runs", joint.before.train, joint.after.train),
         ("held-out runs", joint.before.heldout, joint.after.heldout),
     )
-    rows = [_error_row(name, b, a, scale, torque, gain, largest) for name, b, a in pairs]
+    rows = [_error_row(pair, scale, torque, gain, largest) for pair in pairs]
     if any(v is not None for v in free):
         b, a = (float("nan") if v is None else v for v in free)
         position = scale if joint.unit == joint.units.position else scale_for(of_free, joint.units.position)
-        rows.append(_error_row("free run, held-out", b, a, position, None, gain, of_free))
+        rows.append(_error_row(("free run, held-out", b, a), position, None, gain, of_free))
     explainable = joint.unexplained.explainable_rms
     return ErrorTable(
         rows=rows,
@@ -90,8 +90,11 @@ def error_table(joint: JointResult) -> ErrorTable:
 
 
 def _error_row(
-    name: str, before: float, after: float, scale: Scale, torque: Scale | None, gain: float, largest: float
+    errors: tuple[str, float, float], scale: Scale, torque: Scale | None, gain: float, largest: float
 ) -> ErrorRow:
+    """Name, error before and error after."""
+    name, before, after = errors
+
     def bar(value: float) -> float:
         return 100.0 * min(value / largest, 1.0) if largest > 0.0 and np.isfinite(value) else 0.0
 

@@ -7,7 +7,7 @@ therefore told apart by `type_name()`, which asks the joint itself, and not by t
 """
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from scipy.spatial.transform import Rotation
 
+from drake_tc.robot.robot import Robot
 from drake_tc.robot.urdf_tree import Mimic
 from drake_tc.types import FloatArray, IntArray
 
@@ -64,39 +65,45 @@ class Tree(NamedTuple):
     frame_bodies: IntArray
 
 
-def tree_of(
-    plant: Any,
-    base: Any,
-    joints: Sequence[str],
-    places_q: IntArray,
-    places_v: IntArray,
-    frames: Mapping[str, Any],
-    rotors: Mapping[str, float],
-    held: Sequence[str] = (),
-    context: Any = None,
-    followers: Mapping[str, Mimic] = MappingProxyType({}),
-) -> Tree:
+@dataclass(frozen=True)
+class TreeJoints:
+    """The joints of a tree, and where they stand in q and v.
+
+    Attributes:
+        places: Index in q and in v by joint.
+        followers: Joints of the plant that follow one of these: in the tree they have its place, and their torque is
+            part of its own.
+        rotors: Reflected inertia by joint [kg m^2, or kg of a slide].
+        held: More joints, of any kind, that stay where they are; in the tree they have a zero axis.
+    """
+
+    places: Mapping[str, tuple[int, int]]
+    followers: Mapping[str, Mimic] = field(default_factory=dict)
+    rotors: Mapping[str, float] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
+
+
+def in_order(robot: Robot) -> TreeJoints:
+    """Joints of a robot that stand in q and v in the robot's order."""
+    return TreeJoints({name: (i, i) for i, name in enumerate(robot.joints)}, robot.followers)
+
+
+def tree_of(plant: Any, base: Any, joints: TreeJoints, frames: Mapping[str, Any], context: Any = None) -> Tree:
     """Walk from the base over the joints, whichever way round each of them stands.
 
     Args:
         plant: Finalized; its joints are those named, welds, and one that lets the base float.
         base: Body.
-        joints: Names.
-        places_q: (n,) index of each joint in q.
-        places_v: The same in v.
+        joints: Of the tree.
         frames: Of the plant, by name.
-        rotors: Reflected inertia by joint [kg m^2, or kg of a slide].
-        held: More joints, of any kind, that stay where they are; in the tree they have a zero axis.
         context: Of the plant, at q = 0, with the links' inertias; None: its default one.
-        followers: Joints of the plant that follow one of `joints`: in the tree they have its place, and their torque
-            is part of its own.
     """
     context = plant.CreateDefaultContext() if context is None else context
     rows = {int(body.index()): 0 for body in plant.GetBodiesWeldedTo(base)}
     poses = [base.EvalPoseInWorld(context)]
     places, constants = [], []
-    axes = dict(zip(joints, joint_axes(plant, [plant.GetJointByName(name) for name in joints]), strict=True))
-    left = dict(zip(joints, zip(places_q.tolist(), places_v.tolist(), strict=True), strict=True))
+    followers, held, left = joints.followers, joints.held, dict(joints.places)
+    axes = dict(zip(left, joint_axes(plant, [plant.GetJointByName(name) for name in left]), strict=True))
     for name, law in followers.items():
         axes[name] = law.multiplier * joint_axes(plant, [plant.GetJointByName(name)])[0]
         left[name] = left[law.of]
@@ -118,7 +125,7 @@ def tree_of(
         pose = outer.CalcPoseInWorld(context)
         body = _body(plant, context, outer.body(), pose)
         turning = [*X_PI.rotation().matrix().ravel(), *X_PI.translation(), *axis]
-        constants.append([*turning, *body, rotors.get(name, 0.0)])
+        constants.append([*turning, *body, joints.rotors.get(name, 0.0)])
         poses.append(pose)
         rows.update({int(welded.index()): len(poses) - 1 for welded in plant.GetBodiesWeldedTo(outer.body())})
     table, bodies = [], []

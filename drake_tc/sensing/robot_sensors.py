@@ -22,7 +22,7 @@ from drake_tc.robot.robot import Mount, Robot
 from drake_tc.robot.tree import has_axis, is_revolute, joint_axes
 from drake_tc.sensing.corruption import Corruption
 from drake_tc.sensing.sensor import Sensor, SensorBase
-from drake_tc.sensing.spec import SensorFault, SensorSpec, joined
+from drake_tc.sensing.spec import Sampling, SensorSpec, joined
 from drake_tc.types import FloatArray
 
 
@@ -33,13 +33,7 @@ class Encoder(Sensor):
 
 
 def add_encoder(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    robot: Robot,
-    spec: SensorSpec,
-    dt: float,
-    faults: Sequence[SensorFault] = (),
-    seed: int = 0,
+    builder: DiagramBuilder, plant: MultibodyPlant, robot: Robot, spec: SensorSpec, sampling: Sampling
 ) -> Encoder:
     """Add an Encoder of the robot's joints to the builder and wire it to a plant that is already in it.
 
@@ -50,9 +44,7 @@ def add_encoder(
         plant: Finalized plant with the robot.
         robot: Names the joints.
         spec: [rad or m].
-        dt: Period [s].
-        faults: When it fails.
-        seed: Of its random numbers.
+        sampling: When it samples and fails.
 
     Returns:
         The system.
@@ -65,7 +57,7 @@ def add_encoder(
     pick = plant.MakeStateSelectorMatrix(joints)[: len(joints)]
     gain: Any = np.ascontiguousarray(pick)
     positions = builder.AddNamedSystem("joint_positions", MatrixGain(gain))
-    encoder = Encoder(len(joints), spec, dt, faults, seed)
+    encoder = Encoder(len(joints), spec, *sampling)
     builder.AddNamedSystem("encoder", encoder)
     builder.Connect(plant.get_state_output_port(), positions.get_input_port())
     builder.Connect(positions.get_output_port(), encoder.GetInputPort("truth"))
@@ -100,24 +92,14 @@ class JointTorque(SensorBase):
     See `SensorBase` for the recursion.
     """
 
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        robot: Robot,
-        spec: SensorSpec,
-        dt: float,
-        faults: Sequence[SensorFault] = (),
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, plant: MultibodyPlant, robot: Robot, spec: SensorSpec, sampling: Sampling) -> None:
         """Declare ports, state and the periodic update.
 
         Args:
             plant: Finalized plant with the robot.
             robot: Names the joints.
             spec: [N m]; `SensorSpec()` reads the truth.
-            dt: Period [s].
-            faults: When it fails.
-            seed: Of its random numbers.
+            sampling: When it samples and fails.
 
         Raises:
             ParamsError: A joint that is neither revolute nor prismatic; otherwise as `Corruption`.
@@ -128,7 +110,7 @@ class JointTorque(SensorBase):
         self._joints = [int(joint.index()) for joint in joints]
         self._axes = _axes(plant, joints)
         reactions = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
-        self._declare(reactions, Corruption(len(joints), spec, dt, tuple(faults), seed))
+        self._declare(reactions, Corruption(len(joints), spec, *sampling))
 
     def _truth_of(self, forces: Any) -> FloatArray:
         wrenches = np.array([forces[i].get_coeffs() for i in self._joints])
@@ -169,16 +151,7 @@ def _add_mount(builder: DiagramBuilder, plant: Any, robot: Robot, mount: Mount) 
     return [gyroscope.get_measurement_output_port(), accelerometer.get_measurement_output_port()]
 
 
-def add_imu(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    robot: Robot,
-    gyro: SensorSpec,
-    accel: SensorSpec,
-    dt: float,
-    faults: Sequence[SensorFault] = (),
-    seed: int = 0,
-) -> Imu:
+def add_imu(builder: DiagramBuilder, plant: MultibodyPlant, robot: Robot, spec: SensorSpec, sampling: Sampling) -> Imu:
     """Add the robot's IMUs to the builder, all in one Imu, and wire them to a plant that is already in it.
 
     With live ports (`plant.SetUseSampledOutputPorts(False)`) the accelerometer feels the torques of the same tick; with
@@ -188,17 +161,14 @@ def add_imu(
         builder: Holds `plant`.
         plant: Finalized plant with the robot; its gravity is taken as it is now.
         robot: With at least one IMU.
-        gyro: Of each gyroscope, 1 or 3 values a field [rad/s].
-        accel: Of each accelerometer, 1 or 3 values a field [m/s²].
-        dt: Period [s].
-        faults: When it fails; channels 6 i ... 6 i + 5 are the unit i.
-        seed: Of its random numbers.
+        spec: Of all 6k channels, see `imu_spec`.
+        sampling: When it samples and fails; channels 6 i ... 6 i + 5 are the unit i.
 
     Returns:
         The system, with the port `reading`.
 
     Raises:
-        ParamsError: A robot without IMU; otherwise as `Sensor` and `imu_spec`.
+        ParamsError: A robot without IMU; otherwise as `Sensor`.
     """
     if not robot.imu:
         raise ParamsError(f"{robot.source}: imu: expected at least one; the robot file has none")
@@ -206,8 +176,7 @@ def add_imu(
     truth = builder.AddNamedSystem("imu_truth", Multiplexer([3] * len(ports)))
     for index, port in enumerate(ports):
         builder.Connect(port, truth.get_input_port(index))
-    units = len(robot.imu)
-    imu = Imu(6 * units, imu_spec(gyro, accel, units), dt, faults, seed)
+    imu = Imu(6 * len(robot.imu), spec, *sampling)
     builder.AddNamedSystem("imu", imu)
     builder.Connect(truth.get_output_port(), imu.GetInputPort("truth"))
     return imu
@@ -241,24 +210,14 @@ class ForceTorque(SensorBase):
     See `SensorBase` for the recursion, `wrench_map` for the truth.
     """
 
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        robot: Robot,
-        spec: SensorSpec,
-        dt: float,
-        faults: Sequence[SensorFault] = (),
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, plant: MultibodyPlant, robot: Robot, spec: SensorSpec, sampling: Sampling) -> None:
         """Declare ports, state and the periodic update.
 
         Args:
             plant: Finalized plant with the robot.
             robot: With at least one force/torque sensor.
             spec: Of all 6k channels: 1 or 6k values a field (`force_torque_spec`).
-            dt: Period [s].
-            faults: When it fails; channels 6 i ... 6 i + 5 are the sensor i.
-            seed: Of its random numbers.
+            sampling: When it samples and fails; channels 6 i ... 6 i + 5 are the sensor i.
 
         Raises:
             ParamsError: A robot without such a sensor; otherwise as `Corruption`.
@@ -277,7 +236,7 @@ class ForceTorque(SensorBase):
             part = slice(6 * k, 6 * k + 6)
             self._map[part, part] = wrench_map(X_CJ.inverse() @ mount.pose.transform)
         reactions = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
-        self._declare(reactions, Corruption(6 * count, spec, dt, tuple(faults), seed))
+        self._declare(reactions, Corruption(6 * count, spec, *sampling))
 
     def _truth_of(self, forces: Any) -> FloatArray:
         reactions = np.empty((len(self._joints), 6))

@@ -6,7 +6,7 @@ A sensor that fails for a while: `SensorFault`.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -214,3 +214,17 @@ class SensorFault:
             if not 0 <= channel < size:
                 raise ParamsError(f"channels: expected 0 to {size - 1}, got {channel}")
         return list(self.channels)
+
+
+class Sampling(NamedTuple):
+    """When a sensor samples and when it fails.
+
+    Attributes:
+        dt: Period [s].
+        faults: When it fails.
+        seed: Of its random numbers.
+    """
+
+    dt: float
+    faults: tuple[SensorFault, ...] = ()
+    seed: int = 0

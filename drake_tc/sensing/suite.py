@@ -23,8 +23,9 @@ from drake_tc.sensing.robot_sensors import (
     add_encoder,
     add_imu,
     force_torque_spec,
+    imu_spec,
 )
-from drake_tc.sensing.spec import SensorFault, SensorSpec
+from drake_tc.sensing.spec import Sampling, SensorFault, SensorSpec
 from drake_tc.types import FloatArray
 
 SENSORS = ("encoder", "imu", "force_torque", "joint_torque")
@@ -243,19 +244,22 @@ def add_sensors(
         if failing[name] and ((name == "imu" and not robot.imu) or (name == "force_torque" and not robot.force_torque)):
             raise ParamsError(f"faults: {robot.source} has no sensor {name!r} that could fail")
 
-    def rest(name: str) -> tuple[float, tuple[SensorFault, ...], int]:
-        return dt, failing.get(name, ()), sensor_seed(seed, name)
+    def sampling(name: str) -> Sampling:
+        return Sampling(dt, failing.get(name, ()), sensor_seed(seed, name))
 
-    encoder = add_encoder(builder, plant, robot, suite.encoder, *rest("encoder"))
-    imu = add_imu(builder, plant, robot, suite.gyro, suite.accel, *rest("imu")) if robot.imu else None
+    encoder = add_encoder(builder, plant, robot, suite.encoder, sampling("encoder"))
+    imu = None
+    if robot.imu:
+        units = imu_spec(suite.gyro, suite.accel, len(robot.imu))
+        imu = add_imu(builder, plant, robot, units, sampling("imu"))
     reactions = plant.get_reaction_forces_output_port()
     force_torque = None
     if robot.force_torque:
         spec = force_torque_spec(suite.force, suite.torque, len(robot.force_torque))
-        force_torque = ForceTorque(plant, robot, spec, *rest("force_torque"))
+        force_torque = ForceTorque(plant, robot, spec, sampling("force_torque"))
         builder.AddNamedSystem("force_torque", force_torque)
         builder.Connect(reactions, force_torque.GetInputPort("reaction_forces"))
-    joint_torque = JointTorque(plant, robot, suite.joint_torque, *rest("joint_torque"))
+    joint_torque = JointTorque(plant, robot, suite.joint_torque, sampling("joint_torque"))
     builder.AddNamedSystem("joint_torque", joint_torque)
     builder.Connect(reactions, joint_torque.GetInputPort("reaction_forces"))
     if not builder.HasSubsystemNamed("random_draw"):

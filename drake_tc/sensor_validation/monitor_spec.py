@@ -163,20 +163,23 @@ def bias_deviation(duration: float, period: float, noise: float, turning_hz: flo
     return float(noise / np.linalg.norm(rest))
 
 
+DEVIATIONS = 3.0
+"""By which a check must exceed the noise so that it hardly ever gives a false alarm [-]."""
+
+
 def bias_resolved_after(
-    bias: float, period: float, noise: float, turning_hz: float = 0.0, *, deviations: float = 3.0, longest: float = 10.0
+    bias: float, period: float, noise: float, turning_hz: float = 0.0, *, longest: float = 10.0
 ) -> float:
-    """Shortest window in which a bias exceeds so many least standard deviations [s]; infinite beyond `longest`.
+    """Shortest window in which a bias exceeds `DEVIATIONS` least standard deviations [s]; infinite beyond `longest`.
 
     Args:
         bias: |b| [rad/s].
         period: Of the samples [s].
         noise: Standard deviation of a sample of the angle [rad].
         turning_hz: Frequency at which the feet may turn [Hz]; 0: they stand.
-        deviations: By which a check must exceed the noise so that it hardly ever gives a false alarm [-].
         longest: Window up to which is looked [s].
     """
     for count in range(6, round(longest / period) + 1):
-        if deviations * bias_deviation(count * period, period, noise, turning_hz) <= bias:
+        if DEVIATIONS * bias_deviation(count * period, period, noise, turning_hz) <= bias:
             return count * period
     return float("inf")

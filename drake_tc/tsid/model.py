@@ -25,7 +25,7 @@ from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.fields import Mount
 from drake_tc.robot.plant import file_rotors, make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import tree_of
+from drake_tc.robot.tree import TreeJoints, tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.tsid.contacts import ActiveContacts, Contact, select
 from drake_tc.tsid.rows import FrameTerms, Pose, Terms
@@ -133,9 +133,8 @@ class TsidModel:
         plant.Finalize()
         self._set_order(plant.num_velocities() - len(robot.followers))
         self._frames = {name: number for number, name in enumerate(named)}
-        self._tree = tree = tree_of(
-            plant, base, robot.joints, self.positions, self.actuated, named, rotors, followers=robot.followers
-        )
+        places = dict(zip(robot.joints, zip(self.positions.tolist(), self.actuated.tolist(), strict=True), strict=True))
+        tree = tree_of(plant, base, TreeJoints(places, robot.followers, rotors), named)
         self.mass = float(tree.trunk[0] + tree.constants[:, 15].sum())
         pose = robot.base_pose.transform
         self._held: FloatArray = np.array([*pose.rotation().ToQuaternion().wxyz(), *pose.translation()])

@@ -11,7 +11,7 @@ import drake_tc.models
 from drake_tc.estimation.plant import build_plant
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot.robot import load_robot
-from drake_tc.robot.tree import tree_of
+from drake_tc.robot.tree import in_order, tree_of
 
 JOINT_FORCES = Kernel("inverse_dynamics", "joint_forces")
 MODELS = Path(drake_tc.models.__file__).parent / "hrp2_like"
@@ -36,9 +36,8 @@ def test_a_pendulum_is_that_of_the_textbook(q, v, vdot):
 def test_on_a_base_that_moves_they_are_drakes(name):
     robot = load_robot(MODELS / name)
     model = build_plant(robot, cuts=False)
-    plant, n = model.plant, len(robot.joints)
-    order, rng = np.arange(n), np.random.default_rng(4)
-    tree = tree_of(plant, model.base.body(), robot.joints, order, order, {}, {})
+    plant, n, rng = model.plant, len(robot.joints), np.random.default_rng(4)
+    tree = tree_of(plant, model.base.body(), in_order(robot), {})
     context, nothing, out = plant.CreateDefaultContext(), MultibodyForces(plant), np.empty(n)
     for q, v, vdot in rng.normal(0.0, 2.0, (20, 3, n)):
         twist, acceleration = rng.normal(0.0, 2.0, (2, 6))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from drake_tc.errors import ParamsError
 from drake_tc.sensing.robot_sensors import ForceTorque, JointTorque, add_encoder, add_imu
-from drake_tc.sensing.spec import SensorSpec
+from drake_tc.sensing.spec import Sampling, SensorSpec
 from drake_tc.sensing.suite import SensorSuiteSpec, add_sensors
 
 from . import rigs
@@ -134,7 +134,7 @@ def test_joint_torque_is_on_the_links_side_of_the_rotor(q, v, torque):
 def test_joint_force_of_a_prismatic_joint():
     slope, mass, force = 0.4, 3.0, 20.0
     plant, robot = rigs.slider(slope, mass)
-    sensor = JointTorque(plant, robot, SensorSpec(), DT)
+    sensor = JointTorque(plant, robot, SensorSpec(), Sampling(DT))
     context = plant.CreateDefaultContext()
     plant.get_actuation_input_port().FixValue(context, [force])
     own = sensor.CreateDefaultContext()
@@ -196,7 +196,7 @@ def test_latency_breaks_the_loop():
     builder = DiagramBuilder()
     plant, robot = rigs.pendulum()
     builder.AddNamedSystem("plant", plant)
-    sensor = builder.AddSystem(JointTorque(plant, robot, SensorSpec(latency=DT), DT))
+    sensor = builder.AddSystem(JointTorque(plant, robot, SensorSpec(latency=DT), Sampling(DT)))
     builder.Connect(plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces"))
     gain = builder.AddSystem(MatrixGain(np.array([[-0.1]])))
     builder.Connect(sensor.GetOutputPort("reading"), gain.get_input_port())
@@ -210,7 +210,7 @@ def test_a_robot_without_the_sensor_is_refused():
     builder = DiagramBuilder()
     builder.AddNamedSystem("plant", plant)
     with pytest.raises(ParamsError, match=r"rig\.yaml: imu: expected at least one"):
-        add_imu(builder, plant, robot, SensorSpec(), SensorSpec(), DT)
+        add_imu(builder, plant, robot, SensorSpec(), Sampling(DT))
     with pytest.raises(ParamsError, match=r"rig\.yaml: force_torque: expected at least one"):
-        ForceTorque(plant, robot, SensorSpec(), DT)
-    assert add_encoder(builder, plant, robot, SensorSpec(), DT).GetInputPort("truth").size() == 1
+        ForceTorque(plant, robot, SensorSpec(), Sampling(DT))
+    assert add_encoder(builder, plant, robot, SensorSpec(), Sampling(DT)).GetInputPort("truth").size() == 1

@@ -35,6 +35,7 @@ from drake_tc.registry import diagram_entry
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot
 from drake_tc.sensing.robot_sensors import add_encoder
+from drake_tc.sensing.spec import Sampling
 from drake_tc.sensing.suite import sensor_seed
 from drake_tc.types import FloatArray
 
@@ -192,7 +193,8 @@ def _floated(robot: Robot, scenario: Scenario, joint: str, law: Any, seed: int) 
     plant.Finalize()
     models = {joint: actuator_models(scenario, loop_robot(scenario))[joint]}
     spec = sensor_suite(scenario).encoder
-    encoder = add_encoder(builder, plant, robot, spec, scenario.dt, seed=sensor_seed(seed, "encoder"))
+    sampling = Sampling(scenario.dt, seed=sensor_seed(seed, "encoder"))
+    encoder = add_encoder(builder, plant, robot, spec, sampling)
     smooth = builder.AddNamedSystem(
         "filter", SavitzkyGolayFilter(1, scenario.filters.window, scenario.filters.encoder_order, scenario.dt)
     )

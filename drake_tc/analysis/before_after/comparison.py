@@ -194,7 +194,11 @@ def run_case(
     progress("closed loop, margins", 0.9)
     return ClosedLoop(
         joints={
-            name: _joint(robot.joints.index(name), loops, traces, name, gains, changed=changed[name])
+            name: JointClosedLoop(
+                **_joint(robot.joints.index(name), {side: loops[side][name] for side in SIDES}, traces),
+                changed=changed[name],
+                gains=dict(gains.by_joint[name]),
+            )
             for name in case.after
         },
         plant=case.plant,
@@ -260,27 +264,17 @@ def _substeps(loops: Mapping[str, JointLoop], dt: float) -> int:
     return min(MOST_SUBSTEPS, max(1, math.ceil(dt * fastest / RESOLUTION)))
 
 
-def _joint(
-    at: int,
-    loops: Mapping[str, Mapping[str, JointLoop]],
-    traces: Mapping[str, Trace],
-    name: str,
-    gains: GainSpec,
-    *,
-    changed: bool,
-) -> JointClosedLoop:
+def _joint(at: int, loops: Mapping[str, JointLoop], traces: Mapping[str, Trace]) -> dict[str, Any]:
+    """Figures and errors of the joint at this place."""
     nothing = np.zeros(0)
     errors = {side: traces[side].error[:, at] if traces else nothing for side in SIDES}
-    figures = {side: _figures(loops[side][name], errors[side]) for side in SIDES}
-    return JointClosedLoop(
-        before=figures["before"],
-        after=figures["after"],
-        reference=_thinned(_whole(traces, at)) if traces else nothing,
-        error_before=_thinned(errors["before"]),
-        error_after=_thinned(errors["after"]),
-        changed=changed,
-        gains=dict(gains.by_joint[name]),
-    )
+    return {
+        "before": _figures(loops["before"], errors["before"]),
+        "after": _figures(loops["after"], errors["after"]),
+        "reference": _thinned(_whole(traces, at)) if traces else nothing,
+        "error_before": _thinned(errors["before"]),
+        "error_after": _thinned(errors["after"]),
+    }
 
 
 def _whole(traces: Mapping[str, Trace], at: int) -> FloatArray:

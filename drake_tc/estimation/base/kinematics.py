@@ -42,7 +42,7 @@ from drake_tc.kernels.base.state import (
 from drake_tc.robot.fields import ForceTorqueMount, Mount
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
-from drake_tc.robot.tree import tree_of
+from drake_tc.robot.tree import in_order, tree_of
 from drake_tc.robot.urdf import reduced_urdf
 from drake_tc.robot.urdf_tree import read_urdf
 from drake_tc.types import GRAVITY, FloatArray
@@ -83,9 +83,8 @@ class BaseKinematics:
         mounts = [*(contact.mount for contact in contacts), robot.imu[0]]
         frames = [_frame(plant, f"base_estimator_{i}", mount) for i, mount in enumerate(mounts)]
         plant.Finalize()
-        order = np.arange(len(robot.joints))
         named = {str(i): frame for i, frame in enumerate(frames)}
-        tree = tree_of(plant, body, robot.joints, order, order, named, {}, followers=robot.followers)
+        tree = tree_of(plant, body, in_order(robot), named)
         self.tree = tree.places, tree.constants, tree.frames, tree.frame_bodies
         loads = [_load(plant, robot, contact, frame) for contact, frame in zip(contacts, frames, strict=False)]
         self.between = np.array([[*load.transform.ravel(), *_weighs(load).ravel()] for load in loads])

@@ -139,12 +139,13 @@ def add_ground(plant: MultibodyPlant, contacts: Sequence[Contact], spec: GroundS
     """
     below: Any = np.array([0.0, 0.0, -0.5 * THICK])
     block, place = Box(WIDE, WIDE, THICK), RigidTransform(below)
-    _fix(plant, "ground", block, place, spec, spec.friction)
+    plant.RegisterCollisionGeometry(plant.world_body(), place, block, "ground", _surface(spec, spec.friction))
     for number, item in enumerate(spec.supports):
         centre: Any = np.array(item.xyz)
         name, pose = f"support_{number}", RigidTransform(RollPitchYaw(*item.rpy), centre)
-        _fix(plant, name, Box(*item.size), pose, spec, item.friction)
-        plant.RegisterVisualGeometry(plant.world_body(), pose, Box(*item.size), f"{name}_visual", GREY)
+        box, surface = Box(*item.size), _surface(spec, item.friction)
+        plant.RegisterCollisionGeometry(plant.world_body(), pose, box, name, surface)
+        plant.RegisterVisualGeometry(plant.world_body(), pose, box, f"{name}_visual", GREY)
     for contact in contacts:
         body, points = plant.GetBodyByName(contact.frame.link), touching_points(contact, spec)
         material = _material(spec.friction, spec.stiffness, spec.dissipation)
@@ -184,12 +185,9 @@ def touching_points(contact: Contact, spec: GroundSpec) -> FloatArray:
     return np.stack([*(grid.ravel() for grid in np.meshgrid(x, y)), np.zeros(x.size * y.size)], axis=1)
 
 
-def _fix(plant: MultibodyPlant, name: str, box: Box, pose: RigidTransform, spec: GroundSpec, friction: float) -> None:
-    """A box of the world: rigid under soft soles, else as hard as the step allows."""
-    if spec.sole is None:
-        plant.RegisterCollisionGeometry(plant.world_body(), pose, box, name, CoulombFriction(friction, friction))
-    else:
-        plant.RegisterCollisionGeometry(plant.world_body(), pose, box, name, _material(friction, RIGID, 0.0))
+def _surface(spec: GroundSpec, friction: float) -> Any:
+    """Of a box of the world: rigid under soft soles, else as hard as the step allows."""
+    return CoulombFriction(friction, friction) if spec.sole is None else _material(friction, RIGID, 0.0)
 
 
 def _material(friction: float, stiffness: float | None, dissipation: float) -> ProximityProperties:

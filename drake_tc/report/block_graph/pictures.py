@@ -43,6 +43,7 @@ def svg(picture: View) -> str:
     drawing = layout(picture)
     wide = max(drawing.width, text_width(picture.title, HEADING, bold=True), max(text_width(k, LEGEND) for k in KEY))
     width, height = wide + 2.0 * MARGIN, drawing.height + TOP + 34.0 + 2.0 * MARGIN
+    below = TOP + drawing.height + 20.0
     style = (files("drake_tc.report.block_graph") / "block_graph.css").read_text(encoding="utf-8")
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(width)}" height="{_n(height)}" '
@@ -51,13 +52,13 @@ def svg(picture: View) -> str:
         f"<style>\n{style.strip()}\n</style>",
         '<rect class="paper" width="100%" height="100%"/>',
         f'<g transform="translate({_n(MARGIN)} {_n(MARGIN)})">',
-        _text(0.0, HEADING, drawing.title, "heading", HEADING, bold=True),
+        _text(Entry(0.0, HEADING, drawing.title, "heading", HEADING, bold=True)),
         f'<g transform="translate(0 {_n(TOP)})">',
         *_regions(drawing),
         *(line for wire in drawing.wires for line in _wire(wire, drawing.blocks)),
         *(line for block in drawing.blocks for line in _block(block)),
         "</g>",
-        *(_text(0.0, TOP + drawing.height + 20.0 + 14.0 * i, key, "note", LEGEND) for i, key in enumerate(KEY)),
+        *(_text(Entry(0.0, below + 14.0 * i, key, "note", LEGEND)) for i, key in enumerate(KEY)),
         "</g>",
         "</svg>",
     ]
@@ -68,7 +69,8 @@ def _regions(drawing: Drawing) -> Iterator[str]:
     for region in drawing.regions:
         box = f'x="{_n(region.x)}" y="{_n(region.y)}" width="{_n(region.width)}" height="{_n(region.height)}"'
         yield f'<rect class="region {region.stage}" {box} rx="6"/>'
-        yield _text(region.x + 10.0, region.y + 15.0, region.stage.upper(), f"stage {region.stage}", STAGE, bold=True)
+        name, look = region.stage.upper(), f"stage {region.stage}"
+        yield _text(Entry(region.x + 10.0, region.y + 15.0, name, look, STAGE, bold=True))
 
 
 def _wire(wire: Wire, blocks: Sequence[ShaftEffect]) -> Iterator[str]:
@@ -83,7 +85,7 @@ def _wire(wire: Wire, blocks: Sequence[ShaftEffect]) -> Iterator[str]:
     for x, y in branch_points(wire.lines):
         yield f'<circle cx="{_n(x)}" cy="{_n(y)}" r="2.3"/>'
     x, y, width = label_box(wire)
-    yield _text(x, y - 3.0, wire.net.label, "", LABEL, length=width)
+    yield _text(Entry(x, y - 3.0, wire.net.label, "", LABEL), length=width)
     yield "</g>"
 
 
@@ -130,8 +132,7 @@ def _block(block: ShaftEffect) -> Iterator[str]:
     corner = box.height / 2.0 if terminal else 3.0
     size = f'width="{_n(block.width)}" height="{_n(box.height)}" rx="{_n(corner)}"'
     yield f'<rect x="{_n(block.x)}" y="{_n(block.y)}" {size}/>'
-    for entry in texts(block):
-        yield _text(entry.x, entry.y, entry.text, entry.look, entry.size, bold=entry.bold)
+    yield from map(_text, texts(block))
     for pin in box.left if block.flow < 0 else box.right:
         x = block.x if block.flow < 0 else block.x + block.width
         look = "pin" if pin.follows else "pin state"
@@ -171,14 +172,13 @@ def texts(block: ShaftEffect) -> Iterator[Entry]:
                 )
 
 
-def _text(
-    x: float, y: float, text: str, look: str, size: float, *, bold: bool = False, length: float | None = None
-) -> str:
+def _text(entry: Entry, length: float | None = None) -> str:
     """A line of text held to the width that the layout counts with, whatever face the viewer has."""
-    width = text_width(text, size, bold=bold) if length is None else length
-    name = f' class="{look}"' if look else ""
-    fit = f' textLength="{_n(width)}" lengthAdjust="spacingAndGlyphs"' if text else ""
-    return f'<text x="{_n(x)}" y="{_n(y)}" font-size="{_n(size)}"{fit}{name}>{_e(text)}</text>'
+    width = text_width(entry.text, entry.size, bold=entry.bold) if length is None else length
+    name = f' class="{entry.look}"' if entry.look else ""
+    fit = f' textLength="{_n(width)}" lengthAdjust="spacingAndGlyphs"' if entry.text else ""
+    place = f'x="{_n(entry.x)}" y="{_n(entry.y)}"'
+    return f'<text {place} font-size="{_n(entry.size)}"{fit}{name}>{_e(entry.text)}</text>'
 
 
 def _n(value: float) -> str:

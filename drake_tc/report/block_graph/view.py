@@ -222,8 +222,10 @@ def view(graph: GraphData, *, everything: bool = False) -> View:
         _shape(
             number[b.path],
             b,
-            {i for _, (key, i), _ in links if key == number[b.path]},
-            {o for (key, o), _, _ in links if key == number[b.path]},
+            (
+                {i for _, (key, i), _ in links if key == number[b.path]},
+                {o for (key, o), _, _ in links if key == number[b.path]},
+            ),
             names,
             everything=everything,
         )
@@ -250,8 +252,7 @@ def _without_logs(graph: GraphData) -> list[Block]:
 def _shape(
     key: int,
     block: Block,
-    reads: set[int],
-    makes: set[int],
+    connected: tuple[set[int], set[int]],
     names: tuple[PortNames, PortNames],
     *,
     everything: bool,
@@ -263,7 +264,7 @@ def _shape(
             for i, port in enumerate(ports)
             if everything or i in used
         ]
-        for named, ports, used in zip(names, (block.inputs, block.outputs), (reads, makes), strict=True)
+        for named, ports, used in zip(names, (block.inputs, block.outputs), connected, strict=True)
     )
     inputs = [Pin(i, name, used=used) for i, name, used in into]
     outputs = [Pin(i, name, i in follows, used) for i, name, used in out]

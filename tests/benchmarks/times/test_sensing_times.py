@@ -13,6 +13,7 @@ from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensing.robot_sensors import ForceTorque, JointTorque
 from drake_tc.sensing.sensor import Sensor, SensorFault, SensorSpec
+from drake_tc.sensing.spec import Sampling
 
 from .machine import require
 
@@ -72,9 +73,9 @@ def test_reaction_sensors(robot, kind):
     described = load_robot(f"{models[0]}/hrp2_like/{robot}.yaml")
     plant = make_plant(described, TICK)
     if kind == "force_torque":
-        system = ForceTorque(plant, described, SensorSpec(noise=0.1), TICK)
+        system = ForceTorque(plant, described, SensorSpec(noise=0.1), Sampling(TICK))
     else:
-        system = JointTorque(plant, described, SensorSpec(), TICK)
+        system = JointTorque(plant, described, SensorSpec(), Sampling(TICK))
     context = system.CreateDefaultContext()
     forces = [SpatialForce(np.ones(3), np.ones(3)) for _ in range(plant.num_joints())]
     source, port = system.get_input_port(0), system.get_output_port()
