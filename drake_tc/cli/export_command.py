@@ -375,15 +375,16 @@ def _errors(
     text: str,
 ) -> "tuple[list[ExportErrors], list[str]]":
     """Errors of the runs, and sentences on them."""
-    from drake_tc.exchange.trial import run_errors, run_notes
+    from drake_tc.exchange.trial import Exported, run_errors, run_notes
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
     written = None if into is None else text
     problems: list[str] = []
-    rows = run_errors(models, projections, to.value, what, load_runs(runs, what), into, written, problems)
-    return rows, [*problems, *run_notes(projections, to.value, what, into)]
+    exported = Exported(projections, to.value, into, written)
+    rows = run_errors(models, exported, what, load_runs(runs, what), problems)
+    return rows, [*problems, *run_notes(exported, what)]
 
 
 def _document(

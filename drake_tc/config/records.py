@@ -111,7 +111,6 @@ def read_record(
     kind: type[Record],
     document: object,
     source: str,
-    error: type[DrakeTcError] = ParamsError,
     hint: str = "",
     more: Mapping[str, Any] | None = None,
     within: str = "",
@@ -122,19 +121,18 @@ def read_record(
         kind: The dataclass.
         document: What the file says.
         source: Where it comes from, for the message.
-        error: What to raise.
         hint: Where the keys are explained.
         more: Fields that are not the file's, which may then not give them.
         within: Place of the document in its file.
 
     Raises:
-        DrakeTcError: of the kind `error`; an unknown or missing key, or a value that is not possible.
+        ParamsError: an unknown or missing key, or a value that is not possible.
     """
-    read = validated(record_keys(kind, *sorted(more or ())), document, source, error, hint, within)
+    read = validated(record_keys(kind, *sorted(more or ())), document, source, hint=hint, within=within)
     try:
         return kind(**{name: getattr(read, name) for name in read.model_fields_set}, **(more or {}))
     except DrakeTcError as found:
-        raise error(message(source, within, str(found))) from None
+        raise ParamsError(message(source, within, str(found))) from None
 
 
 def unbounded_fields(kind: type[Any]) -> tuple[str, ...]:

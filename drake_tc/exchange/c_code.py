@@ -12,7 +12,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -223,26 +223,26 @@ def _moved_links(robot: Robot) -> tuple[list[_MovedLink], FloatArray, list[int]]
         if not ready:
             raise ParamsError(f"export --to c: {robot.source}: a link is moved by a joint that the robot file lacks")
         order += ready
-    links = [_link(plant, context, joints, carried, order, i, axes[i]) for i in order]
+    links = []
+    for i in order:
+        holder = int(joints[i].parent_body().index())
+        inner = next((k for k in order if holder in carried[k]), None)
+        base = plant.world_frame() if inner is None else joints[inner].frame_on_child()
+        link = _link(plant, context, joints[i], base)
+        links.append(replace(link, parent=-1 if inner is None else order.index(inner), axis=axes[i]))
     return links, np.array(plant.gravity_field().gravity_vector()), order
 
 
-def _link(
-    plant: Any, context: Any, joints: list[Any], carried: list[set[int]], order: list[int], i: int, axis: FloatArray
-) -> _MovedLink:
-    """One link at q = 0."""
-    joint = joints[i]
-    holder = int(joint.parent_body().index())
-    before = next((k for k in order if holder in carried[k]), None)
-    base = plant.world_frame() if before is None else joints[before].frame_on_child()
+def _link(plant: Any, context: Any, joint: Any, base: Any) -> _MovedLink:
+    """One link at q = 0, held by the frame `base`; its parent and axis are not set yet."""
     pose = plant.CalcRelativeTransform(context, base, joint.frame_on_parent())
     indices = [body.index() for body in plant.GetBodiesWeldedTo(joint.child_body())]
     lump = plant.CalcSpatialInertia(context, joint.frame_on_child(), indices)
     mass = float(lump.get_mass())
     return _MovedLink(
-        parent=-1 if before is None else order.index(before),
+        parent=-1,
         turns=is_revolute(joint),
-        axis=axis,
+        axis=np.zeros(3),
         rotation=np.array(pose.rotation().matrix()),
         place=np.array(pose.translation()),
         mass=mass,

@@ -5,7 +5,7 @@ Free runs are those of the identified model in Drake, of its export in the targe
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -54,34 +54,45 @@ RUNS: Mapping[str, Runner] = MappingProxyType(
 would err by some 0.2 % of the motion themselves."""
 
 
+@dataclass(frozen=True)
+class Exported:
+    """Models in the terms of another simulator, and the user's file beside them.
+
+    Attributes:
+        projections: One a joint.
+        target: A key of `RUNS`.
+        original: The user's file; None: there is none.
+        text: Of the file that the terms were merged into; the run is that of this file. None: of a bench of the terms.
+    """
+
+    projections: Sequence[Projection]
+    target: str
+    original: Path | None = None
+    text: str | None = None
+
+
 def run_errors(
     models: Mapping[str, ActuatorModel],
-    projections: Sequence[Projection],
-    target: str,
+    exported: Exported,
     rig: Rig,
     runs: Sequence[Run],
-    original: Path | None,
-    text: str | None = None,
     problems: list[str] | None = None,
 ) -> list[ExportErrors]:
     """One row a joint and run.
 
     Args:
         models: By joint.
-        projections: Of these models.
-        target: A key of `RUNS`.
+        exported: These models.
         rig: Of the runs.
         runs: Held-out ones.
-        original: The user's file; None: there is none.
-        text: Of the file that the terms were merged into; the run is that of this file. None: of a bench of the terms.
         problems: Takes sentences on files that their simulator does not load, whose errors are None; None: they raise.
 
     Raises:
         ParamsError: the target is not installed, or refuses the model; an unreadable file; a rig whose loads come from
             a robot's model.
     """
-    runner = require_runner(target, rig)
-    both = _to_run(projections, target, original, rig, text)
+    runner, text = require_runner(exported.target, rig), exported.text
+    both = _to_run(exported, rig)
 
     def error(what: Terms | WrittenFile | None, terms: Terms | None, joint: str, run: Run) -> float | None:
         if what is None or terms is None or runner.too_old(terms):
@@ -98,36 +109,35 @@ def run_errors(
 
     rows = []
     for run in runs:
-        for joint, (exported, was) in both.items():
+        for joint, (new, was) in both.items():
             ours = rig_free_run(models[joint], rig, joint, run)
             model = None if ours is None else _rms(ours[1:])
-            rows.append(ExportErrors(joint, run.name, model, error(*exported, joint, run), error(*was, joint, run)))
+            rows.append(ExportErrors(joint, run.name, model, error(*new, joint, run), error(*was, joint, run)))
     return rows
 
 
-def run_notes(projections: Sequence[Projection], target: str, rig: Rig, into: Path | None) -> list[str]:
+def run_notes(exported: Exported, rig: Rig) -> list[str]:
     """Sentences on what a run of the export does not have although the file has it, or on why it is not run.
 
     Args:
-        projections: One a joint.
-        target: A key of `RUNS`.
+        exported: The models.
         rig: Of the runs.
-        into: The user's file; None: there is none.
     """
+    target, into = exported.target, exported.original
     runner, lines = RUNS[target], list[str]()
     inertias = (
         {} if into is None else {name: each.terms.armature for name, each in read_joints(into, ParamsError).items()}
     )
-    for joint, (exported, original) in _terms_to_run(projections, target, into).items():
-        for what, terms in (("the export", exported), ("your file", original)):
+    for joint, (new, original) in _terms_to_run(exported).items():
+        for what, terms in (("the export", new), ("your file", original)):
             if terms is not None and (old := runner.too_old(terms)):
                 lines.append(f"{joint}: {what} was not run: {old}.")
         lines += [
             f"{joint}: {why}: the runs are without it."
             for term, why in runner.ignores.items()
-            if any(getattr(terms, term) for terms in (exported, original) if terms is not None)
+            if any(getattr(terms, term) for terms in (new, original) if terms is not None)
         ]
-        has_inertia = TARGETS[target].has("armature") or exported.armature or inertias.get(joint)
+        has_inertia = TARGETS[target].has("armature") or new.armature or inertias.get(joint)
         if not has_inertia and rig.load[joint] == "torque":
             lines.append(
                 f"{joint}: the load is a recorded torque, so the run of the export has no inertia:"
@@ -156,15 +166,13 @@ def require_runner(target: str, rig: Rig) -> Runner:
     return RUNS[target]
 
 
-def _terms_to_run(
-    projections: Sequence[Projection], target: str, into: Path | None
-) -> dict[str, tuple[Terms, Terms | None]]:
+def _terms_to_run(exported: Exported) -> dict[str, tuple[Terms, Terms | None]]:
     """By joint the terms of the export and those of the user's file; None where the file's cannot be run."""
-    before = {} if into is None else read_joints(into, ParamsError)
+    before = {} if exported.original is None else read_joints(exported.original, ParamsError)
     found = {}
-    for projection in projections:
+    for projection in exported.projections:
         was = before.get(projection.joint, before.get(ANY_JOINT))
-        original = None if was is None else _original(was, projection.terms, TARGETS[target])
+        original = None if was is None else _original(was, projection.terms, TARGETS[exported.target])
         found[projection.joint] = projection.terms, original
     return found
 
@@ -172,20 +180,19 @@ def _terms_to_run(
 _What = tuple[Terms | WrittenFile | None, Terms | None]
 
 
-def _to_run(
-    projections: Sequence[Projection], target: str, original: Path | None, rig: Rig, text: str | None
-) -> dict[str, tuple[_What, _What]]:
+def _to_run(exported: Exported, rig: Rig) -> dict[str, tuple[_What, _What]]:
     """By joint what runs of the export and of the user's file: a file where its own links are the load, with terms."""
     found: dict[str, tuple[_What, _What]] = {}
+    target, original, text = exported.target, exported.original, exported.text
     files = RUNS[target].simulate_file is not None
-    for joint, (exported, was) in _terms_to_run(projections, target, original).items():
+    for joint, (terms, was) in _terms_to_run(exported).items():
         whole = files and (isinstance(rig.load[joint], Pendulum) or rig.load[joint] == "torque")
-        new: Terms | WrittenFile = exported
+        new: Terms | WrittenFile = terms
         old: Terms | WrittenFile | None = was
         if whole and text is not None and original is not None:
-            new = _file(text, joint, exported, original)
+            new = _file(text, joint, terms, original)
             old = None if was is None else _file(_flat(original, target), joint, was, original)
-        found[joint] = (new, exported), (old, was)
+        found[joint] = (new, terms), (old, was)
     return found
 
 
@@ -424,8 +431,9 @@ def try_export(
     target = TARGETS[to]
     speeds, loads = recorded_speeds(runs[0], rig, list(models)), recorded_loads(runs[0], rig, list(models))
     projections = [project(model, target, speeds.get(name), loads.get(name)) for name, model in models.items()]
-    rows = run_errors(models, projections, to, rig, runs[1], original)
-    said = sentences(projections, target) + run_notes(projections, to, rig, original)
+    exported = Exported(projections, to, original)
+    rows = run_errors(models, exported, rig, runs[1])
+    said = sentences(projections, target) + run_notes(exported, rig)
     said += file_notes(to_mjcf(projections), projections) if to == "mjcf" else []
     return ExportTrial(to, target.name, RUNS[to].name, model_file, tuple(said), tuple(rows))
 

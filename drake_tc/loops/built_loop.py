@@ -22,9 +22,6 @@ from drake_tc.loops.fused.fuse import StageValues, fuse
 from drake_tc.loops.recording import Progress, Recording, SignalLog, add_log, advance
 from drake_tc.types import FloatArray
 
-CHUNK = 0.02
-"""The state is looked at this often [s]."""
-
 
 class TimedScenario(Protocol):
     """What a run needs of a scenario."""
@@ -67,8 +64,8 @@ class BuiltLoop(Generic[ScenarioT]):
         """Start, and advance to the scenario's end as long as what is watched goes on.
 
         Args:
-            watch: Takes the root context at the start and returns what looks at it every `CHUNK`, at its time [s];
-                False ends the run there.
+            watch: Takes the root context at the start and returns what looks at it every `recording.CHUNK`, at its
+                time; False ends the run there.
             progress: Told what is done and which share.
 
         Raises:
@@ -79,7 +76,7 @@ class BuiltLoop(Generic[ScenarioT]):
         self.start(context)
         goes_on = watch(context)
         begin = time.perf_counter()
-        advance(simulator, scenario.duration, CHUNK, goes_on, plant_step=scenario.plant_step, progress=progress)
+        advance(simulator, scenario.duration, goes_on, plant_step=scenario.plant_step, progress=progress)
         seconds = time.perf_counter() - begin
         times, signals = self.log.recorded(context)
         return Recording(time=times, signals=signals, seconds=seconds, flag_names=self.flag_names)

@@ -31,9 +31,6 @@ from drake_tc.loops.torque.wiring import TorqueLoop
 from drake_tc.text_table import TextTable
 from drake_tc.types import FloatArray
 
-CHUNK = 0.02
-"""Simulated time between two reports of progress [s]."""
-
 
 @dataclass(frozen=True)
 class FunctionScenario(ScenarioBase):
@@ -220,7 +217,7 @@ def _simulated(loop: FunctionLoop, progress: Progress | None, *, meshcat: bool) 
     loop.start(context)
     frames = _filmed(loop, simulator, start_meshcat() if meshcat else None)
     begin = time.perf_counter()
-    advance(simulator, scenario.duration, CHUNK, lambda now: True, plant_step=loop.period, progress=progress)
+    advance(simulator, scenario.duration, lambda now: True, plant_step=loop.period, progress=progress)
     seconds = time.perf_counter() - begin
     logs: dict[str, _Logged] = {}
     for system in _systems(loop.diagram):

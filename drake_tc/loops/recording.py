@@ -159,23 +159,23 @@ def add_log(builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: 
 
 
 Progress = Callable[[str, float], None]
+CHUNK = 0.02
+"""Simulated time between two looks at the state [s]."""
 
 
 def advance(
     simulator: Simulator,
     duration: float,
-    chunk: float,
     goes_on: Callable[[float], bool],
     *,
     plant_step: float,
     progress: Progress | None = None,
 ) -> None:
-    """Initialize, then advance to `duration` [s] in pieces of `chunk` [s], as long as what is watched goes on.
+    """Initialize, then advance to `duration` [s] in pieces of `CHUNK`, as long as what is watched goes on.
 
     Args:
         simulator: At the start.
         duration: Where it ends.
-        chunk: Between two looks.
         goes_on: Looks at the state after a piece, at its time [s]; False ends the run there.
         plant_step: Of the plant [s], for the message.
         progress: Told what is done and which share.
@@ -183,11 +183,11 @@ def advance(
     Raises:
         SimulationError: a system failed; says when, and what to try. What `goes_on` raises is passed on.
     """
-    chunks = math.ceil(duration / chunk - 1e-9)
+    chunks = math.ceil(duration / CHUNK - 1e-9)
     try:
         simulator.Initialize()
         for number in range(1, chunks + 1):
-            now = duration if number == chunks else number * chunk
+            now = duration if number == chunks else number * CHUNK
             simulator.AdvanceTo(now)
             if not goes_on(now):
                 return

@@ -22,8 +22,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot import fields
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
-from drake_tc.tsid.robust.convex import FREE, RobustSolution, Start, Value, plain
-from drake_tc.tsid.robust.measures import Guess, ProgramResult, SolverMeans, individual, least_cost
+from drake_tc.tsid.robust.convex import FREE, RobustSolution, SolverMeans, Start, Value, plain
+from drake_tc.tsid.robust.measures import Guess, ProgramResult, individual, least_cost
 from drake_tc.tsid.robust.options import Options
 from drake_tc.tsid.robust.scaled import RANK, ScaledProblem, nothing, null_basis
 from drake_tc.tsid.rows import LeastSquares
@@ -103,7 +103,7 @@ def _solve(
 
 def _risk_at(problem: ScaledProblem, x: FloatArray) -> Value:
     rows = problem.erring
-    return plain(nothing(len(x)), rows, risk=rows, weight=1.0).at(x)
+    return plain(nothing(len(x)), rows).with_risk(rows, 1.0).at(x)
 
 
 KEY = "priority"

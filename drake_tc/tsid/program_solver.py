@@ -223,7 +223,7 @@ class ProgramSolver:
             added = result.GetSolution(more) if len(more) else added
         found = np.asarray(result.GetSolution(y))
         risk = _risk(formulation.measure, rows, found, added)
-        return _packed(terms, tasks, rows, found, risk, error)._replace(converged=done)
+        return _packed(terms, tasks, rows, found, error)._replace(robustness=risk, converged=done)
 
     def _convex(self, program: Any) -> Any:
         """A program of quadratic costs by Clarabel, as exactly as it can."""
@@ -372,8 +372,9 @@ def _risk(measure: str, rows: _Limits, y: FloatArray, added: FloatArray) -> floa
 
 
 def _packed(
-    terms: Terms, tasks: Sequence[TaskRows], rows: _Limits, y: FloatArray, risk: float, error: TorqueError
+    terms: Terms, tasks: Sequence[TaskRows], rows: _Limits, y: FloatArray, error: TorqueError
 ) -> RobustSolution:
+    """The solution y, whose risk counts as 0."""
     sizes, value = sizes_of(terms), rows.matrix @ y
     unit = np.where(rows.sigma > 0.0, rows.sigma, 1.0)
     active = (value >= rows.upper - ON_BORDER * unit).astype(np.int64) - (value <= rows.lower + ON_BORDER * unit)
@@ -381,7 +382,7 @@ def _packed(
     costs = [weighted(task, sizes) for task in tasks]
     cost = float(sum(np.sum((each.matrix @ y - each.target) ** 2) for each in costs))
     torque = y[y.size - error.joints :]
-    return RobustSolution(torque, risk, chance, cost, active, Outcome.SOLVED, True, 0, 1, None)
+    return RobustSolution(torque, 0.0, chance, cost, active, Outcome.SOLVED, True, 0, 1, None)
 
 
 def _unsolved(error: TorqueError, rows: _Limits, result: Any) -> RobustSolution:

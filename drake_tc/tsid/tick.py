@@ -268,14 +268,12 @@ def _told(law: Law, causes: AffineMap, contacts: ActiveContacts, solution: Robus
     risk = min(solution.robustness, LARGEST)
     found = (solution.outcome, 0.0, solution.iterations, risk, solution.p_ind, -1.0, 0.0)
     status = np.array([*found, relaxed, solution.converged, 0.0, 0.0])
-    return _packed(law, causes, contacts, solution.torque, status, solution.start)
+    return _packed(law, causes, contacts, solution.torque, status)._replace(start=solution.start)
 
 
-def _packed(
-    law: Law, causes: AffineMap, contacts: ActiveContacts, torque: FloatArray, status: FloatArray, start: Start | None
-) -> Tick:
+def _packed(law: Law, causes: AffineMap, contacts: ActiveContacts, torque: FloatArray, status: FloatArray) -> Tick:
     acceleration, force = _RESPONSE(torque, *causes, contacts.entries, law.model.force_size)
-    return Tick(torque, acceleration, force, status, start)
+    return Tick(torque, acceleration, force, status, None)
 
 
 def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before: PreviousTick) -> Tick:
@@ -294,7 +292,7 @@ def _given_way(law: Law, problem: TickProblem, solution: RobustSolution, before:
             name = names_of(problem.limits)[int(found.rows[0])]
             known = name if name in law.constraints else name.partition(": ")[0]
             status[Status.LIMIT], status[Status.MISSED] = law.constraints.index(known), found.missed[0]
-    tick = _packed(law, problem.reduced.causes, terms.contacts, torque, status, None)
+    tick = _packed(law, problem.reduced.causes, terms.contacts, torque, status)
     sound = np.isfinite(np.concatenate((tick.torque, tick.acceleration, tick.force, status))).all()
     return tick if sound else lost_tick(law, before)
 

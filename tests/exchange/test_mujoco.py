@@ -10,7 +10,7 @@ from drake_tc.actuation.recorded_run import Link
 from drake_tc.exchange.mujoco_run import simulate_in_mujoco
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput, target_free_run
-from drake_tc.exchange.trial import RUNS, run_errors
+from drake_tc.exchange.trial import RUNS, Exported, run_errors
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench import rig_free_run
 from drake_tc.simulator_files.terms import Ripple, StribeckPeak, Terms
@@ -93,7 +93,7 @@ def test_on_the_demos_held_out_run_it_is_as_good_as_the_model(period):
     rig = parse_rig({"joint": "joint", "drive": "position_servo"}, "rig.yaml")
     projection = project(stiff, TARGETS["mjcf"])
     assert projection.losses == () and projection.refit is None
-    (row,) = run_errors({"joint": stiff}, [projection], "mjcf", rig, [run], None)
+    (row,) = run_errors({"joint": stiff}, Exported([projection], "mjcf"), rig, [run])
     print(f"RMS error of the position: {row.model:.3g} rad, {row.export:.3g} rad in MuJoCo")
     assert row.export <= 1.2 * row.model
 

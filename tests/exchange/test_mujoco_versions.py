@@ -22,7 +22,7 @@ from drake_tc.exchange.mujoco_run import (
 )
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
-from drake_tc.exchange.trial import run_errors, run_notes
+from drake_tc.exchange.trial import Exported, run_errors, run_notes
 from drake_tc.simulator_files.terms import Terms
 
 from .test_target_runs import SERVO, recorded
@@ -143,9 +143,9 @@ def test_the_table_has_no_error_of_the_export_and_says_why(old):
     model = ActuatorModel("joint", POSITION, (*SERVO, QUADRATIC))
     rig, run = recorded(model)
     projections = [project(model, TARGETS["mjcf"])]
-    (row,) = run_errors({"joint": model}, projections, "mjcf", rig, [run], None)
+    (row,) = run_errors({"joint": model}, Exported(projections, "mjcf"), rig, [run])
     assert row.model is not None and row.export is None
-    assert run_notes(projections, "mjcf", rig, None) == [
+    assert run_notes(Exported(projections, "mjcf"), rig) == [
         "joint: the export was not run: MuJoCo 3.6.0 is installed, but 3.7 or newer is needed for damping as a"
         " polynomial of the speed."
     ]

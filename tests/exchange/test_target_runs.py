@@ -20,7 +20,7 @@ from drake_tc.exchange.drake_run import simulate_in_drake, simulate_sdf_in_drake
 from drake_tc.exchange.mujoco_run import simulate_in_mujoco
 from drake_tc.exchange.projection import TARGETS, project
 from drake_tc.exchange.target_run import RunInput
-from drake_tc.exchange.trial import run_errors
+from drake_tc.exchange.trial import Exported, run_errors
 from drake_tc.logs.rig import parse_rig
 from drake_tc.loops.joint_bench import Table
 from drake_tc.simulator_files.read import read_joints
@@ -186,7 +186,7 @@ def test_an_export_is_as_good_as_the_model_where_nothing_is_lost(target, model, 
     rig, run = recorded(model)
     projection = project(model, TARGETS[target])
     assert (projection.losses == ()) is expressed
-    (row,) = run_errors({"joint": model}, [projection], target, rig, [run], None)
+    (row,) = run_errors({"joint": model}, Exported([projection], target), rig, [run])
     span = np.std(run.columns["joint/position"])
     if expressed:
         assert row.export < max(1.2 * row.model, 1e-3 * span)

@@ -10,9 +10,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from drake_tc.errors import LogError, ParamsError
-from drake_tc.loops.built_loop import CHUNK, BuiltLoop, WiredLoop
+from drake_tc.loops.built_loop import BuiltLoop, WiredLoop
 from drake_tc.loops.loop_builder import LoopBuilder
-from drake_tc.loops.recording import Recording, write_log, write_rig
+from drake_tc.loops.recording import CHUNK, Recording, write_log, write_rig
 from drake_tc.loops.scenarios import ScenarioBase
 
 PERIOD = 0.01

@@ -27,6 +27,6 @@ def individual_risk(polytope: Polytope, torque: FloatArray, error: TorqueError) 
     """
     problem = scaled(nothing(error.joints), polytope, error)
     rows, scale = problem.erring, problem.scale
-    here = plain(problem.cost, rows, risk=rows, weight=1.0).at(torque / scale)
+    here = plain(problem.cost, rows).with_risk(rows, 1.0).at(torque / scale)
     hessian = (rows.matrix.T * here.bend) @ rows.matrix
     return RiskDerivatives(here.risk, (here.slope @ rows.matrix) / scale, hessian / np.outer(scale, scale))

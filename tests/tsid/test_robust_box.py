@@ -35,7 +35,7 @@ def test_rows_of_box_and_rectangle_are_the_worst_corners(full):
     x, sides = inside / problem.scale, rng.uniform(0.1, 2.0, 8)
     held = np.zeros(len(polytope.lower))
     held[[1, 5]] = 1.0, -1.0
-    program = rectangle(problem.cost, problem.limits, problem.noise, held, 0.01, 1.0)
+    program = rectangle(problem, held, 0.01, 1.0)
     corners = np.array(np.meshgrid(*[(-b, a) for a, b in zip(sides[:4], sides[4:], strict=True)])).reshape(4, -1)
     value = problem.limits.matrix @ x
     reached = value[:, None] + problem.noise @ corners
@@ -56,7 +56,7 @@ def test_derivatives_of_the_rectangles_objective():
     cost, polytope, error = random_problem(1)
     problem = scaled(cost, polytope, error)
     held = np.zeros(len(polytope.lower))
-    program = rectangle(problem.cost, problem.limits, problem.noise, held, 0.01, 0.3)
+    program = rectangle(problem, held, 0.01, 0.3)
     rng = np.random.default_rng(0)
     at = np.concatenate((rng.normal(size=6), rng.uniform(0.2, 3.0, 12)))
     point, h = program.at(at), 1e-5

@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
+from drake_tc.tsid.qp.problem import Outcome, QpSolver, QuadraticProgram
 from drake_tc.tsid.qp.solvers import solver
-from drake_tc.tsid.robust.convex import FREE, ActiveSet, minimise, plain
+from drake_tc.tsid.robust.convex import FREE, ActiveSet, SolverMeans, minimise, plain
 from drake_tc.tsid.robust.options import Budget
 from drake_tc.tsid.robust.scaled import ScaledRows, nothing, null_basis, scaled
 from drake_tc.tsid.rows import LeastSquares
@@ -22,6 +22,10 @@ class Forbidden:
         raise AssertionError("no program was needed")
 
 
+def means(accuracy: float, qp: QpSolver) -> SolverMeans:
+    return SolverMeans(qp, accuracy, Budget().started())
+
+
 @pytest.mark.parametrize("far", [1.0, 60.0, 1e3, 1e4])
 @pytest.mark.parametrize("seed", range(5))
 def test_risk_is_minimised_from_far_outside(seed, far):
@@ -30,11 +34,11 @@ def test_risk_is_minimised_from_far_outside(seed, far):
     problem = scaled(nothing(6), polytope, error)
     rows = problem.erring
     free = ScaledRows(rows.matrix, np.full(rows.lower.size, -np.inf), np.full(rows.lower.size, np.inf))
-    objective = plain(nothing(6), free, risk=rows, weight=1.0)
+    objective = plain(nothing(6), free).with_risk(rows, 1.0)
     begin = far * np.random.default_rng(seed).normal(size=6)
     if far >= 60.0:
         assert rows.miss(begin) > 40.0
-    found = minimise(objective, Forbidden(), begin, accuracy=1e-9)
+    found = minimise(objective, begin, FREE, means(1e-9, Forbidden()))
     assert found.converged
     assert found.iterations < 60
 
@@ -51,10 +55,10 @@ def test_risk_is_minimised_from_far_outside(seed, far):
 def test_limits_are_reached_from_far_outside(seed, far):
     cost, polytope, error = random_problem(seed, n=6, rows=10)
     problem = scaled(cost, polytope, error)
-    objective = plain(problem.cost, problem.limits, risk=problem.erring, weight=1e-2)
+    objective = plain(problem.cost, problem.limits).with_risk(problem.erring, 1e-2)
     begin = far * np.random.default_rng(seed).normal(size=6)
-    found = minimise(objective, QP, begin, accuracy=1e-10)
-    near = minimise(objective, QP, np.zeros(6), accuracy=1e-10)
+    found = minimise(objective, begin, FREE, means(1e-10, QP))
+    near = minimise(objective, np.zeros(6), FREE, means(1e-10, QP))
     assert found.outcome is Outcome.SOLVED
     assert found.converged
     assert problem.limits.miss(found.x) < 1e-6
@@ -64,9 +68,9 @@ def test_limits_are_reached_from_far_outside(seed, far):
 def test_no_program_where_the_newton_step_stays_inside():
     _, polytope, error = random_problem(0)
     problem = scaled(nothing(6), polytope, error)
-    objective = plain(nothing(6), problem.limits, risk=problem.erring, weight=1.0)
-    inside = minimise(objective, QP, np.zeros(6), accuracy=1e-6).x
-    found = minimise(objective, Forbidden(), inside + 0.01, accuracy=1e-9)
+    objective = plain(nothing(6), problem.limits).with_risk(problem.erring, 1.0)
+    inside = minimise(objective, np.zeros(6), FREE, means(1e-6, QP)).x
+    found = minimise(objective, inside + 0.01, FREE, means(1e-9, Forbidden()))
     assert found.converged
     assert found.programs == 0
 
@@ -84,8 +88,7 @@ def test_step_is_that_of_another_solver(seed):
     assert_allclose(gradient, -2.0 * cost.matrix.T @ cost.target)
     reference = solver("clarabel").solve(QuadraticProgram(hessian, gradient, rows.matrix, rows.lower, rows.upper))
     for active_set in (FREE, wrong):
-        spending = Budget(1).started()
-        step = minimise(program, QP, np.zeros(n), active_set=active_set, spending=spending)
+        step = minimise(program, np.zeros(n), active_set, SolverMeans(QP, 0.0, Budget(1).started()))
         assert step.outcome is Outcome.SOLVED
         assert step.iterations == 1
         assert_allclose(step.x, reference.x, atol=1e-5)
@@ -103,8 +106,8 @@ def test_flat_risk_ends():
     """Rows on one side only: R falls for ever, ever less."""
     rows = ScaledRows(np.eye(3), np.zeros(3), np.full(3, np.inf))
     free = ScaledRows(rows.matrix, np.full(3, -np.inf), np.full(3, np.inf))
-    objective = plain(nothing(3), free, risk=rows, weight=1.0)
-    found = minimise(objective, QP, -50.0 * np.ones(3), accuracy=1e-8)
+    objective = plain(nothing(3), free).with_risk(rows, 1.0)
+    found = minimise(objective, -50.0 * np.ones(3), FREE, means(1e-8, QP))
     assert found.converged
     assert 0.0 <= found.risk < 1e-6
 
@@ -123,7 +126,7 @@ def test_gradient_of_the_objective():
     cost, polytope, error = random_problem(3)
     problem = scaled(cost, polytope, error)
     linear = np.arange(6.0)
-    objective = plain(problem.cost, problem.limits, linear=linear, risk=problem.erring, weight=0.7)
+    objective = plain(problem.cost, problem.limits, linear=linear).with_risk(problem.erring, 0.7)
     x, h = np.random.default_rng(0).normal(size=6), 1e-6
     by_difference = [(objective.at(x + s).value - objective.at(x - s).value) / (2 * h) for s in h * np.eye(6)]
     assert_allclose(objective.at(x).gradient, by_difference, rtol=1e-6, atol=1e-6)

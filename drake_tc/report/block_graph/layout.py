@@ -381,7 +381,7 @@ def layout(picture: View) -> Drawing:
         if attempt < PASSES - 2:
             pins = _sorted_pins(picture, pins, found)
     frame = frame_of(picture, rows, boxes, counts)
-    return _draw(picture, ground, boxes, tops, found, frame)
+    return _draw(picture, ground, {key: (box, tops[key]) for key, box in boxes.items()}, found, frame)
 
 
 def _ground(
@@ -432,11 +432,11 @@ def _sorted_pins(
 def _draw(
     picture: View,
     ground: Ground,
-    boxes: Mapping[int, Box],
-    tops: Mapping[int, float],
+    boxes: Mapping[int, tuple[Box, float]],
     found: Ways,
     frame: Frame,
 ) -> Drawing:
+    """Boxes have their tops in the row."""
     track_x = {
         (channel, n): frame.tracks[channel] + GAP * (track + 0.5)
         for channel, by_net in found.tracks.items()
@@ -456,7 +456,10 @@ def _draw(
     for r, row in enumerate(ground.rows):
         for c, column in enumerate(row.columns):
             spot = frame.lefts[r, c], frame.widths[r, c]
-            blocks += [ShaftEffect(boxes[k], spot[0], row_tops[r] + tops[k], spot[1], row.flow) for k in column]
+            blocks += [
+                ShaftEffect(box, spot[0], row_tops[r] + top, spot[1], row.flow)
+                for box, top in (boxes[k] for k in column)
+            ]
             top, high = row_tops[r] - HEAD, HEAD + ground.heights[r] + FOOT
             last = regions[-1] if regions else None
             if last is not None and c > 0 and last.stage == row.stages[c]:

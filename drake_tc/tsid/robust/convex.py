@@ -12,8 +12,8 @@ import numpy as np
 
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.robust.options import Budget, Spending
-from drake_tc.tsid.robust.scaled import ScaledRows
+from drake_tc.tsid.robust.options import Spending
+from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows
 from drake_tc.tsid.rows import LeastSquares
 from drake_tc.types import FloatArray, IntArray
 
@@ -194,6 +194,10 @@ class ConvexProgram(NamedTuple):
         """Whether the Hessian changes with x."""
         return self.weight > 0.0
 
+    def with_risk(self, rows: ScaledRows, weight: float) -> "ConvexProgram":
+        """The objective and w R_ind(x) of the limits with sides that may be farther off."""
+        return self._replace(risk_lower=rows.lower, risk_upper=rows.upper, weight=weight)
+
     def arguments(self, *search: float) -> tuple[object, ...]:
         """`drake_tc.kernels.tsid.newton.Data`; search: accuracy, steps until it pauses, how it begins."""
         numbers = np.array((self.weight, self.damping, self.width, *search))
@@ -213,25 +217,16 @@ class ConvexProgram(NamedTuple):
 
 
 def plain(
-    cost: LeastSquares,
-    limits: ScaledRows,
-    *,
-    linear: FloatArray | None = None,
-    risk: ScaledRows | None = None,
-    weight: float = 0.0,
-    damping: float = 0.0,
+    cost: LeastSquares, limits: ScaledRows, *, linear: FloatArray | None = None, damping: float = 0.0
 ) -> ConvexProgram:
-    """||D x - d||^2 + c^T x + w R_ind(x) inside limits.
+    """||D x - d||^2 + c^T x inside limits; `ConvexProgram.with_risk` adds w R_ind(x).
 
     Args:
         cost: D, d.
         limits: lower <= A x <= upper.
         linear: (n,) c; None for 0.
-        risk: Rows of R_ind: the limits with sides that may be farther off; None for w = 0.
-        weight: w.
         damping: Added to the Hessian's diagonal.
     """
-    sides = (_NOTHING, _NOTHING) if risk is None else (risk.lower, risk.upper)
     return ConvexProgram(
         PLAIN,
         limits.matrix,
@@ -239,8 +234,9 @@ def plain(
         _NOTHING,
         cost,
         _NOTHING if linear is None else linear,
-        *sides,
-        0.0 if risk is None else weight,
+        _NOTHING,
+        _NOTHING,
+        0.0,
         damping,
         0.0,
         limits.lower,
@@ -249,23 +245,20 @@ def plain(
     )
 
 
-def rectangle(
-    cost: LeastSquares, limits: ScaledRows, noise: FloatArray, held: FloatArray, width: float, weight: float
-) -> ConvexProgram:
+def rectangle(problem: ScaledProblem, held: FloatArray, width: float, weight: float) -> ConvexProgram:
     """||D x - d||^2 + w R_rect over (x, a, b), its box inside limits (Del Prete and Mansard, 2015, eq. 15 and 16).
 
     Args:
-        cost: D, d.
-        limits: lower <= A x <= upper.
-        noise: (m, r) K.
+        problem: D, d, the limits and (m, r) K.
         held: (m,) sides that x itself is to keep.
         width: Least width of the box along each axis [sigma].
         weight: w.
     """
-    sides = limits.lower, limits.upper
-    return ConvexProgram(
-        RECTANGLE, limits.matrix, noise, held, cost, _NOTHING, _NOTHING, _NOTHING, weight, 0.0, width, *sides
-    )
+    limits = problem.limits
+    numbers = weight, 0.0, width
+    rows = limits.matrix, problem.noise, held
+    none = _NOTHING, _NOTHING, _NOTHING
+    return ConvexProgram(RECTANGLE, *rows, problem.cost, *none, *numbers, limits.lower, limits.upper)
 
 
 _MINIMUM = Kernel("tsid.newton", "minimum")
@@ -299,33 +292,38 @@ class Minimum(NamedTuple):
     programs: int
 
 
-def minimise(
-    program: ConvexProgram,
-    qp: QpSolver,
-    x: FloatArray,
-    *,
-    active_set: ActiveSet = FREE,
-    accuracy: float = 0.0,
-    spending: Spending | None = None,
-) -> Minimum:
+class SolverMeans(NamedTuple):
+    """With what a program is solved.
+
+    Attributes:
+        qp: For steps whose active set cannot be guessed.
+        accuracy: Stop when the conditions of optimality are missed by what promises less descent of the objective; or
+            by rounding. Of the programs of `measures`: [of R].
+        spending: When to stop before; the first step is always taken.
+    """
+
+    qp: QpSolver
+    accuracy: float
+    spending: Spending
+
+
+def minimise(program: ConvexProgram, x: FloatArray, active_set: ActiveSet, means: SolverMeans) -> Minimum:
     """The least f(x), lower <= A x <= upper.
 
     Args:
         program: In units in which 1 is one sigma.
-        qp: For steps whose active set cannot be guessed.
         x: (N,) Start; may be infeasible.
         active_set: First guess of the rows that hold the minimum.
-        accuracy: Stop when the conditions of optimality are missed by what promises less descent of f; or by rounding.
-        spending: When to stop before; the first step is always taken. None: a whole budget of its own.
+        means: With what it is solved.
     """
     if x.size == 0:
         here = program.at(x)
         return Minimum(x, here.value, here.risk, FREE, Outcome.SOLVED, True, 0, 0)
-    spending = Budget().started() if spending is None else spending
+    spending = means.spending
     before, how, steps, programs = _NEW, _FRESH, 0, 0
     sides = program.lower, program.upper
     while True:
-        arguments = program.arguments(accuracy, spending.most(), how)
+        arguments = program.arguments(means.accuracy, spending.most(), how)
         code, x, held, hessian, gradient, memory = _MINIMUM(arguments, sides, x, tuple(active_set), before)
         active_set, taken = ActiveSet(*held), int(memory[_STEPS])
         steps += taken
@@ -336,7 +334,7 @@ def minimise(
             continue
         if code == _ASKS:
             programs += 1
-            outcome, active_set, step = _asked(program, x, hessian, gradient, active_set, qp)
+            outcome, active_set, step = _asked(program, x, (hessian, gradient), active_set, means.qp)
             if outcome is Outcome.SOLVED:
                 before, how = (hessian, gradient, step, memory), _ANSWERED
                 continue
@@ -350,15 +348,17 @@ def minimise(
 def _asked(
     program: ConvexProgram,
     x: FloatArray,
-    hessian: FloatArray,
-    gradient: FloatArray,
+    bend: tuple[FloatArray, FloatArray],
     active_set: ActiveSet,
     qp: QpSolver,
 ) -> tuple[Outcome, ActiveSet, FloatArray]:
-    """The QP solver's step from x, its rows, and [d; A d]; the active set as it was where there is none."""
+    """The QP solver's step from x by Hessian and gradient, its rows, and [d; A d].
+
+    The active set stays as it was where there is none.
+    """
     rows = program.rows()
     value = rows.matrix @ x
-    step = QuadraticProgram(hessian, gradient, rows.matrix, rows.lower - value, rows.upper - value, rows.bounds)
+    step = QuadraticProgram(*bend, rows.matrix, rows.lower - value, rows.upper - value, rows.bounds)
     solution, found = step_by_program(step, active_set, qp)
     if solution.outcome is not Outcome.SOLVED:
         return solution.outcome, active_set, np.zeros(0)

@@ -4,7 +4,7 @@ min J subject to R <= R_min (eq. 5) is solved by the weight at which the trade-o
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -13,8 +13,8 @@ from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
-from drake_tc.tsid.robust.convex import FREE, RobustSolution, Start
-from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, SolverMeans, rectangle
+from drake_tc.tsid.robust.convex import FREE, RobustSolution, SolverMeans, Start
+from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, rectangle
 from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.robust.scaled import ScaledProblem, nothing, null_basis, scaled, size_of_risk
 from drake_tc.tsid.rows import LeastSquares, Polytope
@@ -73,23 +73,25 @@ def most_robust(program: Measure, problem: ScaledProblem, guess: Guess, means: S
 
 
 def within_risk(
-    program: Measure, problem: ScaledProblem, minimum: float, weight: float, guess: Guess, means: SolverMeans
+    program: Measure, problem: ScaledProblem, formulation: "Formulation", guess: Guess, means: SolverMeans
 ) -> tuple[ProgramResult, float]:
     """The least cost with R <= minimum, and the multiplier w of that constraint (0 where it is not active).
 
     R(x(w)), x(w) the minimiser of J + w R, falls as w grows; the w with R(x(w)) = R_min is the multiplier of (5).
-    False position (Illinois) on log R over log w inside a bracket; every round starts from the last one's minimiser.
-    As w -> 0, x(w) goes to the most robust minimiser of J: where that keeps R_min, it is the answer.
+    False position (Illinois) on log R over log w inside a bracket, from the formulation's weight on; every round starts
+    from the last one's minimiser. As w -> 0, x(w) goes to the most robust minimiser of J: where that keeps R_min, it is
+    the answer.
 
     Returns:
         Outcome.RISKY with the most robust torque where R_min cannot be had; where the budget is spent, the best torque
         that keeps R_min, not converged, or else, RISKY, the last one that keeps the limits.
     """
+    minimum = formulation.minimum
     rough = means._replace(accuracy=min(means.accuracy, 0.1 * minimum))
     sharp = means._replace(accuracy=1e-6 * rough.accuracy)
     exact = means._replace(accuracy=min(means.accuracy, SURE * minimum))
     target, stride = math.log(minimum), math.nan
-    here = min(max(math.log(weight), -FARTHEST), FARTHEST)
+    here = min(max(math.log(formulation.weight), -FARTHEST), FARTHEST)
     low = high = below = above = math.nan
     steps = programs = side = 0
     near = False
@@ -257,7 +259,8 @@ class Formulation:
                 cheapest = in_null_space(program, problem, guess, means)
                 if cheapest.outcome is Outcome.SOLVED and cheapest.risk <= self.minimum:
                     return cheapest, 0.0
-            return within_risk(program, problem, self.minimum, weight or self.weight, guess, means)
+            begin = replace(self, weight=weight) if weight else self
+            return within_risk(program, problem, begin, guess, means)
         if not known:
             classic = measures.least_cost(problem, guess, means)
             if classic.outcome is not Outcome.SOLVED:

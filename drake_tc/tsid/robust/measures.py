@@ -16,8 +16,8 @@ import numpy as np
 from drake_tc.kernels.calls import Kernel
 from drake_tc.tsid.qp.problem import Outcome, QpSolver
 from drake_tc.tsid.robust import convex
-from drake_tc.tsid.robust.convex import FREE, ActiveSet, Minimum, minimise, plain
-from drake_tc.tsid.robust.options import Budget, Spending, TorqueError
+from drake_tc.tsid.robust.convex import FREE, ActiveSet, Minimum, SolverMeans, minimise, plain
+from drake_tc.tsid.robust.options import Budget, TorqueError
 from drake_tc.tsid.robust.scaled import (
     FEASIBLE,
     ScaledProblem,
@@ -69,14 +69,6 @@ class ProgramResult(NamedTuple):
         return Guess(self.x, self.active_set, self.inner)
 
 
-class SolverMeans(NamedTuple):
-    """With what a program is solved: the QP solver, the accuracy [of R], what is left of the budget."""
-
-    qp: QpSolver
-    accuracy: float
-    spending: Spending
-
-
 Measure = Callable[[ScaledProblem, float, Guess, SolverMeans], ProgramResult]
 
 
@@ -86,30 +78,23 @@ def minimum_of(minimum: Minimum, x: FloatArray, risk: float, inner: FloatArray |
     return ProgramResult(x, risk, m.active_set, m.outcome, m.converged, m.iterations, m.programs, inner)
 
 
+def _of_objective(means: SolverMeans, weight: float) -> SolverMeans:
+    """The accuracy of R as one of the objective J + w R."""
+    return means._replace(accuracy=means.accuracy * weight)
+
+
 def least_cost(problem: ScaledProblem, guess: Guess, means: SolverMeans) -> ProgramResult:
     """Classic TSID (eq. 11): R counts as 0."""
     target = problem.cost.target
-    minimum = minimise(
-        plain(problem.cost, problem.limits),
-        means.qp,
-        guess.x,
-        active_set=guess.active_set,
-        accuracy=EXACT * float(target.dot(target)),
-        spending=means.spending,
-    )
+    exact = means._replace(accuracy=EXACT * float(target.dot(target)))
+    minimum = minimise(plain(problem.cost, problem.limits), guess.x, guess.active_set, exact)
     return minimum_of(minimum, minimum.x, 0.0)
 
 
 def individual(problem: ScaledProblem, weight: float, guess: Guess, means: SolverMeans) -> ProgramResult:
     """R_ind (eq. 13)."""
-    minimum = minimise(
-        plain(problem.cost, problem.limits, risk=problem.erring, weight=weight),
-        means.qp,
-        guess.x,
-        active_set=guess.active_set,
-        accuracy=means.accuracy * weight,
-        spending=means.spending,
-    )
+    program = plain(problem.cost, problem.limits).with_risk(problem.erring, weight)
+    minimum = minimise(program, guess.x, guess.active_set, _of_objective(means, weight))
     return minimum_of(minimum, minimum.x, minimum.risk)
 
 
@@ -119,14 +104,10 @@ def box(problem: ScaledProblem, weight: float, guess: Guess, means: SolverMeans)
     linear = np.zeros(n + 1)
     linear[n] = -weight
     rows, cost = box_rows(problem)
-    minimum = minimise(
-        plain(cost, rows, linear=linear, damping=BOX_DAMPING * weight),
-        means.qp,
-        np.concatenate((guess.x, guess.inner if guess.inner is not None and len(guess.inner) == 1 else np.zeros(1))),
-        active_set=guess.active_set,
-        accuracy=means.accuracy * weight,
-        spending=means.spending,
-    )
+    program = plain(cost, rows, linear=linear, damping=BOX_DAMPING * weight)
+    size = guess.inner if guess.inner is not None and len(guess.inner) == 1 else np.zeros(1)
+    start = np.concatenate((guess.x, size))
+    minimum = minimise(program, start, guess.active_set, _of_objective(means, weight))
     x = minimum.x[:n]
     return minimum_of(minimum, x, box_risk(box_size(problem, x), problem.noise.shape[1]), minimum.x[n:])
 
@@ -173,7 +154,7 @@ def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Solver
     sides = 2 * problem.noise.shape[1]
     if guess.inner is not None and len(guess.inner) == sides + len(problem.limits.lower):
         start = np.concatenate((guess.x, guess.inner[:sides]))
-        found = _from(start, guess.inner[sides:], guess.active_set, problem, weight, means)
+        found = _from(Guess(start, guess.active_set, guess.inner[sides:]), problem, weight, means)
         if found.outcome is Outcome.SOLVED:
             return found
     begin = _largest(problem, guess.x, means)
@@ -181,13 +162,12 @@ def rectangle(problem: ScaledProblem, weight: float, guess: Guess, means: Solver
         outcome = Outcome.SOLVED if problem.limits.miss(guess.x) <= FEASIBLE else Outcome.INFEASIBLE
         return ProgramResult(guess.x, math.inf, FREE, outcome, False, 1, 1)
     begin = _towards(guess.x, begin, problem, weight)
-    return _from(begin, np.zeros(len(problem.limits.lower)), FREE, problem, weight, means)
+    return _from(Guess(begin), problem, weight, means)
 
 
 def _towards(x: FloatArray, begin: FloatArray, problem: ScaledProblem, weight: float) -> FloatArray:
     """The best of a few points between (x, no box) and the largest box; limits are convex, so all are inside."""
-    noise, kept = problem.noise, np.zeros(len(problem.limits.lower))
-    objective = convex.rectangle(problem.cost, problem.limits, noise, kept, 0.0, weight)
+    objective = convex.rectangle(problem, np.zeros(len(problem.limits.lower)), 0.0, weight)
     end = np.concatenate((x, np.zeros(len(begin) - len(x))))
     if len(x) == 0 or problem.limits.miss(x) > FEASIBLE:
         return begin
@@ -195,23 +175,18 @@ def _towards(x: FloatArray, begin: FloatArray, problem: ScaledProblem, weight: f
     return min(points, key=lambda point: objective.at(point).value)
 
 
-def _from(
-    start: FloatArray,
-    held: FloatArray,
-    active_set: ActiveSet,
-    problem: ScaledProblem,
-    weight: float,
-    means: SolverMeans,
-) -> ProgramResult:
-    """From (x, a, b); held (m,) are the sides that x itself is to keep, see `RectangleRows`."""
+def _from(guess: Guess, problem: ScaledProblem, weight: float, means: SolverMeans) -> ProgramResult:
+    """From (x, a, b); `inner` (m,) are the sides that x itself is to keep, none where it is None."""
+    start, active_set, held = guess.x, guess.active_set, guess.inner
+    held = np.zeros(len(problem.limits.lower)) if held is None else held
     axes, limits = problem.noise.shape[1], problem.limits
     n = len(start) - 2 * axes
-    accuracy = means.accuracy * weight
+    sharp = _of_objective(means, weight)
     begin, width = start, min(WIDTH, WIDTH * float((start[n : n + axes] + start[n + axes :]).min(initial=1.0)))
     steps = programs = 0
     for _ in range(ROUNDS):
-        program = convex.rectangle(problem.cost, limits, problem.noise, held, width, weight)
-        minimum = minimise(program, means.qp, start, active_set=active_set, accuracy=accuracy, spending=means.spending)
+        program = convex.rectangle(problem, held, width, weight)
+        minimum = minimise(program, start, active_set, sharp)
         start, active_set = minimum.x, minimum.active_set
         steps, programs = steps + minimum.iterations, programs + minimum.programs
         value = limits.matrix @ start[:n]
