@@ -12,6 +12,11 @@ that the law gives along the reference itself falls short of what the drive need
 Along the reference all that is not linear (dead zone, dry friction, a gain that switches) is a function of time. So the
 delay of a long window is in m, what the feedback makes of it in G/(1 - G C); an encoder's noise enters as (C + 1) n,
 that of the estimated torque as -K_tau' (Kp + Ki h/(z - 1)) w_0 n.
+
+That is right as long as the joint slides with the reference. Where it starts, stops or turns round, dry friction holds
+it (`sticking_error`): of the drive's effort, friction takes what brings the joint to rest within a tick, y_c at most.
+There the run also begins as the guard begins it, with the share w of the law in a servo's command, and so with the
+effort w y + (1 - w) (q[0] - q): a joint that carries a weight sags, and friction may hold it where it has sagged.
 """
 
 from dataclasses import dataclass, field, replace
@@ -39,6 +44,9 @@ class JointTask:
         torque: (T,) tau_r, of the link along the reference [N m].
         needed: (T,) y_needed, what the drive with all its effects needs along the reference [effort].
         extra: (T,) y_extra, what the controller compensates beyond K_tau' tau + K_v' qdot [effort].
+        dry: (T,) y_c, the share of `needed` that dry friction takes in sliding; in `needed` with the sign of q_d'
+            [effort].
+        share: (T,) w, of the law in the command.
         encoder_noise: [rad] a sample.
         torque_noise: Of the estimated torque a sample, before the filter [N m].
         begin: Errors are evaluated from this row on.
@@ -55,6 +63,8 @@ class JointTask:
     torque: FloatArray
     needed: FloatArray
     extra: FloatArray
+    dry: FloatArray
+    share: FloatArray
     encoder_noise: float = 0.0
     torque_noise: float = 0.0
     begin: int = 0
@@ -63,7 +73,7 @@ class JointTask:
         if not self.loops:
             raise ParamsError(f"task of {self.joint}: expected at least one loop")
         samples = self.position.shape
-        for name in ("velocity", "acceleration", "torque", "needed", "extra"):
+        for name in ("velocity", "acceleration", "torque", "needed", "extra", "dry", "share"):
             if getattr(self, name).shape != samples or len(samples) != 1:
                 raise ParamsError(
                     f"task of {self.joint}: expected {name} of shape {samples}, got {getattr(self, name).shape}"
@@ -107,6 +117,11 @@ def predicted_error(filtered: FilteredTask, loop: JointLoop) -> FloatArray:
         filtered: Task behind the loop's filter.
         loop: Its plant, model and filter with any gains.
     """
+    return np.asarray(_through(loop, _mismatch(filtered, loop)))
+
+
+def _mismatch(filtered: FilteredTask, loop: JointLoop) -> FloatArray:
+    """(T,) effort that the law falls short of along the reference."""
     task = filtered.task
     k_tau, late = loop.k_tau_model, filtered.late_velocity
     law = task.torque + loop.kp * filtered.late_torque + (1.0 + loop.kp) * loop.kd * late
@@ -114,8 +129,31 @@ def predicted_error(filtered: FilteredTask, loop: JointLoop) -> FloatArray:
         summed = np.cumsum(filtered.late_torque + loop.kd * late)
         law = law + loop.ki * loop.dt * np.append(0.0, summed[:-1])
     seen = task.velocity - late if loop.velocity_from == "estimate" else task.velocity
-    mismatch = task.needed - task.extra - k_tau * law - loop.k_v_model * seen
-    return np.asarray(_through(loop, mismatch))
+    return np.asarray(task.needed - task.extra - k_tau * law - loop.k_v_model * seen)
+
+
+def sticking_error(filtered: FilteredTask, loop: JointLoop) -> FloatArray:
+    """(T,) tracking error [rad] of a stable loop with the task's filter, from rest, where dry friction can hold it.
+
+    Args:
+        filtered: Task behind the loop's filter.
+        loop: Its plant, model and filter with any gains.
+    """
+    task, g, law = filtered.task, loop.drive_gain, loop.feedback[::-1].copy()
+    asked, most = task.needed - _mismatch(filtered, loop), g * np.abs(task.dry)
+    smooth = task.needed - task.dry * np.sign(task.velocity)
+    away = task.position - task.position[0]
+    step = np.diff(task.position, append=task.position[-1])
+    before, summed = law.size, 0.0
+    error = np.zeros(before + step.size)
+    _, last, first = loop.plant
+    for n, at in enumerate(range(before, error.size - 1)):
+        answer = float(law @ error[n + 1 : at + 1])
+        summed = summed + answer if loop.ki else answer
+        effort = task.share[n] * (asked[n] - summed) + (1.0 - task.share[n]) * (error[at] - away[n])
+        free = g * (smooth[n] - effort) - last * error[at] - first * error[at - 1]
+        error[at + 1] = free + min(max(error[at] + step[n] - free, -most[n]), most[n])
+    return error[before:]
 
 
 def predicted_noise(task: JointTask, loop: JointLoop) -> tuple[float, float]:

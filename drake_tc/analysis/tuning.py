@@ -27,12 +27,21 @@ from typing import Any
 import numpy as np
 
 from drake_tc.analysis.sweep import sweep
-from drake_tc.analysis.tracking_error import FilteredTask, JointTask, filtered_task, predicted_error, predicted_noise
+from drake_tc.analysis.tracking_error import (
+    FilteredTask,
+    JointTask,
+    filtered_task,
+    predicted_error,
+    predicted_noise,
+    sticking_error,
+)
 from drake_tc.control.joint_loop import JointLoop, quick_margins, value_of, with_values
 from drake_tc.control.stability_margins import Margins
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray, IntArray
 
+FINALISTS = 12
+"""Settings of the least linear error, which are compared with the friction that holds the joint."""
 SLACK = 1e-3
 """Relative: a margin this little below its goal meets it (the grid's resolution)."""
 
@@ -122,18 +131,23 @@ def setting_of(loop: JointLoop) -> Setting:
 
 
 def assess(task: JointTask, setting: Setting) -> Assessed | None:
-    """What a setting comes to, with exact margins; None where it is unstable at one of the postures."""
+    """What a setting comes to, with exact margins and friction that holds; None where it is unstable at a posture."""
     loops = [with_setting(loop, setting) for loop in task.loops]
     if max(loop.spectral_radius() for loop in loops) >= 1.0:
         return None
     filtered = filtered_task(task, setting.window, setting.order, loops[0].at)
-    return _assessed(filtered, setting, loops, [loop.margins() for loop in loops])
+    error = sticking_error(filtered, loops[0])
+    return _assessed(filtered, setting, loops, [loop.margins() for loop in loops], error)
 
 
 def _assessed(
-    filtered: FilteredTask, setting: Setting, loops: Sequence[JointLoop], found: Sequence[Margins]
+    filtered: FilteredTask,
+    setting: Setting,
+    loops: Sequence[JointLoop],
+    found: Sequence[Margins],
+    error: FloatArray,
 ) -> Assessed:
-    error = predicted_error(filtered, loops[0])[filtered.task.begin :]
+    error = error[filtered.task.begin :]
     shaking, effort = predicted_noise(filtered.task, loops[0])
     return Assessed(
         setting,
@@ -160,7 +174,7 @@ def assess_batch(batch: Batch, seed: int) -> list[Assessed]:
         found = [quick_margins(loop) for loop in loops]
         sound = [each for each in found if each is not None]
         if len(sound) == len(found):
-            out.append(_assessed(filtered, setting, loops, sound))
+            out.append(_assessed(filtered, setting, loops, sound, predicted_error(filtered, loops[0])))
     return out
 
 
@@ -393,7 +407,14 @@ class _Search:
         )
 
     def _exact(self, task: JointTask, goal: Goal, window: int, order: int) -> Assessed:
-        for candidate in self._kept(task, goal, window, order):
+        kept = self._kept(task, goal, window, order)
+        filtered = filtered_task(task, window, order, task.loops[0].at)
+
+        def held(candidate: Assessed) -> float:
+            loop = with_setting(task.loops[0], candidate.setting)
+            return float(np.mean(sticking_error(filtered, loop)[task.begin :] ** 2))
+
+        for candidate in (*sorted(kept[:FINALISTS], key=held), *kept[FINALISTS:]):
             found = assess(task, candidate.setting)
             if found is not None and goal.met(found):
                 return found

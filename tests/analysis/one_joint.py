@@ -25,7 +25,7 @@ class PolynomialWindow:
         self.estimate = found
 
 
-def simulate(loop, motion, *, load, dry, encoder=None, torque=None):
+def simulate(loop, motion, *, load, dry, encoder=None, torque=None, friction=None, share=None):
     """(error (T,), effort of the drive (T,)) of a joint that follows a motion.
 
     Args:
@@ -34,10 +34,14 @@ def simulate(loop, motion, *, load, dry, encoder=None, torque=None):
         load: (T,) torque on the link beside its inertia [N m], known to the controller at the reference.
         dry: (T,) torque that the drive loses and nobody compensates [N m].
         encoder, torque: (T,) noise.
+        friction: (T,) dry friction, which opposes the joint's own speed and holds it at rest [N m].
+        share: (T,) of the law in the command; the rest is the position at the start.
     """
     ticks = motion.shape[0]
     encoder = np.zeros(ticks) if encoder is None else encoder
     torque = np.zeros(ticks) if torque is None else torque
+    friction = np.zeros(ticks) if friction is None else friction
+    share = np.ones(ticks) if share is None else share
     q, v, total = motion[0, 0], 0.0, 0.0
     joint = PolynomialWindow(loop.window, loop.order, q)
     weight, noise = PolynomialWindow(loop.window, loop.order, load[0]), PolynomialWindow(loop.window, 1, 0.0)
@@ -51,9 +55,12 @@ def simulate(loop, motion, *, load, dry, encoder=None, torque=None):
         desired = loop.link_inertia * a_d + load[n] + loop.ks * (q_d - reading) + loop.kd * (v_d - v_hat)
         asked = desired + loop.kp * (desired - estimated) + loop.ki * total
         command = reading + loop.k_tau_model * asked + loop.k_v_model * v_hat
+        command = share[n] * command + (1.0 - share[n]) * motion[0, 0]
         errors[n], efforts[n] = q_d - q, command - q
         motor = (command - q) / loop.k_tau - dry[n] - load[n]
         v = (v + DT * motor / loop.inertia) / (1.0 + DT * b / loop.inertia)
+        lost = DT * friction[n] / loop.inertia / (1.0 + DT * b / loop.inertia)
+        v = np.sign(v) * max(abs(v) - lost, 0.0)
         total += DT * (desired - estimated)
         joint.push(reading)
         weight.push(load[n])

@@ -5,15 +5,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from pydrake.systems.framework import DiagramBuilder
 
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models, save_models
 from drake_tc.analysis.torque_loop import tuned
-from drake_tc.analysis.torque_loop.tuned import Compared, Spread, compare_on_plant, joint_tasks, tuned_scenario
+from drake_tc.analysis.torque_loop.tuned import (
+    Compared,
+    Spread,
+    compare_on_plant,
+    confirm_function,
+    function_tasks,
+    joint_tasks,
+    tuned_scenario,
+)
 from drake_tc.analysis.tuning import Goal, SearchSpace, default_goals, setting_of, tune
+from drake_tc.control.gains import TorqueGains
+from drake_tc.control.trajectories import knot_trajectory
 from drake_tc.errors import ParamsError
+from drake_tc.loops.function_diagram import function_entry
+from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.running import TorqueRecording
+from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.stages import actuator_models, loop_robot, torque_gains
+from drake_tc.loops.torque.wiring import add_torque_loop
 from drake_tc.registry import diagram_entry
+from drake_tc.robot.robot import load_robot
+from tests.robot_files import joint_tag, link_tag, urdf, write_robot
 
 LEG = diagram_entry("hrp2_leg")
 
@@ -119,3 +137,59 @@ def test_a_tuned_scenario_has_the_settings_and_keeps_the_others():
     assert (given["k6"], given["kp"], given["ki"]) == (0.5, 1.0, 2.0)
     assert given["k7"] == pytest.approx(chosen.k7, rel=1e-5)
     assert changed.gains.by_joint["r_hip_yaw"] == {"kp": 1.0}
+
+
+@pytest.fixture
+def small_robots(tmp_path):
+    """Robot files: an axis that slides with a pole on it, and an arm whose weight hangs on two joints."""
+    cart = urdf(
+        link_tag("car", (0, 0, 0), 4.0, (0.01, 0.01, 0.01)),
+        link_tag("rod", (0, 0, -0.25), 0.5, (0.01, 0.01, 1e-4)),
+        joint_tag("slide", "base", "car", axis=(1, 0, 0), kind="prismatic"),
+        joint_tag("pole", "car", "rod", axis=(0, 1, 0)),
+    )
+    arm = urdf(
+        link_tag("upper", (0.15, 0, 0), 1.5, (0.002, 0.015, 0.015)),
+        link_tag("fore", (0.12, 0, 0), 0.4, (0.001, 0.004, 0.004)),
+        joint_tag("shoulder", "base", "upper", axis=(0, 1, 0)),
+        joint_tag("elbow", "upper", "fore", axis=(1, 0, 0), xyz=(0.3, 0, 0)),
+    )
+    files = {}
+    for name, text, joints in (("cart", cart, ["slide", "pole"]), ("arm", arm, ["shoulder", "elbow"])):
+        (tmp_path / name).mkdir()
+        files[name] = write_robot(tmp_path / name, text, joints)
+    return files
+
+
+@pytest.mark.parametrize(("name", "k6"), [("cart", 0.5), ("arm", 0.5)])
+def test_what_is_predicted_is_what_is_simulated(small_robots, name, k6):
+    """Starts, stops and turns under dry friction, and joints that sag before they are controlled: within a fifth."""
+    robot = load_robot(small_robots[name])
+    kinds = {"slide": "prismatic"}
+    effects = {"viscous": 5.0, "coulomb": 2.0, "rotor_inertia": 0.25}
+    models = {
+        joint: ActuatorModel(
+            joint,
+            Drive("position_servo", 4e-4),
+            tuple(EffectValue(key, {key: value}) for key, value in effects.items()),
+            kinds.get(joint, "revolute"),
+        )
+        for joint in robot.joints
+    }
+
+    def loop(spec=None, gains=None):
+        builder = DiagramBuilder()
+        plant = add_robot_plant(builder, robot)
+        swing = knot_trajectory([0.5, 1.1, 1.7], [[0.0, 0.0], [0.2, 0.2], [0.0, 0.0]])
+        given = TorqueGains.from_servo(models, k6=k6, kp=1.0, k7=0.001) if gains is None else gains
+        made = add_torque_loop(builder, plant, robot, models, swing, spec or TorqueLoopSpec(), gains=given)
+        return builder.Build(), made
+
+    entry = function_entry("loop", loop)
+    scenario = entry.scenario(None, None, "{duration: 1.8}")
+    tasks = function_tasks(entry, scenario, 0.5)
+    space = SearchSpace(windows=(30,), kp=(0.5, 1.0), ki=(0.0, 5.0), k7=(0.8, 1.1), rounds=0)
+    found = tune(tasks, [Goal(5.0)] * 2, space)
+    simulated = confirm_function(entry, scenario, found, 0.5).nominal[0]
+    predicted = [[joint.before.error for joint in found.joints], [joint.after.error for joint in found.joints]]
+    assert_allclose(predicted, simulated, rtol=0.2)

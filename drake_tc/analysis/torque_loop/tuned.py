@@ -261,10 +261,12 @@ def design_tasks(design: LoopDesign, time: FloatArray, motion: FloatArray, begin
             raise ParamsError(f"tune: expected position servos; {drive.joint} is a {drive.drive.kind} drive")
     n = len(robot.joints)
     torque, inertias, torque_noise = _dynamics(robot, motion, design.spec)
-    needed = _efforts(design.actuators, torque, motion, 0.0, rotor=True)
-    given = _efforts(design.models, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
+    needed, dry = _efforts(design.actuators, torque, motion, 0.0, rotor=True)
+    given, _ = _efforts(design.models, torque, motion, spec.direction_speed, rotor=spec.acceleration != "none")
     row = int(np.searchsorted(time, begin - 1e-9))
     noise = _noise(sensor_suite(design.spec).encoder, n)
+    done = np.clip((time + design.spec.dt) / max(design.spec.guard.start_time, design.spec.dt), 0.0, 1.0)
+    share = 3.0 * done**2 - 2.0 * done**3  # as the guard blends
     tasks = []
     for i, joint in enumerate(robot.joints):
         loops = tuple(_at_inertia(own[joint], inertia) for inertia in inertias[:, i].tolist())
@@ -279,6 +281,8 @@ def design_tasks(design: LoopDesign, time: FloatArray, motion: FloatArray, begin
                 torque[:, i].copy(),
                 needed[:, i].copy(),
                 given[:, i] - linear,
+                dry[:, i].copy(),
+                share,
                 float(noise[i]),
                 float(torque_noise[i]),
                 row,
@@ -339,16 +343,17 @@ def _noise(spec: SensorSpec, channels: int) -> FloatArray:
 
 def _efforts(
     models: Sequence[ActuatorModel], torque: FloatArray, motion: FloatArray, direction_speed: float, *, rotor: bool
-) -> FloatArray:
-    """(T, n) effort of the models along the reference, all their effects included."""
+) -> tuple[FloatArray, FloatArray]:
+    """(T, n) effort of the models along the reference, all their effects included, and dry friction's share of it."""
     compensator = Compensator(models, direction_speed)
-    still = np.zeros(torque.shape[1])
-    return np.array(
-        [
-            compensator.effort(tau, Motion(v, q, a if rotor else still))
-            for tau, (q, v, a) in zip(torque, motion, strict=True)
-        ]
-    )
+    still, forwards = np.zeros(torque.shape[1]), np.ones(torque.shape[1])
+    rows = []
+    for tau, (q, v, a) in zip(torque, motion, strict=True):
+        way = Motion(v, q, a if rotor else still)
+        ahead, back = (compensator.effort(tau, replace(way, direction=sign * forwards)) for sign in (1.0, -1.0))
+        rows.append((compensator.effort(tau, way), 0.5 * (ahead - back)))
+    efforts, dry = np.array(rows).swapaxes(0, 1)
+    return efforts, dry
 
 
 def function_tasks(entry: FunctionEntry, scenario: FunctionScenario, begin: float) -> list[JointTask]:
@@ -444,9 +449,10 @@ def _errors(built: FunctionLoop, loop: TorqueLoop, begin: float) -> FloatArray:
     n = len(loop.design.robot.joints)
     now = {name: _reader(loop.signals[name], context) for name in ("reference", "joint_state")}
     rows = []
-    for instant in np.arange(begin, built.scenario.duration, loop.period).tolist():
+    first, end = (round(instant / loop.period) for instant in (begin, built.scenario.duration))
+    for tick in range(first, end):
         try:
-            simulator.AdvanceTo(instant)
+            simulator.AdvanceTo(tick * loop.period)  # Drake's own product: a time beyond it would add the tick's step
         except RuntimeError:  # Drake's plant ends a run that leaves all bounds
             return np.full(n, np.inf)
         rows.append(now["reference"]()[:n] - now["joint_state"]()[:n])
