@@ -83,10 +83,12 @@ def export_ranges(request: RangesRequest) -> None:
 
 
 def _program(request: RangesRequest, posterior: "Posterior") -> "tuple[str, list[TermRanges]]":
+    from drake_tc.exchange.ranges.posterior import draws
     from drake_tc.exchange.ranges.program import term_ranges
     from drake_tc.exchange.ranges.simulators import to_isaaclab_events, to_mjlab, to_playground
 
-    ranges = term_ranges(posterior, request.to, PROJECTED, request.seed, request.recorded, request.torque_constant)
+    drawn = draws(posterior, PROJECTED, request.seed)
+    ranges = term_ranges(posterior, request.to, drawn, request.recorded, request.torque_constant)
     writer = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_playground}[request.to]
     return writer(posterior, ranges), ranges
 

@@ -32,6 +32,7 @@ from drake_tc.effects.kernel import DriveKernel, InverseLaw, TorqueKernel, Torqu
 from drake_tc.effects.obstacle import Obstacle
 from drake_tc.effects.parameter import Parameter, Plausible, Values
 from drake_tc.effects.signals import Signals, plain_signals
+from drake_tc.kernels.torque_equations import JointState
 from drake_tc.types import FloatArray
 
 __all__ = [
@@ -216,14 +217,15 @@ class TorqueEffect(Effect):
         This default evaluates `columns`: right for any effect without hysteresis, but slow, so effects override it.
         """
 
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+        def parts(*instant: float) -> TorqueParts:
+            s = JointState(*instant)
             now = {
-                "position": q,
-                "velocity": v,
-                "load_torque": tau,
-                "expected_torque": tau,
-                "slow_torque": tau,
-                "temperature": celsius,
+                "position": s.q,
+                "velocity": s.v,
+                "load_torque": s.tau,
+                "expected_torque": s.tau,
+                "slow_torque": s.tau,
+                "temperature": s.celsius,
             }
             known = {name: np.full(2, value) for name, value in now.items()}
             both = plain_signals(2, known | {"direction": np.array([1.0, -1.0]), "travel": np.full(2, np.inf)})

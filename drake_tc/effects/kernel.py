@@ -36,11 +36,9 @@ class EquationKernel:
     kind: int
     numbers: tuple[float, ...]
 
-    def __call__(
-        self, q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float
-    ) -> TorqueParts:
-        """The equation on plain floats."""
-        level, damping, rest = EQUATIONS[self.kind](JointState(q, v, direction, tau, celsius, hysteresis), self.numbers)
+    def __call__(self, *now: float) -> TorqueParts:
+        """The equation on plain floats, those of a `JointState`."""
+        level, damping, rest = EQUATIONS[self.kind](JointState(*now), self.numbers)
         return float(level), float(damping), float(rest)
 
 

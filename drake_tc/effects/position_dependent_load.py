@@ -120,7 +120,7 @@ class PositionDependentLoad(TorqueEffect):
         levels = np.array([parameters[p.name] for p in self.coefficients])
         curve = spline_curve(levels, parameters["curve_start"], parameters["curve_end"])
 
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+        def parts(q: float, *_: float) -> TorqueParts:
             return 0.0, 0.0, curve(q)
 
         return parts

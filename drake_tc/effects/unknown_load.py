@@ -151,7 +151,7 @@ class SmoothLoad(UnknownLoadEffect):
         levels = np.array([parameters[p.name] for p in self.coefficients[: self.intervals + 3]])
         curve = spline_curve(levels, parameters["curve_start"], parameters["curve_end"])
 
-        def parts(q: float, v: float, direction: float, tau: float, celsius: float, hysteresis: float) -> TorqueParts:
+        def parts(q: float, *_: float) -> TorqueParts:
             return 0.0, 0.0, curve(q)
 
         return parts

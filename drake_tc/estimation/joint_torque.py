@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.kernels.calls import ESTIMATE, KernelCall
 from drake_tc.types import Call, FloatArray
 
@@ -184,7 +184,7 @@ class MomentumResidual(StageSystem):
     ) -> tuple[FloatArray, FloatArray]:
         """M, row by row, and b."""
         model, n = self._model, self._n
-        rest = model.motion_forces(plant_context, joint[:n], joint[n:], np.zeros(n), imu[:6], imu[6:9])
+        rest = model.motion_forces(plant_context, MeasuredMotion(joint[:n], joint[n:], np.zeros(n), imu[:6], imu[6:9]))
         if contact is not None:
             rest = rest - model.contact_forces(plant_context, contact)
         rest = rest[self._rows]

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from drake_tc.errors import LogError
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.filtering.savitzky_golay import smooth
 from drake_tc.filtering.window_choice import Window, choose_window
 from drake_tc.types import FloatArray
@@ -125,7 +125,8 @@ def torques_of_motion(model: TorqueModel, q: FloatArray, v: FloatArray, vdot: Fl
     import of Numba and for compilation.
     """
     context, nothing = model.create_context(), np.zeros(6)
-    forces = [model.motion_forces(context, *row, nothing, nothing[:3]) for row in zip(q, v, vdot, strict=True)]
+    rows = (MeasuredMotion(*row, nothing, nothing[:3]) for row in zip(q, v, vdot, strict=True))
+    forces = [model.motion_forces(context, row) for row in rows]
     return model.joint_torques(np.array(forces))
 
 
@@ -148,7 +149,7 @@ def wrench_bias(
     if not rows:
         raise LogError(f"wrench bias: expected samples within 0 to {len(log.position)}, got {untouched}")
     context = model.create_context()
-    return np.asarray(np.mean([model.reading_error(context, *row) for row in rows], axis=0))
+    return np.asarray(np.mean([model.reading_error(context, MeasuredMotion(*row[:5]), row[5]) for row in rows], axis=0))
 
 
 def smoothed(model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None) -> Row:
@@ -185,5 +186,6 @@ def smoothed(model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, 
 def _reads_imu(model: TorqueModel) -> bool:
     """Whether what the motion needs depends on the accelerometer."""
     context, rest, turning = model.create_context(), np.zeros(model.size), np.zeros(3)
-    still, falling = (model.motion_forces(context, rest, rest, rest, np.full(6, a), turning) for a in (1.0, 0.0))
+    moves = (MeasuredMotion(rest, rest, rest, np.full(6, a), turning) for a in (1.0, 0.0))
+    still, falling = (model.motion_forces(context, motion) for motion in moves)
     return not np.array_equal(still, falling)

@@ -50,6 +50,22 @@ class Estimate(NamedTuple):
     contact_wrench: FloatArray
 
 
+class MeasuredMotion(NamedTuple):
+    """How a robot moves at one instant, by its sensors.
+
+    Attributes:
+        q, v, vdot: (n,) of the joints [rad, rad/s, rad/s^2].
+        imu: (6,) [gyro; accel] in the IMU's frame [rad/s, m/s^2].
+        gyro_dot: (3,) derivative of the gyro [rad/s^2].
+    """
+
+    q: FloatArray
+    v: FloatArray
+    vdot: FloatArray
+    imu: FloatArray
+    gyro_dot: FloatArray
+
+
 class TorqueModel:
     """The kernel: `estimate` maps what the sensors say at one instant to torques and wrenches.
 
@@ -202,11 +218,9 @@ class TorqueModel:
         """
         _ESTIMATE((joint, imu, wrenches), self.tables, largest, out)
 
-    def motion_forces(
-        self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
-    ) -> FloatArray:
-        """M vdot + h over all velocities of the estimation plant (nv,); arguments as `estimate`."""
-        acceleration = self.acceleration(context, q, v, vdot, imu, gyro_dot)
+    def motion_forces(self, context: Any, motion: MeasuredMotion) -> FloatArray:
+        """M vdot + h over all velocities of the estimation plant (nv,)."""
+        acceleration = self.acceleration(context, *motion)
         return np.asarray(self._plant.CalcInverseDynamics(context, acceleration, self._forces))
 
     def joint_torques(self, forces: FloatArray) -> FloatArray:
@@ -232,21 +246,12 @@ class TorqueModel:
             )
         return acceleration
 
-    def reading_error(
-        self,
-        context: Any,
-        q: FloatArray,
-        v: FloatArray,
-        vdot: FloatArray,
-        imu: FloatArray,
-        gyro_dot: FloatArray,
-        wrenches: FloatArray,
-    ) -> FloatArray:
+    def reading_error(self, context: Any, motion: MeasuredMotion, wrenches: FloatArray) -> FloatArray:
         """(6k,) W less what the sensors of a robot that nothing touches would read, sensor frames [N, N m].
 
         Arguments as `estimate`. Of a sensor with another one beyond it, both count as expected from the motion.
         """
-        needed = self.motion_forces(context, q, v, vdot, imu, gyro_dot)
+        needed = self.motion_forces(context, motion)
         error = np.empty(wrenches.size)
         for index, cut in enumerate(self.model.cuts):
             at = 6 * index

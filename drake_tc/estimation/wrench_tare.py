@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.kernels.calls import copying
 from drake_tc.types import Call, FloatArray
 
@@ -100,8 +100,7 @@ class WrenchTare(StageSystem):
         if not np.isfinite(joint.sum() + imu.sum() + wrench.sum()):
             return old
         n = self._model.size
-        error = self._model.reading_error(
-            scratch, joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9], wrench
-        )
+        motion = MeasuredMotion(joint[:n], joint[n : 2 * n], joint[2 * n :], imu[:6], imu[6:9])
+        error = self._model.reading_error(scratch, motion, wrench)
         count = old[-1] + 1.0
         return np.append(old[:-1] + (error - old[:-1]) / count, count)

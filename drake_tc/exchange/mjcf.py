@@ -360,9 +360,9 @@ def to_mjcf(projections: Sequence[Projection], into: Path | None = None, step: f
         gears = _gears(root, projection.joint, joints, degrees=degrees)
         _joint(element, put_actuator(root, projection), numbers, timestep(root), degrees=degrees)
         unit = 180.0 / math.pi if degrees and projection.joint_type != "prismatic" else 1.0
-        _gear(element, projection, PLAY, gears.get("range"), numbers, 0.5 * projection.terms.backlash * unit)
+        _gear(element, projection, gears.get("range"), numbers, (PLAY, 0.5 * projection.terms.backlash * unit))
         stiffness = 1.0 / projection.terms.compliance if projection.terms.compliance else 0.0
-        _gear(element, projection, SPRING, gears.get("stiffness"), numbers, stiffness)
+        _gear(element, projection, gears.get("stiffness"), numbers, (SPRING, stiffness))
     return to_text(document)
 
 
@@ -478,21 +478,21 @@ def _numbers_of_damping(root: minidom.Element) -> int:
 def _gear(
     element: minidom.Element,
     projection: Projection,
-    end: str,
     old: minidom.Element | None,
     numbers: int,
-    value: float,
+    gear: tuple[str, float],
 ) -> None:
     """A second hinge or slide about the same axis, after the driven one: the play or the spring of the gear, or none.
 
     Args:
         element: The driven joint.
         projection: Of the joint.
-        end: `PLAY` or `SPRING`: of its name.
         old: That of the file.
         numbers: Of the damping.
-        value: Half of the play [rad], [deg] or [m], or the stiffness [N m/rad]; 0: there is none.
+        gear: `PLAY` or `SPRING`, the end of its name, and half of the play [rad], [deg] or [m], or the stiffness
+            [N m/rad]; 0: there is none.
     """
+    end, value = gear
     parent = element.parentNode
     if not isinstance(parent, minidom.Element):
         return

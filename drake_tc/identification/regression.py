@@ -8,7 +8,7 @@ What a linear least-squares fit returns: estimates, and how far they can be trus
 Which columns of a regressor the data can tell apart.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from drake_tc.identification.autocorrelation import (
     critical_value_95,
     long_run_covariance,
 )
-from drake_tc.types import BoolArray, FloatArray, IntArray
+from drake_tc.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,12 @@ class LinearFit:
         residual: (T,) b − A x [unit of b].
         rms: Root mean square of the residual, weighted where weights were given [unit of b].
         covariance: (p, p) σ²(AᵀA)⁻¹, valid for white residuals only.
-        hac_covariance: (p, p) Newey–West covariance; zero rows for parameters that rest on a bound.
+        hac_covariance: (p, p) Newey–West covariance.
         ci95: (p, 2) 95 % confidence interval from `hac_covariance` and a critical value that knows its bandwidth.
         bandwidth: Bartlett lags used.
         effective_samples: T over the residual's integrated autocorrelation time.
         correlation: (p, p) correlation matrix of the estimates.
         condition_number: Of A with its columns scaled to unit length.
-        at_bound: (p,) whether the estimate rests on a bound.
     """
 
     names: tuple[str, ...]
@@ -54,7 +53,6 @@ class LinearFit:
     effective_samples: float
     correlation: FloatArray
     condition_number: float
-    at_bound: BoolArray
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -78,7 +76,6 @@ class LinearFit:
 
 MAX_CONDITION = 1e6
 _GRAM_LIMIT = 1e-6
-Bounds = Mapping[str, tuple[float, float]]
 
 
 def least_squares(
@@ -87,22 +84,19 @@ def least_squares(
     *,
     names: Sequence[str] | None = None,
     weights: FloatArray | None = None,
-    bounds: Bounds | None = None,
     lengths: Sequence[int] | None = None,
     max_condition: float = MAX_CONDITION,
 ) -> LinearFit:
-    """Estimate x in A x ≈ b: min Σ w_t (b_t − a_tᵀ x)² subject to bounds on x.
+    """Estimate x in A x ≈ b: min Σ w_t (b_t − a_tᵀ x)².
 
     Covariance (HAC): H⁻¹ S H⁻¹ with H = AᵀWA, S the Bartlett long-run covariance of the scores
-    w_t a_t (b_t − a_tᵀx). Parameters on a bound are held there for the covariance of the others; their own
-    interval comes from the full covariance, cut at the bounds.
+    w_t a_t (b_t − a_tᵀx).
 
     Args:
         columns: A (T, p), finite.
         target: b (T,), finite.
         names: The p parameters, for results and messages; x0, x1, ... when None.
         weights: w (T,) >= 0; None for ones.
-        bounds: Parameter name to (lower, upper); the others are free.
         lengths: Lengths of the contiguous stretches (runs, segments), in order; one stretch when None.
         max_condition: Refuse worse column-scaled condition numbers.
 
@@ -124,12 +118,10 @@ def least_squares(
     scale = column_scale(rows, labels)
     r, projected = _factor(rows / scale, goal)
     condition = check_excitation(r, labels, max_condition)
-    lower, upper = _bound_arrays(labels, bounds)
-    x = _solve(r, projected, lower * scale, upper * scale) / scale
-    x, at_bound = _snap(x, lower, upper)
+    x = np.linalg.solve(r, projected) / scale
     residual = b - a @ x
     scores = rows * (root * residual)[:, None]
-    solved = _Solved(labels, x, residual, root, scores / scale, r, scale, at_bound, lower, upper, condition)
+    solved = _Solved(labels, x, residual, root, scores / scale, r, scale, condition)
     return _with_uncertainty(solved, lengths)
 
 
@@ -144,43 +136,36 @@ class _Solved:
     scores: FloatArray
     r: FloatArray
     scale: FloatArray
-    at_bound: BoolArray
-    lower: FloatArray
-    upper: FloatArray
     condition: float
 
 
 def _with_uncertainty(fit: _Solved, lengths: Sequence[int] | None) -> LinearFit:
     samples, p = fit.scores.shape
-    free = np.flatnonzero(~fit.at_bound)
     units = np.outer(fit.scale, fit.scale)
     hessian = fit.r.T @ fit.r
     bandwidth = max(automatic_bandwidth(score, lengths) for score in fit.scores.T)
-    freedom = samples / max(samples - free.size, 1)
+    freedom = samples / max(samples - p, 1)
     meat = freedom * long_run_covariance(fit.scores, bandwidth, lengths)
-    everything = _sandwich(hessian, meat, np.arange(p)) / units
-    hac = _sandwich(hessian, meat, free) / units
+    inverse = np.linalg.inv(hessian)
+    hac = inverse @ meat @ inverse / units
     squares = float(np.sum((fit.root * fit.residual) ** 2))
-    deviation = np.sqrt(np.diag(everything))
-    spread = np.where(fit.at_bound, deviation, np.sqrt(np.diag(hac)))
-    half = critical_value_95(bandwidth, samples) * spread
-    ci95 = np.clip(np.stack([fit.x - half, fit.x + half], axis=1), fit.lower[:, None], fit.upper[:, None])
+    deviation = np.sqrt(np.diag(hac))
+    half = critical_value_95(bandwidth, samples) * deviation
     safe = np.where(deviation > 0, deviation, 1.0)
-    correlation = everything / np.outer(safe, safe)
+    correlation = hac / np.outer(safe, safe)
     np.fill_diagonal(correlation, 1.0)
     return LinearFit(
         names=fit.names,
         coefficients=fit.x,
         residual=fit.residual,
         rms=float(np.sqrt(squares / float(fit.root @ fit.root))),
-        covariance=squares / max(samples - free.size, 1) * np.linalg.inv(hessian) / units,
+        covariance=squares / max(samples - p, 1) * inverse / units,
         hac_covariance=hac,
-        ci95=ci95,
+        ci95=np.stack([fit.x - half, fit.x + half], axis=1),
         bandwidth=bandwidth,
         effective_samples=samples / min(correlation_time(fit.root * fit.residual, lengths), samples),
         correlation=correlation,
         condition_number=fit.condition,
-        at_bound=fit.at_bound,
     )
 
 
@@ -258,39 +243,6 @@ def _factor(rows: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]
         return np.asarray(lower.T), np.asarray(np.linalg.solve(lower, rows.T @ goal))
     q, r = np.linalg.qr(rows)
     return np.asarray(r), np.asarray(q.T @ goal)
-
-
-def _bound_arrays(names: tuple[str, ...], bounds: Bounds | None) -> tuple[FloatArray, FloatArray]:
-    lower, upper = np.full(len(names), -np.inf), np.full(len(names), np.inf)
-    for name, (low, high) in (bounds or {}).items():
-        if name not in names:
-            raise IdentificationError(f"bounds for {name!r}, which is not fitted; parameters: {list(names)}")
-        if not low < high:
-            raise IdentificationError(f"bounds of {name} must be lower < upper, got {low:g}, {high:g}")
-        lower[names.index(name)], upper[names.index(name)] = low, high
-    return lower, upper
-
-
-def _solve(r: FloatArray, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    from scipy.optimize import lsq_linear
-
-    x = np.linalg.solve(r, goal)
-    if np.all((x >= lower) & (x <= upper)):
-        return np.asarray(x)
-    return np.asarray(lsq_linear(r, goal, (lower, upper), method="bvls", tol=1e-14).x)
-
-
-def _snap(x: FloatArray, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, BoolArray]:
-    at_bound = np.isclose(x, lower, rtol=1e-9, atol=1e-300) | np.isclose(x, upper, rtol=1e-9, atol=1e-300)
-    return np.clip(x, lower, upper), np.asarray(at_bound)
-
-
-def _sandwich(hessian: FloatArray, meat: FloatArray, free: IntArray) -> FloatArray:
-    out = np.zeros_like(hessian)
-    if free.size:
-        inverse = np.linalg.inv(hessian[np.ix_(free, free)])
-        out[np.ix_(free, free)] = inverse @ meat[np.ix_(free, free)] @ inverse
-    return out
 
 
 def independent_columns(matrix: FloatArray, tolerance: float = 1e-5) -> IntArray:

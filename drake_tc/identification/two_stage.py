@@ -48,10 +48,9 @@ def fit_two_stage(
     effort: FloatArray,
     *,
     still_below: float,
-    coulomb: bool = True,
     lengths: Sequence[int] | None = None,
 ) -> TwoStageFit:
-    """Kτ from |q̇| < v0, then Kv (and Kc) from the rest with Kτ held.
+    """Kτ from |q̇| < v0, then Kv and Kc from the rest with Kτ held.
 
     At rest friction hides anywhere in its band, so stage 1 needs torques well beyond it, of both signs.
     Stage 2's covariance adds what the error of Kτ does to it: g gᵀ var(Kτ), g = (ZᵀZ)⁻¹ Zᵀ τ.
@@ -61,7 +60,6 @@ def fit_two_stage(
         velocity: q̇ (T,) [rad/s].
         effort: Δq (T,) [effort].
         still_below: v0 [rad/s].
-        coulomb: Whether to fit Kc.
         lengths: Lengths of the contiguous stretches, for the intervals.
 
     Raises:
@@ -72,10 +70,10 @@ def fit_two_stage(
     Example:
         >>> time = np.linspace(0.0, 20.0, 2001)
         >>> velocity, torque = np.sin(time), 5.0 * np.cos(3.0 * time)
-        >>> effort = 2e-3 * torque + 4e-3 * velocity
-        >>> fit = fit_two_stage(torque, velocity, effort, still_below=0.05, coulomb=False)
+        >>> effort = 2e-3 * torque + 4e-3 * velocity + 5e-3 * np.sign(velocity) * (np.abs(velocity) > 0.05)
+        >>> fit = fit_two_stage(torque, velocity, effort, still_below=0.05)
         >>> {name: round(value, 4) for name, value in fit.parameters.items()}
-        {'K_tau': 0.002, 'K_v': 0.004}
+        {'K_tau': 0.002, 'K_v': 0.004, 'K_c': 0.005}
     """
     tau, v, y = (np.asarray(s, dtype=np.float64) for s in (torque, velocity, effort))
     still = np.abs(v) < still_below
@@ -87,9 +85,7 @@ def fit_two_stage(
     rest_lengths, moving_lengths = _split(still, lengths)
     rest = least_squares(tau[still, None], y[still], names=["K_tau"], lengths=rest_lengths)
     gain = float(rest.coefficients[0])
-    z, names = v[:, None], ["K_v"]
-    if coulomb:
-        z, names = np.stack([v, np.sign(v)], axis=1), ["K_v", "K_c"]
+    z, names = np.stack([v, np.sign(v)], axis=1), ["K_v", "K_c"]
     on = ~still
     moving = least_squares(z[on], y[on] - gain * tau[on], names=names, lengths=moving_lengths)
     moving = _propagate(moving, z[on], tau[on], float(rest.hac_covariance[0, 0]))

@@ -193,6 +193,8 @@ class ControlledJoints:
         period: Of the control [s].
         flag_names: Of the output port `flags`, in order; empty without one.
         watched: Models and filter of a controller that estimates joint torques; None of others.
+        inputs: Signals that come in, such as readings, and have no output port.
+        starts: Put stages where a robot that has stood for long has them, in this order.
     """
 
     joints: tuple[str, ...]
@@ -202,6 +204,8 @@ class ControlledJoints:
     period: float
     flag_names: tuple[str, ...] = ()
     watched: Watched | None = None
+    inputs: Collection[str] = ()
+    starts: tuple[Start, ...] = ()
 
 
 class Controller(Diagram):
@@ -220,23 +224,19 @@ class Controller(Diagram):
         controlled: ControlledJoints,
         signals: Mapping[str, OutputPort],
         *,
-        left_out: Collection[str] = (),
-        starts: tuple[Start, ...] = (),
         fused: bool = False,
     ) -> None:
-        """Build the Diagram, with an output port for each signal that is not left out.
+        """Build the Diagram, with an output port for each signal but for those that come in.
 
         Args:
             builder: Holds the stages; built here.
             name: Of the Diagram.
             controlled: Joints, drives and period.
             signals: Name to port; "command" becomes the first output port.
-            left_out: Signals without an output port, as the readings that come in.
-            starts: Put stages where a robot that has stood for long has them, in this order.
             fused: Run the stages in one system (`fuse`).
         """
         super().__init__()
-        names = ["command", *(each for each in signals if each != "command" and each not in left_out)]
+        names = ["command", *(each for each in signals if each != "command" and each not in controlled.inputs)]
         blocks: dict[str, Any] = {}
         for each in names:
             blocks[each] = builder.AddNamedSystem(f"{each}_output", PassThrough(signals[each].size()))
@@ -246,7 +246,7 @@ class Controller(Diagram):
             builder.ExportOutput(block.get_output_port(), each)
         builder.BuildInto(self)
         self.set_name(name)
-        self.controlled, self._starts = controlled, starts
+        self.controlled = controlled
 
     def start(self, context: Context) -> None:
         """Put estimators where a robot that has stood still for long has them.
@@ -255,5 +255,5 @@ class Controller(Diagram):
             context: Of this Diagram, with the first readings at its input ports.
         """
         values = StageValues(context, self._fused)
-        for start in self._starts:
+        for start in self.controlled.starts:
             start(values)

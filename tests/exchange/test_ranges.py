@@ -187,7 +187,7 @@ RANGES = {"mjlab": to_mjlab, "isaaclab": to_isaaclab_events, "playground": to_pl
 
 def program(tmp_path, target, **changes):
     posterior = posterior_of([read_unit(folder(tmp_path, **changes))])
-    ranges = term_ranges(posterior, target, 400, 0)
+    ranges = term_ranges(posterior, target, draws(posterior, 400, 0))
     return RANGES[target](posterior, ranges), ranges
 
 
@@ -255,7 +255,8 @@ def servo_with_limit(tmp_path):
 
 @pytest.mark.parametrize("target", ["mjlab", "playground", "isaaclab"])
 def test_the_damping_of_the_joint_is_without_that_of_the_servo(target, tmp_path):
-    (ranges,) = term_ranges(servo_with_limit(tmp_path), target, 400, 0)
+    posterior = servo_with_limit(tmp_path)
+    (ranges,) = term_ranges(posterior, target, draws(posterior, 400, 0))
     assert ranges.projection.terms.derivative_gain == pytest.approx(500.0)
     assert ranges.distributions["damping"].value == pytest.approx(1500.0, rel=0.01)
     assert ranges.distributions["torque_limit"].value == pytest.approx(500.0, rel=0.01)
@@ -271,8 +272,8 @@ def test_the_damping_of_the_joint_is_without_the_back_emf(target, tmp_path):
         {"knee": ActuatorModel("knee", Drive("voltage", 0.5), (viscous, limit, dry, peak))}, tmp_path / "m.yaml"
     )
     posterior = posterior_of([read_unit(tmp_path / "m.yaml")])
-    (plain,) = term_ranges(posterior, target, 400, 0)
-    (motor,) = term_ranges(posterior, target, 400, 0, torque_constant=1.2)
+    (plain,) = term_ranges(posterior, target, draws(posterior, 400, 0))
+    (motor,) = term_ranges(posterior, target, draws(posterior, 400, 0), torque_constant=1.2)
     less = plain.distributions["damping"].value - motor.distributions["damping"].value
     refitted = plain.projection.terms.damping - motor.projection.terms.damping
     assert less == pytest.approx(refitted + 1.2 / 0.5, rel=0.05)

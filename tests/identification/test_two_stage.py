@@ -34,24 +34,22 @@ def test_intervals_cover_and_include_the_first_stage():
 
 
 def test_the_error_of_the_gain_counts_where_the_load_moves_with_the_joint():
-    """With tau = 30 v in motion, K_v takes up 30 times the error of K_tau: s^2/sum v^2 + 900 s^2/sum tau_rest^2."""
+    """With tau = 30 v in motion, K_v takes up 30 times the error of K_tau: 900 s^2/sum tau_rest^2 more than alone.
+
+    Alone its variance is s^2 [(Z^T Z)^-1]_vv with the columns Z of v and sign(v).
+    """
     stated, expected = [], []
     for seed in range(40):
         tau, velocity, _ = log(seed, 0.0)
         tau[500:] = 30.0 * velocity[500:]
         noise = np.random.default_rng([seed, 1]).normal(size=2000)
         effort = TRUTH["K_tau"] * tau + TRUTH["K_v"] * velocity + 1e-3 * noise
-        fit = fit_two_stage(tau, velocity, effort, still_below=1e-6, coulomb=False)
+        fit = fit_two_stage(tau, velocity, effort, still_below=1e-6)
         stated.append(fit.moving.hac_covariance[0, 0])
-        expected.append(1e-6 / np.sum(velocity**2) + 900.0 * 1e-6 / np.sum(tau[:500] ** 2))
+        columns = np.stack([velocity[500:], np.sign(velocity[500:])], axis=1)
+        alone = 1e-6 * np.linalg.inv(columns.T @ columns)[0, 0]
+        expected.append(alone + 900.0 * 1e-6 / np.sum(tau[:500] ** 2))
     assert_allclose(np.mean(stated), np.mean(expected), rtol=0.1)  # 40 estimates of a variance, each within some 20 %
-
-
-def test_coulomb_can_be_left_out():
-    tau, velocity, effort = log(0, 0.0)
-    fit = fit_two_stage(tau, velocity, effort - 3e-3 * np.sign(velocity), still_below=1e-6, coulomb=False)
-    assert set(fit.parameters) == {"K_tau", "K_v"}
-    assert_allclose(fit.parameters["K_v"], 7e-3, rtol=1e-9)
 
 
 def test_a_log_without_rest_is_refused():

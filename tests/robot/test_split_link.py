@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.robot.plant import add_robot
 from drake_tc.robot.robot import Robot, load_robot
 
@@ -61,7 +61,7 @@ def test_the_share_of_the_mass_matters(tmp_path):
         robot = _robot(tmp_path / str(share), {"cell": {"link": "wheel", "mass_beyond": share}})
         model = TorqueModel(robot, base="fixed")
         context, zero = model.create_context(), np.zeros(3)
-        needed = model.reading_error(context, zero, zero, zero, np.zeros(6), zero, np.zeros(6))
+        needed = model.reading_error(context, MeasuredMotion(zero, zero, zero, np.zeros(6), zero), np.zeros(6))
         readings.append(float(np.linalg.norm(needed[:3])) / 9.81)
     assert_allclose(readings, [0.25 * 0.4 + 0.5, 0.75 * 0.4 + 0.5], rtol=1e-9)  # the wheel's 0.4 kg, the hand's 0.5 kg
 

@@ -82,8 +82,7 @@ Recorded = Mapping[str, tuple[FloatArray | None, FloatArray | None]]
 def term_ranges(
     posterior: Posterior,
     target: str,
-    count: int,
-    seed: int,
+    drawn: Mapping[str, FloatArray],
     recorded: Recorded | None = None,
     torque_constant: float | None = None,
 ) -> list[TermRanges]:
@@ -92,15 +91,13 @@ def term_ranges(
     Args:
         posterior: Of the parameters.
         target: Name of the simulator on the command line.
-        count: Number of draws that are projected.
-        seed: Of the generator.
+        drawn: By joint, draws of its parameters (`posterior.draws`), which are projected.
         recorded: Velocities and loads that weight a refit of friction; None: all speeds count alike.
         torque_constant: Of a data sheet [N m/A], for drives on a voltage; None: not known.
 
     Raises:
         ParamsError: a torque constant whose back-EMF exceeds the viscous friction.
     """
-    drawn = draws(posterior, count, seed)
     out = []
     for joint in posterior.unit.models:
         at = (recorded or {}).get(joint, (None, None))

@@ -242,7 +242,13 @@ def series_elastic_controller(
     flags = tuple(f"torque_control/{joint}" for joint in joints) if "flags" in loop.signals else ()
     nowhere = np.full(n, np.inf)
     controlled = ControlledJoints(
-        joints=tuple(joints), servo=(False,) * n, lower=-nowhere, upper=nowhere, period=spec.dt, flag_names=flags
+        joints=tuple(joints),
+        servo=(False,) * n,
+        lower=-nowhere,
+        upper=nowhere,
+        period=spec.dt,
+        flag_names=flags,
+        inputs=left_out,
     )
     signals = loop.signals | {"command": voltage}
-    return Controller(builder, "series_elastic_controller", controlled, signals, left_out=left_out, fused=fused)
+    return Controller(builder, "series_elastic_controller", controlled, signals, fused=fused)

@@ -16,7 +16,7 @@ What a scenario comes to before anything is wired: robot, actuators, gains.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import OutputPort
@@ -101,22 +101,26 @@ def base_now(parts: TorqueLoopBuilder) -> OutputPort:
     return picked(parts.builder, "base_now", smooth.GetOutputPort("estimate"), requested)["imu_estimate"]
 
 
-def prediction(
-    parts: TorqueLoopBuilder, delayed: Mapping[str, OutputPort]
-) -> tuple[dict[str, OutputPort], DisturbanceObserver | None]:
+class Prediction(NamedTuple):
     """What is known of the joints now, for inverse dynamics and torque control.
 
-    Args:
-        parts: Of the loop.
+    Attributes:
         delayed: `joint_estimate`, `estimated_torque` and `position` as filters, estimator and encoders have them.
-
-    Returns:
-        The same ports, predicted where the scenario has a predictor, with `disturbance` where it has an observer; and
-        the observer, which both need, to be connected later.
+        known: The same ports, predicted where the scenario has a predictor, with `disturbance` where it has an
+            observer.
+        observer: Which both need, to be connected later; None where there is neither.
     """
+
+    delayed: Mapping[str, OutputPort]
+    known: Mapping[str, OutputPort]
+    observer: DisturbanceObserver | None = None
+
+
+def prediction(parts: TorqueLoopBuilder, delayed: Mapping[str, OutputPort]) -> Prediction:
+    """What is known of the joints now, of `delayed` ports: see `Prediction`."""
     scenario, builder = parts.scenario, parts.builder
     if scenario.predictor is None and scenario.observer is None:
-        return dict(delayed), None
+        return Prediction(delayed, delayed)
     n, dt = len(parts.robot.joints), scenario.dt
     spec = scenario.observer or ObserverSpec()
     forward = scenario.compensation.acceleration == "reference"
@@ -136,7 +140,7 @@ def prediction(
         builder.Connect(smooth.GetOutputPort("value"), predictor.GetInputPort("delayed_model_torque"))
         known |= {name: predictor.GetOutputPort(name) for name in delayed}
         parts.signals["predicted_torque"] = predictor.GetOutputPort("estimated_torque")
-    return known, observer
+    return Prediction(delayed, known, observer)
 
 
 def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> JointTorqueEstimator:
@@ -154,29 +158,25 @@ def live_torque(parts: TorqueLoopBuilder, observer: DisturbanceObserver) -> Join
 
 
 def connect_observer(
-    parts: TorqueLoopBuilder,
-    observer: DisturbanceObserver,
-    delayed: Mapping[str, OutputPort],
-    known: Mapping[str, OutputPort],
-    reference: OutputPort,
-    sent: OutputPort,
+    parts: TorqueLoopBuilder, observer: DisturbanceObserver, found: Prediction, reference: OutputPort, sent: OutputPort
 ) -> None:
     """Wire the observer to what is made behind it: it reads all of it for its next state only.
 
     Args:
         parts: Of the loop.
         observer: From `prediction`.
-        delayed: As there.
-        known: From there.
+        found: What that returned.
         reference: Desired motion.
         sent: What leaves the guard.
     """
     n, builder, scenario = len(parts.robot.joints), parts.builder, parts.scenario
     spec = scenario.observer or ObserverSpec()
     feedforward = parts.output("inverse_dynamics", "feedforward_torque")
-    wires = dict(delayed) | {name: parts.output("torque_control", name) for name in ("commanded_torque", "command")}
+    wires = dict(found.delayed) | {
+        name: parts.output("torque_control", name) for name in ("commanded_torque", "command")
+    }
     estimated = scenario.compensation.velocity == "estimate"
-    wires["compensated_motion"] = known["joint_estimate"] if estimated else reference
+    wires["compensated_motion"] = found.known["joint_estimate"] if estimated else reference
     wires |= {"feedforward_torque": feedforward, "reference": reference, "sent_command": sent}
     split = builder.AddNamedSystem("reference_acceleration", Demultiplexer([2 * n, n]))
     builder.Connect(reference, split.get_input_port())
@@ -220,7 +220,8 @@ def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPor
         "estimated_torque": sensed if scenario.torque_from == "sensor" else torque,
         "position": parts.readings.encoder,
     }
-    known, observer = prediction(parts, delayed)
+    found = prediction(parts, delayed)
+    known = found.known
     moved = {name: known[name] for name in ("joint_estimate", "position")} | {"reference": reference}
     if not parts.controller_robot.fixed_base:
         predicted = scenario.predictor is not None
@@ -233,8 +234,8 @@ def torque_command(parts: TorqueLoopBuilder, reference: OutputPort) -> OutputPor
     if scenario.log_components:
         parts.signals["components"] = parts.output("torque_control", "components")
     command = _guarded(parts, parts.output("torque_control", "command"), flags)
-    if observer is not None:
-        connect_observer(parts, observer, delayed, known, reference, command)
+    if found.observer is not None:
+        connect_observer(parts, found.observer, found, reference, command)
     return command
 
 

@@ -346,8 +346,9 @@ def torque_controller(
         watched=Watched(tuple(assumed), spec.filters.window, spec.filters.encoder_order)
         if spec.controller == "torque" and "filter" not in parts.stages
         else None,
+        inputs=tuple(ports),
     )
-    return Controller(builder, f"{robot.name}_controller", controlled, parts.signals, left_out=ports, fused=fused)
+    return Controller(builder, f"{robot.name}_controller", controlled, parts.signals, fused=fused)
 
 
 def scenario_controller(scenario: Scenario) -> Controller:

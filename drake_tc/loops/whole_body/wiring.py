@@ -301,14 +301,14 @@ def whole_body_controller(
         upper=limits.upper,
         period=law.period,
         flag_names=wiring.flag_names,
+        inputs=tuple(inputs),
+        starts=(*control.starts, *_hold(wiring, springs, control)),
     )
     return Controller(
         builder,
         f"{robot.name}_whole_body_controller",
         controlled,
         wiring.signals | {"command": control.command},
-        left_out=inputs,
-        starts=(*control.starts, *_hold(wiring, springs, control)),
         fused=fused,
     )
 
