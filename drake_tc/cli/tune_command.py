@@ -79,7 +79,13 @@ def tune_command(
     The tracking error is that of the scenario's motion. The stiffness K6 stays. Without --margin and --delay-margin, no
     joint gets smaller margins than it has.
     """
-    from drake_tc.analysis.torque_loop.tuned import confirm, confirm_function, function_tasks, joint_tasks
+    from drake_tc.analysis.torque_loop.tuned import (
+        PerturbedPlants,
+        confirm,
+        confirm_function,
+        function_tasks,
+        joint_tasks,
+    )
     from drake_tc.analysis.tuning import SearchSpace, default_goals, tune
     from drake_tc.loops.function_diagram import FunctionEntry
     from drake_tc.loops.torque.running import SETTLED
@@ -113,7 +119,8 @@ def tune_command(
                     confirmed = confirm_function(own, scenario, found, first)
                 else:
                     motions = [(scenario, first)]
-                    confirmed = confirm(motions, found, plants, executor=executor, progress=progress, seed=seed)
+                    drawn = PerturbedPlants(plants, seed=seed)
+                    confirmed = confirm(motions, found, drawn, executor=executor, progress=progress)
         if folder is not None:
             _write(found, folder)
     files = [] if out is None else [out / name for name in FILES]

@@ -5,8 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.kernels.torque_equations import SPRING
 from drake_tc.types import FloatArray
 

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Parameter, Plausible, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import EquationEffect, Parameter, Plausible, Signature
 from drake_tc.kernels.torque_equations import CONSTANT
 
 COULOMB_RANGE = Plausible(

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.effects.context import NO_INERTIA
-from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.effects.torque_sensor_gain import held_gain, is_held, scale_column
 from drake_tc.kernels.torque_equations import LOAD_FRICTION
 from drake_tc.types import FloatArray

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, Parameter, Plausible, Signature
 from drake_tc.kernels.torque_equations import LOAD_STRIBECK
 
 LOAD_STRIBECK_RANGE = Plausible(

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, Parameter, Plausible, Signature
 from drake_tc.kernels.torque_equations import WAVE
 
 TILT_MOMENT_RANGE = Plausible(

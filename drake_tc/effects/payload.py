@@ -5,9 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signature
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Shape, Signature
 from drake_tc.effects.context import NO_INERTIA, LoadKind
-from drake_tc.effects.equation_effect import EquationEffect
 from drake_tc.kernels.torque_equations import CONSTANT, LOAD_SHARE, PENDULUM
 from drake_tc.types import GRAVITY, FloatArray
 

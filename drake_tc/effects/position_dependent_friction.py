@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.effects.torque_ripple import MOST_CYCLES, SLIDING_WAVE_RANGE, waves
 from drake_tc.kernels.torque_equations import FRICTION_LINE, FRICTION_WAVE
 

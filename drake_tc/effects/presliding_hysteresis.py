@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.kernels.torque_equations import HYSTERESIS
 from drake_tc.types import FloatArray
 

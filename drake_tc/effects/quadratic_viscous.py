@@ -1,7 +1,6 @@
 """Friction that grows with the square of the speed."""
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Signature
 from drake_tc.kernels.torque_equations import QUADRATIC
 
 QUADRATIC_VISCOUS_RANGE = Plausible(

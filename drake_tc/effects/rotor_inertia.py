@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from drake_tc.effects.base import Context, JointNumbers, Parameter, Plausible, Shape, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, JointNumbers, Parameter, Plausible, Shape, Signature
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 

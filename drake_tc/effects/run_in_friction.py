@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.kernels.torque_equations import CONSTANT
 from drake_tc.types import FloatArray
 

@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, Parameter, Plausible, Shape, Signals, Signature, TorqueEffect
 from drake_tc.effects.kernel import TorqueKernel, TorqueParts
 from drake_tc.effects.position_dependent_load import spline_columns, spline_curve
 from drake_tc.effects.rotor_inertia import SCREW_RANGE

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import Context, Parameter, Plausible, Shape, Signals, Signature
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import Context, EquationEffect, Parameter, Plausible, Shape, Signals, Signature
 from drake_tc.kernels.torque_equations import POWER
 from drake_tc.types import FloatArray
 

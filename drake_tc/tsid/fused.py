@@ -169,6 +169,10 @@ class WrittenRows(NamedTuple):
 NO_ROWS = WrittenRows(np.zeros((0, 0)), (), (), 0)
 
 
+LARGEST = 1e6
+"""No input in SI units is as large; one that is counts as not finite. R is clipped to it in a status."""
+
+
 class FusedProblem:
     """One compiled call a tick; holds constants alone, so that many contexts share it.
 
@@ -182,7 +186,6 @@ class FusedProblem:
         tasks: Sequence[Task],
         limits: Sequence[Limit],
         error: TorqueError,
-        largest: float,
         damping: float,
     ) -> None:
         """Prepare the constants.
@@ -192,11 +195,10 @@ class FusedProblem:
             tasks: Of the law.
             limits: In the order of their rows.
             error: Of the torques.
-            largest: Number that still counts as one.
             damping: Of the contacts [1/s].
         """
         self._model, self._tasks, self._limits, self._error = model, tuple(tasks), tuple(limits), error
-        numbers = largest, SHORTEST, damping, model.mass, model.nq, model.nv, error.plain
+        numbers = LARGEST, SHORTEST, damping, model.mass, model.nq, model.nv, error.plain
         self._options: FloatArray = np.array(numbers, dtype=np.float64)
         self._tables: dict[tuple[int, ...], Tables] = {}
         self._arguments: dict[tuple[int, ...], tuple[Any, ...]] = {}
@@ -295,14 +297,13 @@ _RELAXED = 7
 class WarmTick:
     """One compiled call a tick; holds constants alone, so that many contexts share it."""
 
-    def __init__(self, fused: FusedProblem, formulation: Formulation, model: TsidModel, largest: float) -> None:
+    def __init__(self, fused: FusedProblem, formulation: Formulation, model: TsidModel) -> None:
         """Prepare the constants.
 
         Args:
             fused: The problem of a tick.
             formulation: One that this `solves`.
             model: Of the robot.
-            largest: R that a status shows for an infinite one.
         """
         measure, options = formulation.measure, formulation.options
         weight = 0.0 if measure == "classic" else formulation.weight
@@ -310,7 +311,7 @@ class WarmTick:
         weights = (0.0, weight) if boxed else (weight, 0.0)
         accuracy, exact = options.accuracy * weight, EXACT if measure == "classic" else 0.0
         numbers = kind, *weights, BOX_DAMPING * weights[1], WIDTH, accuracy, exact
-        ends = options.budget.iterations, largest, model.force_size
+        ends = options.budget.iterations, LARGEST, model.force_size
         self._form: FloatArray = np.array((*numbers, *ends), dtype=np.float64)
         self._fused, self._relaxed = fused, model.n + model.nv + model.force_size + _RELAXED
 

@@ -209,10 +209,6 @@ def _expect(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:
         raise ParamsError(f"{what}: expected an array of shape {shape}, got shape {np.shape(values)}")
 
 
-LARGEST = 1e6
-"""No input in SI units is as large; one that is counts as not finite. A larger R, or an infinite one, is told as it."""
-
-
 class Status(IntEnum):
     """Places in the vector of a tick's status.
 
@@ -370,14 +366,14 @@ class Law:
         terms = self.starting_terms()
         order = order_of([limit.rows(terms) for limit in self.limits])
         limits = [self.limits[i] for i in order]
-        return FusedProblem(self.model, self.tasks, limits, self.error, LARGEST, self.contact_damping)
+        return FusedProblem(self.model, self.tasks, limits, self.error, self.contact_damping)
 
     @cached_property
     def warm(self) -> WarmTick | None:
         """A whole tick as one compiled call; None where the formulation solves more than one program in a tick."""
         if self.fused is None or self.priorities is not None or not WarmTick.solves(self.formulation):
             return None
-        return WarmTick(self.fused, self.formulation, self.model, LARGEST)
+        return WarmTick(self.fused, self.formulation, self.model)
 
     @cached_property
     def memory(self) -> TickMemory:

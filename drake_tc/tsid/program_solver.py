@@ -41,6 +41,21 @@ DYNAMICS, CONTACTS = "dynamics", "contacts"
 """Names of the program's equalities."""
 
 
+class FullProblem(NamedTuple):
+    """Rows over y at one state.
+
+    Attributes:
+        terms: At that state.
+        tasks, limits: Rows over y.
+        contact_acceleration: (k,) of the contacts, zero where None.
+    """
+
+    terms: Terms
+    tasks: Sequence[TaskRows]
+    limits: Sequence[LimitRows]
+    contact_acceleration: FloatArray | None = None
+
+
 def build_full(
     terms: Terms,
     tasks: Sequence[TaskRows],
@@ -182,26 +197,16 @@ class ProgramSolver:
         if formulation.use != "trade_off":
             raise ParamsError(f"solver: program knows use: trade_off alone, got {formulation.use}")
 
-    def solution(
-        self,
-        terms: Terms,
-        tasks: Sequence[TaskRows],
-        limits: Sequence[LimitRows],
-        contact_acceleration: FloatArray | None,
-        formulation: Formulation,
-        error: TorqueError,
-    ) -> RobustSolution:
+    def solution(self, problem: FullProblem, formulation: Formulation, error: TorqueError) -> RobustSolution:
         """The torque of one tick.
 
         Args:
-            terms: At the state of all rows.
-            tasks: Rows over y.
-            limits: Rows over y.
-            contact_acceleration: (k,) of the contacts, zero where None.
+            problem: At one state.
             formulation: Measure and weight; `use` is `trade_off`.
             error: Of the torques.
         """
-        program: Any = build_full(terms, tasks, limits, contact_acceleration)
+        terms, tasks, limits, _ = problem
+        program: Any = build_full(*problem)
         y = program.decision_variables()
         rows = _limits(terms, limits, error)
         result = self._convex(program)

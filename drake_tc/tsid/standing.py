@@ -18,7 +18,7 @@ import numpy as np
 from drake_tc.array_stage import Arrays, ArrayStage, StageSystem, places
 from drake_tc.control.rotation import quaternion_of, rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.law import LARGEST
+from drake_tc.tsid.fused import LARGEST
 from drake_tc.tsid.model import Scratch, TsidModel
 from drake_tc.types import BoolArray, Call, FloatArray
 
@@ -52,7 +52,7 @@ class StandingState(StageSystem):
         active_contacts (contacts): above 1/2 where one carries; all of them when not connected.
     Output:
         estimated_state (nq + nv): [q; v] in the order of the model; NaN where an input is not finite, or as large as
-            `law.LARGEST`.
+            `fused.LARGEST`.
 
         y[n] = F(u[n], x[n]),  x[n+1] = [corners a (3 c); quaternion of R]
 

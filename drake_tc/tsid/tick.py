@@ -34,10 +34,10 @@ from drake_tc.tsid.fallbacks import (
     standing_contacts,
     terms_at,
 )
-from drake_tc.tsid.fused import LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
-from drake_tc.tsid.law import LARGEST, Law, PreviousTick, Status
+from drake_tc.tsid.fused import LARGEST, LOST, NO_POSE, NO_ROWS, ProgramResult, WrittenRows
+from drake_tc.tsid.law import Law, PreviousTick, Status
 from drake_tc.tsid.model import Scratch
-from drake_tc.tsid.program_solver import ProgramSolver
+from drake_tc.tsid.program_solver import FullProblem, ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.convex import RobustSolution, Start
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
@@ -230,8 +230,8 @@ def _written(law: Law, scratch: Scratch, now: TickInput) -> WrittenRows:
 def _solution(law: Law, problem: TickProblem, before: PreviousTick) -> RobustSolution:
     reduced, form, solver = problem.reduced, law.formulation, law.solver
     if isinstance(solver, ProgramSolver):
-        rows = (problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
-        return solver.solution(*rows, form, law.error)
+        rows = FullProblem(problem.terms, problem.tasks, problem.limits, _held(law, problem.terms))
+        return solver.solution(rows, form, law.error)
     if law.priorities is not None:
         sizes = [rows.target.size for rows in problem.tasks]
         whole = scaled(reduced.cost, reduced.polytope, law.error)

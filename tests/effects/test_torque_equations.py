@@ -11,8 +11,7 @@ from drake_tc.actuation.compensator import Compensator, Motion
 from drake_tc.actuation.free_run import simulate
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.recorded_run import Link, Recording
-from drake_tc.effects.base import plain_signals
-from drake_tc.effects.equation_effect import EquationEffect
+from drake_tc.effects.base import EquationEffect, plain_signals
 from drake_tc.effects.library import BUILT_IN, effect
 from drake_tc.kernels.torque_equations import CONSTANT
 from tests.joint_program import JointInput, JointProgram

@@ -12,7 +12,8 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid import tick as module
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
-from drake_tc.tsid.law import LARGEST, PreviousTick, Status
+from drake_tc.tsid.fused import LARGEST
+from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 from drake_tc.tsid.robust.scaled import p_box, p_ind

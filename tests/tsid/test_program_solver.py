@@ -11,7 +11,7 @@ import drake_tc.models
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import PreviousTick, Status
-from drake_tc.tsid.program_solver import ProgramSolver
+from drake_tc.tsid.program_solver import FullProblem, ProgramSolver
 from drake_tc.tsid.qp.problem import Outcome
 from drake_tc.tsid.qp.solvers import solver
 from drake_tc.tsid.robust.measures import rectangle_risk
@@ -45,8 +45,8 @@ def problem_of(law, seed, active=BOTH):
 
 
 def by_program(law, problem):
-    given = (problem.terms, problem.tasks, problem.limits, None)
-    return ProgramSolver().solution(*given, law.formulation, law.error)
+    given = FullProblem(problem.terms, problem.tasks, problem.limits)
+    return ProgramSolver().solution(given, law.formulation, law.error)
 
 
 def by_kernels(law, problem):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.analysis.sweep import processes
-from drake_tc.analysis.torque_loop.tuned import Confirmed, Spread, confirm, joint_tasks
+from drake_tc.analysis.torque_loop.tuned import Confirmed, PerturbedPlants, Spread, confirm, joint_tasks
 from drake_tc.analysis.tuning import Tuning, default_goals, draw_fronts, tune
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.loops.torque.scenario import Scenario
@@ -51,7 +51,7 @@ def confirmed_leg(
     """Both settings simulated: on the motion, on the longer swing, and on perturbed plants."""
     names = (("brisk_swing", BEGIN), ("stairs_swing", SWING_BEGIN))
     motions = [(diagram_entry("hrp2_leg").scenario(name).changed(seed=seed), begin) for name, begin in names]
-    return confirm(motions, found, plants, SPREAD, executor=executor, progress=progress, seed=seed)
+    return confirm(motions, found, PerturbedPlants(plants, SPREAD, seed), executor=executor, progress=progress)
 
 
 def late_sensors(scenario: Scenario, latency: float) -> Scenario:
@@ -64,7 +64,7 @@ def latencies_held(found: Tuning, seed: int = 0, executor: Executor | None = Non
     """The largest sensor latency [s] up to which the complete loop keeps its errors small, (paper's, tuned)."""
     scenario = diagram_entry("hrp2_leg").scenario("brisk_swing").changed(seed=seed)
     motions = [(late_sensors(scenario, late), BEGIN) for late in LATENCIES]
-    errors = confirm(motions, found, executor=executor, seed=seed).nominal  # (L, 2, n)
+    errors = confirm(motions, found, PerturbedPlants(seed=seed), executor=executor).nominal  # (L, 2, n)
     held = np.cumprod(np.all(errors < LOST, axis=2), axis=0).sum(axis=0)
     return tuple(float(LATENCIES[k - 1]) if k else 0.0 for k in held)  # type: ignore[return-value]
 

@@ -12,7 +12,7 @@ Tuning of a torque loop in a diagram that a function of the user's returns.
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -184,40 +184,52 @@ class Confirmed:
         return np.asarray(np.exp(np.mean(np.log(self.plants[:, 1] / self.plants[:, 0]), axis=1)))
 
 
+@dataclass(frozen=True)
+class PerturbedPlants:
+    """Plants that are off from their model.
+
+    Attributes:
+        count: How many.
+        spread: How far they are off.
+        seed: Of the plants.
+    """
+
+    count: int = 0
+    spread: Spread = field(default_factory=Spread)
+    seed: int = 0
+
+
 def confirm(
     motions: list[tuple[Scenario, float]],
     tuning: Tuning,
-    plants: int = 0,
-    spread: Spread | None = None,
+    plants: PerturbedPlants | None = None,
     *,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    seed: int = 0,
 ) -> Confirmed:
     """Simulate the present and the tuned setting beside each other.
 
     Args:
         motions: Scenarios, each with the time from which its errors are evaluated [s].
         tuning: Of the joints.
-        plants: Perturbed plants, on the first of the motions.
-        spread: How far these are off; None: the default.
+        plants: On the first of the motions; None: none.
         executor: As `sweep`.
         progress: Told how many simulations are done, and which share.
-        seed: Of the plants.
 
     Raises:
         SweepError: a simulation that failed.
     """
+    plants = PerturbedPlants() if plants is None else plants
 
     def point(scenario: Scenario, begin: float, how: Spread) -> Compared:
         return Compared((scenario, tuned_scenario(scenario, tuning)), how, begin)
 
     points = [point(*motion, EXACT) for motion in motions]
-    points += [point(*motions[0], Spread() if spread is None else spread)] * plants
-    found = sweep(compare_on_plant, points, executor=executor, chunk=1, progress=progress, seed=seed)
+    points += [point(*motions[0], plants.spread)] * plants.count
+    found = sweep(compare_on_plant, points, executor=executor, chunk=1, progress=progress, seed=plants.seed)
     first = len(motions)
     joints = loop_robot(motions[0][0]).joints
-    drawn = np.array(found[first:]).reshape(plants, 2, len(joints))
+    drawn = np.array(found[first:]).reshape(plants.count, 2, len(joints))
     return Confirmed(joints, np.array(found[:first]), drawn)
 
 
