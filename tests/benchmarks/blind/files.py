@@ -13,12 +13,13 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drake_tc.joint_simulator.measurement import beyond_refit, clean_log, measured, sample_clean, unmodelled_torque
+from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean
 from drake_tc.joint_simulator.physics import Record
 from drake_tc.joint_simulator.reference import run_generator
 from drake_tc.joint_simulator.spec import EFFORT_UNIT, HELD_OUT, RUNS, BlindError, RigSpec
 from tests.benchmarks.blind.noise import torque_left_by_noise
 from tests.benchmarks.blind.oracle import oracle_errors
+from tests.benchmarks.blind.truth import beyond_refit, unmodelled_torque
 from tests.benchmarks.blind.verdicts import right_verdicts
 
 SENSOR_STREAM = 1

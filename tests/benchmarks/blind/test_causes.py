@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from drake_tc.joint_simulator.amplitudes import AMPLITUDES
-from drake_tc.joint_simulator.measurement import CleanLog, clean_log, unmodelled_torque
+from drake_tc.joint_simulator.measurement import CleanLog, clean_log
 from drake_tc.joint_simulator.physics import TERMS, Record, simulate
 from tests.benchmarks.blind.calibrate import calibrate
 from tests.benchmarks.blind.catalogue import caused_rig
+from tests.benchmarks.blind.truth import unmodelled_torque
 
 from .make import rig
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.ndimage import gaussian_filter1d
 
-from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean, unmodelled_torque
+from drake_tc.joint_simulator.measurement import clean_log, measured, sample_clean
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.reference import make_motion
 from drake_tc.joint_simulator.spec import RUNS, BlindError, RigSpec
@@ -18,6 +18,7 @@ from tests.benchmarks.blind.files import rig_yaml
 from tests.benchmarks.blind.noise import torque_left_by_noise, torque_of_position
 from tests.benchmarks.blind.nulls import FULL_NULLS, SMOKE_NULLS, TORQUE_BIAS, null_rig
 from tests.benchmarks.blind.oracle import differences
+from tests.benchmarks.blind.truth import unmodelled_torque
 from tests.benchmarks.blind.verdicts import right_verdicts
 
 from .make import rig

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from drake_tc.joint_simulator.measurement import CleanLog, clean_log, unmodelled_torque
+from drake_tc.joint_simulator.measurement import CleanLog, clean_log
 from drake_tc.joint_simulator.physics import Record, simulate
 from drake_tc.joint_simulator.reference import BandNoise, random_instants, random_walk
 from tests.benchmarks.blind.catalogue import caused_rig
+from tests.benchmarks.blind.truth import unmodelled_torque
 from tests.benchmarks.blind.verdicts import OUTSIDE, RIGHT_VERDICTS, right_verdicts
 
 from .make import rig

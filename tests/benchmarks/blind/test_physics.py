@@ -5,12 +5,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from drake_tc.joint_simulator.measurement import clean_log, unmodelled_torque
+from drake_tc.joint_simulator.measurement import clean_log
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.reference import make_motion
 from drake_tc.joint_simulator.spec import BlindError, DivergedError
 
 from .make import rig
+from .truth import unmodelled_torque
 
 
 def test_linear_servo_agrees_with_linear_system() -> None:
