@@ -319,7 +319,8 @@ def model_list(models: Models, joints: Sequence[str] | None = None) -> tuple[Act
         joints: Order of a mapping; None takes the mapping's own.
 
     Raises:
-        ParamsError: no model, something that is none, or a mapping without one of the joints.
+        ParamsError: no model, something that is none, a mapping without one of the joints, or a list of the joints'
+            models in another order.
     """
     if not len(models):
         raise ParamsError("models is empty; expected one actuator model per joint")
@@ -335,6 +336,9 @@ def model_list(models: Models, joints: Sequence[str] | None = None) -> tuple[Act
     for model in listed:
         if not isinstance(model, ActuatorModel):
             raise ParamsError(f"models: expected actuator models, by joint or in a list, got {model!r}")
+    order = [model.joint for model in listed]
+    if joints is not None and order != list(joints) and sorted(order) == sorted(joints):
+        raise ParamsError(f"models: expected the order {', '.join(joints)}, got a list in the order {', '.join(order)}")
     return listed
 
 

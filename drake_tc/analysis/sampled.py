@@ -296,6 +296,8 @@ def linearise(
         >>> round(period_map.spectral_radius, 3)
         0.9
     """
+    if not 0.0 < dt < np.inf:
+        raise ParamsError(f"linearise: expected a positive period dt [s], got {dt!r}")
     tick = round(context.get_time() / dt)
     if abs(context.get_time() / dt - tick) > 1e-6:
         raise ParamsError(

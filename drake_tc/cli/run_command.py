@@ -180,20 +180,14 @@ def _url(robot: str) -> str | None:
 
 def _link(robot: str, controller: "Controller") -> "RobotLink":
     from drake_tc.hardware.lcm_link import URL, LcmLink
-    from drake_tc.hardware.link import CallbackLink
+    from drake_tc.hardware.link import whole_link
 
     url = _url(robot)
     if url is not None:
         ports = [controller.get_input_port(index) for index in range(controller.num_input_ports())]
         sizes = {port.get_name(): int(port.size()) for port in ports}
         return LcmLink(sizes, len(controller.controlled.joints), url or URL)
-    made = _made(robot, "--robot")
-    missing = [name for name in ("read", "write") if not callable(getattr(made, name, None))]
-    if missing:
-        raise ParamsError(f"{robot}: expected an object with read() and write(), got none with {missing[0]}()")
-    whole = all(hasattr(made, name) for name in ("stop_requested", "close"))
-    link: RobotLink = made if whole else CallbackLink(made.read, made.write)
-    return link
+    return whole_link(_made(robot, "--robot"), robot)
 
 
 def _made(text: str, where: str) -> Any:

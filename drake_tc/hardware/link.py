@@ -66,6 +66,27 @@ class CallbackLink:
         """Nothing has to be closed."""
 
 
+def whole_link(driver: object, name: str = "link") -> RobotLink:
+    """The driver as a link: one with `read` and `write` alone never asks for a stop and has nothing to close.
+
+    Args:
+        driver: The user's own.
+        name: Of it, for the message.
+
+    Raises:
+        ParamsError: an object without `read` or `write`.
+    """
+    parts: dict[str, Any] = {part: getattr(driver, part, None) for part in ("read", "write")}
+    missing = [part for part, function in parts.items() if not callable(function)]
+    if missing:
+        raise ParamsError(f"{name}: expected an object with read() and write(), got none with {missing[0]}()")
+    whole: Any = driver
+    if all(hasattr(driver, part) for part in ("stop_requested", "close")):
+        link: RobotLink = whole
+        return link
+    return CallbackLink(**parts)
+
+
 class Clock(Protocol):
     """Time and waiting, so that a test needs no wall clock."""
 

@@ -20,11 +20,11 @@ from drake_tc.errors import ParamsError
 from drake_tc.hardware.link import (
     Clock,
     Message,
-    RobotLink,
     WallClock,
     paused_garbage_collection,
     real_time_priority,
     stopping_signals,
+    whole_link,
 )
 from drake_tc.hardware.stepper import ControllerStepper, LatestReadings
 from drake_tc.hardware.watch import ModelWatch
@@ -212,7 +212,7 @@ class RealTimeLoop:
     def __init__(
         self,
         controller: Controller,
-        link: RobotLink,
+        link: object,
         spec: RealTimeSpec | None = None,
         clock: Clock | None = None,
         watch: ModelWatch | None = None,
@@ -221,14 +221,19 @@ class RealTimeLoop:
 
         Args:
             controller: From `torque_controller` or one of its like.
-            link: To the robot.
+            link: To the robot: a `RobotLink`, or any object with `read` and `write`.
             spec: How it runs; None: the defaults.
             clock: None: the wall clock.
             watch: Of the models of this controller; None: they are not watched.
 
         Raises:
-            ParamsError: drives that are no position servos without limits of their own.
+            ParamsError: drives that are no position servos without limits of their own, or something else than a
+                controller or a link.
         """
+        if not isinstance(controller, Controller):
+            raise ParamsError(
+                f"controller: expected what torque_controller and its like return, got {type(controller).__name__}"
+            )
         self._spec = RealTimeSpec() if spec is None else spec
         joints = controller.controlled
         if self._spec.guard is None and not all(joints.servo):
@@ -237,7 +242,7 @@ class RealTimeLoop:
                 " RealTimeSpec(guard=GuardSpec(offset_limit=..., rate_limit=...))"
             )
         self._joints, self._n = joints, len(joints.joints)
-        self._link, self._clock = link, WallClock(self._spec.spin) if clock is None else clock
+        self._link, self._clock = whole_link(link), WallClock(self._spec.spin) if clock is None else clock
         self._watch = watch
         read = ("command", "mode", "flags", *(() if watch is None else watch.signals))
         outputs = [name for name in dict.fromkeys(read) if controller.HasOutputPort(name)]
@@ -264,8 +269,10 @@ class RealTimeLoop:
             What it came to; it does not raise for what happens while it runs.
 
         Raises:
-            ParamsError: a priority that the process may not have.
+            ParamsError: a duration below 0, or a priority that the process may not have.
         """
+        if not duration >= 0.0:
+            raise ParamsError(f"duration: expected a time >= 0 [s], got {duration!r}")
         self._ending = None
         readings = LatestReadings(self._stepper.inputs, self._joints.period, self._spec.max_age)
         tick = _Tick(readings, watch=self._watch)

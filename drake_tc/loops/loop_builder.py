@@ -145,10 +145,15 @@ class LoopBuilder(Generic[ScenarioT]):
 
         Returns:
             The system that was added.
+
+        Raises:
+            ParamsError: the user's own is no system.
         """
         own = self.stages.get(name)
         if own is None:
             added = system() if callable(system) else system
+        elif not isinstance(own, System):
+            raise ParamsError(f"stages: {name!r}: expected a Drake system, got {type(own).__name__}")
         else:
             added, known = own, {**self.signals, **inputs}
             names = [own.get_input_port(i).get_name() for i in range(own.num_input_ports())]
@@ -194,6 +199,10 @@ class LoopBuilder(Generic[ScenarioT]):
         if own is None:
             return port
         if place not in self._behind:
+            if not (isinstance(own, System) and own.num_input_ports() and own.num_output_ports()):
+                raise ParamsError(
+                    f"between: {place!r}: expected a system with an input and an output port, got {type(own).__name__}"
+                )
             sizes = [p.size() for p in (own.get_input_port(0), own.get_output_port(0))]
             if sizes != [port.size()] * 2:
                 raise ParamsError(

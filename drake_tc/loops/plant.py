@@ -20,7 +20,7 @@ from pydrake.multibody.plant import (
     ExternallyAppliedSpatialForce,
     MultibodyPlant,
 )
-from pydrake.multibody.tree import FixedOffsetFrame, LinearBushingRollPitchYaw, PrismaticJoint
+from pydrake.multibody.tree import FixedOffsetFrame, LinearBushingRollPitchYaw, ModelInstanceIndex, PrismaticJoint
 from pydrake.symbolic import Expression, Variable
 from pydrake.symbolic import max as symbolic_max
 from pydrake.symbolic import min as symbolic_min
@@ -96,6 +96,8 @@ def add_robot_plant(
     """
     if not 0.0 <= step < np.inf:
         raise ParamsError(f"step: expected a time step >= 0 [s], got {step!r}")
+    if not 0.0 <= posture_deviation < np.inf:
+        raise ParamsError(f"posture_deviation: expected a number >= 0 [rad or m], got {posture_deviation!r}")
     plant: Any
     if scene or collisions or visuals or meshcat:
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
@@ -130,11 +132,15 @@ def _declare_random(plant: MultibodyPlant, robot: Robot, deviation: float) -> No
         (joint.set_random_translation_distribution if slides else joint.set_random_angle_distribution)(within[0])
 
 
-def require_live_ports(plant: MultibodyPlant) -> None:
+def require_live_ports(plant: MultibodyPlant, robot: Robot | None = None) -> None:
     """Refuse a plant whose output ports are sampled: its forces and accelerations lag the encoders by one step.
 
+    Args:
+        plant: Of the loop.
+        robot: Which must be in it, where it is known.
+
     Raises:
-        ParamsError: the plant is not finalized, or its ports are sampled.
+        ParamsError: the plant is not finalized, its ports are sampled, or it has no model instance of the robot's name.
     """
     if not plant.is_finalized():
         raise ParamsError("plant: expected a finalized plant; call plant.Finalize() first")
@@ -142,6 +148,12 @@ def require_live_ports(plant: MultibodyPlant) -> None:
         raise ParamsError(
             "plant: its output ports are sampled, so that forces and accelerations lag the encoders by one step;"
             " call plant.SetUseSampledOutputPorts(False) before plant.Finalize(), or use drake_tc.add_robot_plant"
+        )
+    if robot is not None and not plant.HasModelInstanceNamed(robot.name):
+        there = [plant.GetModelInstanceName(ModelInstanceIndex(i)) for i in range(2, plant.num_model_instances())]
+        raise ParamsError(
+            f"plant: expected a model instance {robot.name!r}, the name in the robot file, got"
+            f" {', '.join(there) or 'none'}; use drake_tc.add_robot_plant, or give both the same name"
         )
 
 

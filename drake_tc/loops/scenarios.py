@@ -216,8 +216,8 @@ class FilterSpec:
     inertial_order: int = 1
 
     def __post_init__(self) -> None:
-        if not 1 <= self.window <= LONGEST_WINDOW:
-            raise ParamsError(f"window: expected 1 to {LONGEST_WINDOW} samples, got {self.window}")
+        if not 1 <= self.window <= LONGEST_WINDOW or self.window != int(self.window):
+            raise ParamsError(f"window: expected a whole number of samples, 1 to {LONGEST_WINDOW}, got {self.window}")
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,26 @@ def test_controller_and_simulated_robot_are_the_torque_loop():
     assert np.ptp(signals["encoder"], axis=0).max() > 0.1
 
 
+def test_an_object_with_two_functions_is_a_driver():
+    """It never asks for a stop, and nothing has to be closed: neither is told as an error."""
+
+    class Driver:
+        def __init__(self):
+            self.robot = robot()
+
+        def read(self):
+            return self.robot.read()
+
+        def write(self, command):
+            self.robot.advance(command["command"])
+
+    report = RealTimeLoop(controller(), Driver(), QUICK, Steps()).run(0.05)
+    assert report.ended == "duration"
+    assert report.last_error == ""
+    with pytest.raises(ParamsError, match="duration: expected a time >= 0"):
+        RealTimeLoop(controller(), Driver(), QUICK, Steps()).run(-1.0)
+
+
 def test_the_last_guard_leaves_a_sound_command_as_it_is():
     """In the normal mode, commands are those that the controller alone has for the same readings."""
     report, rig, commands = run(0.9)

@@ -129,7 +129,7 @@ def add_torque_loop(
         >>> loop.signals["command"].size()
         6
     """
-    require_live_ports(plant)
+    require_live_ports(plant, robot)
     actuators, assumed = (
         model_list(each, robot.joints) for each in (models, models if controller_models is None else controller_models)
     )
@@ -167,6 +167,12 @@ def wire_torque_loop(
         ParamsError: as `add_torque_loop`.
     """
     robot, spec = design.robot, design.spec
+    expected = 6 * len(robot.force_torque)
+    if force_reference is not None and force_reference.size() != expected:
+        raise ParamsError(
+            f"force_reference: expected a port of size {expected}, six per F/T sensor, got size"
+            f" {force_reference.size()}"
+        )
     if force_reference is None and design.gains.kf.any():
         nothing: Any = np.zeros(6 * len(robot.force_torque))
         force_reference = builder.AddNamedSystem("force_reference", ConstantVectorSource(nothing)).get_output_port()
@@ -238,6 +244,10 @@ def _reference(builder: DiagramBuilder, robot: Robot, reference: Reference) -> O
     n = len(robot.joints)
     if not isinstance(reference, OutputPort):
         path: Any = constant_trajectory(robot.posture) if reference is None else reference
+        if not isinstance(reference, Trajectory | None):
+            raise ParamsError(
+                f"reference: expected a trajectory of {n} positions or an output port, got {type(path).__name__}"
+            )
         if path.rows() == n:
             begin, end = np.clip((path.start_time(), path.end_time()), -LONGEST, LONGEST)
             times = np.linspace(begin, end, LOOKED_AT)
@@ -315,7 +325,11 @@ def torque_controller(
     sizes["joint_torque"] = n if spec.torque_from == "sensor" else 0
     ports = {name: add_input(builder, INPUTS[name], size) for name, size in sizes.items() if size}
     forced = bool(gains.kf.any()) and bool(robot.force_torque)
+    if isinstance(motion, str) and motion != "input":
+        raise ParamsError(f'motion: expected a trajectory, a system or "input", got {motion!r}')
     if isinstance(motion, System):
+        if not motion.num_output_ports():
+            raise ParamsError(f"motion: expected a system with an output port of size {3 * n}, got one without")
         reference: Reference = builder.AddNamedSystem("reference", motion).get_output_port(0)
     else:
         reference = add_input(builder, "reference", 3 * n) if isinstance(motion, str) else motion

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
+from drake_tc.config.records import check_choices
 from drake_tc.control.series_elastic import SeriesElasticSpec
 from drake_tc.control.torque_law import CompensationSpec
 from drake_tc.errors import ParamsError
@@ -225,6 +226,7 @@ class WholeBodySpec:
     faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_choices(self)
         check_seed(self.seed)
 
     @property

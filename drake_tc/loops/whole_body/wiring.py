@@ -117,9 +117,9 @@ def add_whole_body_loop(
         >>> loop.signals["torque"].size() == law.model.n
         True
     """
-    require_live_ports(plant)
-    spec = WholeBodySpec() if spec is None else spec
     robot = law.model.robot
+    require_live_ports(plant, robot)
+    spec = WholeBodySpec() if spec is None else spec
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(robot.name))
     state = plant.get_state_output_port()
     if robot.followers:
