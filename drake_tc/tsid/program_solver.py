@@ -1,7 +1,7 @@
 """The problem as a Drake MathematicalProgram over y = (vdot, f, tau), every binding named.
 
 It is `solver: program` of a controller file, and the oracle of the fast path, which has the same problem reduced to the
-torques (`reduction`), as the matrices of `least_squares_qp`.
+torques (`reduction`).
 
 Every tick builds the whole program over y = (vdot, f, tau) with named bindings (`build_full`), adds the robustness and
 hands it to Clarabel (`classic`, `box`) or SNOPT. Nothing of the reduction to torques, of the Newton method or of the
@@ -34,7 +34,7 @@ from drake_tc.tsid.robust.convex import RobustSolution
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import CERTAIN, TorqueError
 from drake_tc.tsid.robust.scaled import box_risk
-from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, Polytope, TaskRows, Terms
+from drake_tc.tsid.rows import LeastSquares, LimitRows, Parts, TaskRows, Terms
 from drake_tc.types import FloatArray
 
 DYNAMICS, CONTACTS = "dynamics", "contacts"
@@ -95,12 +95,6 @@ def build_full(
             rows = over_y(limit.matrix, sizes)
             name_binding(program.AddLinearConstraint(rows, limit.lower, limit.upper, y), limit.name)
     return built
-
-
-def least_squares_qp(cost: LeastSquares, polytope: Polytope) -> QuadraticProgram:
-    """||D x - d||^2 on a polytope as 1/2 x^T H x + c^T x: H = 2 D^T D, c = -2 D^T d; the constant d^T d is left out."""
-    double, sides = 2.0 * cost.matrix.T, (polytope.lower, polytope.upper)
-    return QuadraticProgram(double.dot(cost.matrix), -double.dot(cost.target), polytope.matrix, *sides, polytope.bounds)
 
 
 def name_binding(binding: Any, name: str) -> None:

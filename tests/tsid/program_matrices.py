@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.solvers import MathematicalProgram
 
 from drake_tc.tsid.assembly import is_bounds, ordered
-from drake_tc.tsid.program_solver import equalities, least_squares_qp, over_y, sizes_of, weighted
+from drake_tc.tsid.program_solver import equalities, over_y, sizes_of, weighted
 from drake_tc.tsid.qp.problem import QuadraticProgram
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
@@ -72,5 +72,7 @@ def read_qp(program: MathematicalProgram) -> QuadraticProgram:
 
 
 def reduced_qp(reduced):
-    """The reduced problem's matrices."""
-    return least_squares_qp(reduced.cost, reduced.polytope)
+    """||D x - d||^2 on a polytope as 1/2 x^T H x + c^T x: H = 2 D^T D, c = -2 D^T d; the constant d^T d is left out."""
+    cost, polytope = reduced.cost, reduced.polytope
+    double, sides = 2.0 * cost.matrix.T, (polytope.lower, polytope.upper)
+    return QuadraticProgram(double.dot(cost.matrix), -double.dot(cost.target), polytope.matrix, *sides, polytope.bounds)
