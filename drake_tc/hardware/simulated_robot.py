@@ -63,8 +63,6 @@ class SimulatedRobot:
         spec = TorqueLoopSpec() if spec is None else spec
         builder, n = DiagramBuilder(), len(robot.joints)
         plant: Any = add_robot_plant(builder, robot, spec.dt)
-        for joint, position in zip(robot.joints, robot.posture, strict=True):
-            plant.GetJointByName(joint).set_default_angle(position)
         sensors = add_sensors(builder, plant, robot, sensor_suite(spec), spec.dt, spec.seed, spec.faults)
         drives = dict(zip(robot.joints, model_list(models, robot.joints), strict=True))
         actuators = add_actuators(builder, plant, drives, spec.dt)

@@ -9,6 +9,7 @@ from numpy.testing import assert_array_equal
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
+from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.actuation.model_file import load_models
 from drake_tc.control.guard import GuardMode, GuardSpec
 from drake_tc.control.trajectories import knot_trajectory
@@ -16,12 +17,14 @@ from drake_tc.diagrams.hardware_loop import ROBOT, SPEC, SWING, TIMES, controlle
 from drake_tc.errors import ParamsError
 from drake_tc.hardware.link import CallbackLink
 from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec
+from drake_tc.hardware.simulated_robot import SimulatedRobot
 from drake_tc.hardware.stepper import ControllerStepper
 from drake_tc.loops.plant import add_robot_plant
 from drake_tc.loops.torque.wiring import add_torque_loop, torque_controller
 from drake_tc.loops.whole_body.wiring import whole_body_controller
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.configuration import load_law
+from tests.robot_files import joint_tag, link_tag, urdf, write_robot
 
 DT = 1e-3
 QUICK = RealTimeSpec(arm_time=0.0, stop_time=0.05, guard=GuardSpec(start_time=0.0))
@@ -310,3 +313,19 @@ def test_torques_need_limits_of_their_own():
         RealTimeLoop(whole_body_controller(law), CallbackLink(dict, lambda command: None))
     with pytest.raises(ParamsError, match="max_age: expected a time >= 0"):
         RealTimeSpec(max_age=-1.0)
+
+
+def test_a_simulated_robot_may_slide(tmp_path):
+    text = urdf(
+        link_tag("car", (0, 0, 0), 4.0, (0.1, 0.1, 0.1)),
+        joint_tag("x", "base", "car", axis=(1, 0, 0), kind="prismatic"),
+    )
+    described = load_robot(write_robot(tmp_path, text, ["x"], posture={"x": 0.3}))
+    model = ActuatorModel(
+        "x", Drive("position_servo", 1e-4), (EffectValue("rotor_inertia", {"rotor_inertia": 1.0}),), "prismatic"
+    )
+    rail = SimulatedRobot(described, [model])
+    assert abs(rail.read()["position"][0] - 0.3) < 1e-3
+    for _ in range(60):  # a spring of 1e4 N/m pulls 5 kg: x(t) = 0.31 - 0.01 cos(45 t)
+        rail.advance(np.array([0.31]))
+    assert abs(rail.read()["position"][0] - (0.31 - 0.01 * np.cos(np.sqrt(1e4 / 5.0) * 0.06))) < 5e-4
