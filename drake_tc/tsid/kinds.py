@@ -69,7 +69,7 @@ def _acceleration(
         if value.ndim and value.size != n:
             raise ParamsError(f"{key}: expected a number or {n} of them, one a joint, got {value.size}")
     held = _held(period, tick)
-    return AccelerationLimit.of(model.robot, model.actuated, model.nv, period=held, margin=margin, **arrays)
+    return AccelerationLimit.of(model, period=held, margin=margin, **arrays)
 
 
 def _capture_point(model: TsidModel, tick: float, period: float | None = None, margin: float = 0.0) -> Limit:

@@ -112,7 +112,7 @@ def problem_at(q: FloatArray, v: FloatArray, com_error: FloatArray, setup: Setup
         force = ForceTask(it, weight=setup.force_weight, components=[1, 1, 1e-3, 2, 2, 2])
         tasks.append(force.rows(terms, np.zeros(it.force_size)))
     torque = TorqueLimit.of(machine, setup.torque_share)
-    acceleration = AccelerationLimit.of(machine, it.actuated, it.nv, period=5e-3, velocity=setup.velocity)
+    acceleration = AccelerationLimit.of(it, period=5e-3, velocity=setup.velocity)
     limits = [torque.rows(terms), WrenchCones(SOLES, pyramid="outer").rows(terms), acceleration.rows(terms)]
     return Problem(terms, tasks, limits, reduce(terms, tasks, limits), 0.003 * joint_limits(machine).effort)
 

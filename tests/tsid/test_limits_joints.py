@@ -19,7 +19,7 @@ def robot_model(request, tmp_path):
 
 
 def test_acceleration_rows_pick_each_joint_by_name(robot_model):
-    limit = AccelerationLimit.of(robot_model.robot, robot_model.actuated, robot_model.nv, period=1e-3)
+    limit = AccelerationLimit.of(robot_model, period=1e-3)
     q, v = random_state(robot_model, 0, 0.1)
     rows = limit.rows(robot_model.terms(robot_model.create_scratch(), q, v))
     assert rows.labels == tuple(f"{joint} acceleration" for joint in robot_model.robot.joints)
@@ -32,7 +32,7 @@ def test_acceleration_rows_pick_each_joint_by_name(robot_model):
 def test_a_joint_about_to_pass_its_limits_is_held_by_its_own_row(robot_model):
     robot, it = robot_model.robot, robot_model
     limits = joint_limits(robot)
-    limit = AccelerationLimit.of(robot, it.actuated, it.nv, period=1e-3, acceleration=50.0, velocity=2.0, margin=0.01)
+    limit = AccelerationLimit.of(it, period=1e-3, acceleration=50.0, velocity=2.0, margin=0.01)
     scratch, middle = it.create_scratch(), 0.5 * (np.maximum(limits.lower, -1.0) + np.minimum(limits.upper, 1.0))
     for j, way in product((0, len(robot.joints) - 1), (1.0, -1.0)):
         end = limits.upper[j] if way > 0.0 else limits.lower[j]
@@ -56,7 +56,7 @@ def test_a_joint_about_to_pass_its_limits_is_held_by_its_own_row(robot_model):
 def test_velocity_limit_of_the_robot_is_the_default(robot_model):
     robot, it = robot_model.robot, robot_model
     speed = joint_limits(robot).velocity
-    limit = AccelerationLimit.of(robot, it.actuated, it.nv, period=1e-3, acceleration=1e4)
+    limit = AccelerationLimit.of(it, period=1e-3, acceleration=1e4)
     limits, (q, v) = joint_limits(robot), (it.start.copy(), np.zeros(it.nv))
     q[it.positions] = 0.5 * (np.maximum(limits.lower, -1.0) + np.minimum(limits.upper, 1.0))
     j = int(np.argmin(speed))
@@ -98,12 +98,10 @@ def test_refused_share(robot_model, share):
 @pytest.mark.parametrize("margin", [-1.0, -1e-6, np.nan, np.inf])
 def test_refused_margin(robot_model, margin):
     with pytest.raises(ParamsError, match="margin: expected a finite number >= 0"):
-        AccelerationLimit.of(robot_model.robot, robot_model.actuated, robot_model.nv, period=1e-3, margin=margin)
+        AccelerationLimit.of(robot_model, period=1e-3, margin=margin)
 
 
 @pytest.mark.parametrize("key", ["acceleration", "velocity"])
 def test_refused_number_of_values(robot_model, key):
     with pytest.raises(ParamsError, match=f"{key}: expected a number or {robot_model.n} of them"):
-        AccelerationLimit.of(
-            robot_model.robot, robot_model.actuated, robot_model.nv, period=1e-3, **{key: np.ones(robot_model.n + 1)}
-        )
+        AccelerationLimit.of(robot_model, period=1e-3, **{key: np.ones(robot_model.n + 1)})

@@ -42,7 +42,7 @@ def rows_at(seed, mask=None):
     limits = [
         TorqueLimit.of(robot(), 0.3).rows(terms),
         WrenchCones(SOLES).rows(terms),
-        AccelerationLimit.of(robot(), it.actuated, it.nv, period=5e-3).rows(terms),
+        AccelerationLimit.of(it, period=5e-3).rows(terms),
     ]
     return terms, tasks, limits
 

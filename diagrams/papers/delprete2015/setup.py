@@ -123,7 +123,7 @@ def standing_limits() -> tuple[Limit, ...]:
     return (
         TorqueLimit.of(robot()),
         WrenchCones(SOLES, pyramid="outer"),
-        AccelerationLimit.of(robot(), of.actuated, of.nv, period=DT, acceleration=ACCELERATION, velocity=VELOCITY),
+        AccelerationLimit.of(of, period=DT, acceleration=ACCELERATION, velocity=VELOCITY),
     )
 
 

@@ -38,6 +38,7 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot
 from drake_tc.tsid.contacts import ActiveContacts
 from drake_tc.tsid.fused import Entry
+from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import LimitRows, Parts, Terms, identity, selection
 from drake_tc.types import FloatArray, IntArray
 
@@ -232,9 +233,7 @@ class AccelerationLimit:
     @classmethod
     def of(
         cls,
-        robot: Robot,
-        actuated: IntArray,
-        velocities: int,
+        model: TsidModel,
         *,
         period: float,
         acceleration: float | FloatArray = 100.0,
@@ -244,9 +243,7 @@ class AccelerationLimit:
         """The limits of the robot file, or else of its URDF.
 
         Args:
-            robot: From `load_robot`.
-            actuated: (n,) index in v of each joint.
-            velocities: nv of the plant.
+            model: Of the robot.
             period: Of the controller [s].
             acceleration: [rad/s^2], one for all or (n,).
             velocity: Replaces the robot's [rad/s], one for all or (n,).
@@ -257,11 +254,12 @@ class AccelerationLimit:
         """
         if not (np.isfinite(margin) and margin >= 0.0):
             raise ParamsError(f"margin: expected a finite number >= 0 [rad], got {margin!r}")
-        known, n = joint_limits(robot), len(robot.joints)
+        known, n = joint_limits(model.robot), len(model.robot.joints)
         speed = _each("velocity", known.velocity if velocity is None else velocity, n)
         most = _each("acceleration", acceleration, n)
         ends = known.lower + margin, known.upper - margin
-        return cls(JointRange(robot.joints, *ends, -speed, speed, most, period), actuated, velocities)
+        ranges = JointRange(model.robot.joints, *ends, -speed, speed, most, period)
+        return cls(ranges, model.actuated, model.nv)
 
     def compiled_entry(self, contacts: ActiveContacts) -> Entry:
         """Its numbers for the compiled tick."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tsid.problems import SOLES, Setup, model, problems, robot, state
+from tsid.problems import SOLES, Setup, model, problems, state
 
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fallbacks import diagnose, safe_torque
@@ -43,7 +43,7 @@ def test_the_quadratic_program_of_a_tick(motion, goal):
 def test_limits_of_a_tick():
     it = model()
     terms = it.terms(it.create_scratch(), *state(np.random.default_rng(0), Setup()))
-    acceleration = AccelerationLimit.of(robot(), it.actuated, it.nv, period=1e-3)
+    acceleration = AccelerationLimit.of(it, period=1e-3)
     capture = CapturePointLimit(SOLES, period=1e-3)
     calls = {
         "acceleration limits, 30 joints": lambda: acceleration.rows(terms),

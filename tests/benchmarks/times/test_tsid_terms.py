@@ -28,7 +28,7 @@ def test_terms_rows_and_reduction():
     limits = (
         TorqueLimit.of(machine),
         WrenchCones(SOLES),
-        AccelerationLimit.of(machine, it.actuated, it.nv, period=1e-3),
+        AccelerationLimit.of(it, period=1e-3),
     )
     scratch = it.create_scratch()
     start = it.terms(scratch, it.start, np.zeros(it.nv))
