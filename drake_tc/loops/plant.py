@@ -132,15 +132,17 @@ def _declare_random(plant: MultibodyPlant, robot: Robot, deviation: float) -> No
         (joint.set_random_translation_distribution if slides else joint.set_random_angle_distribution)(within[0])
 
 
-def require_live_ports(plant: MultibodyPlant, robot: Robot | None = None) -> None:
+def require_fitting_plant(plant: MultibodyPlant, period: float, robot: Robot | None = None) -> None:
     """Refuse a plant whose output ports are sampled: its forces and accelerations lag the encoders by one step.
 
     Args:
         plant: Of the loop.
+        period: Of the control [s], which the plant's time step must divide.
         robot: Which must be in it, where it is known.
 
     Raises:
-        ParamsError: the plant is not finalized, its ports are sampled, or it has no model instance of the robot's name.
+        ParamsError: the plant is not finalized, its ports are sampled, its step does not fit, or it has no model
+            instance of the robot's name.
     """
     if not plant.is_finalized():
         raise ParamsError("plant: expected a finalized plant; call plant.Finalize() first")
@@ -148,6 +150,12 @@ def require_live_ports(plant: MultibodyPlant, robot: Robot | None = None) -> Non
         raise ParamsError(
             "plant: its output ports are sampled, so that forces and accelerations lag the encoders by one step;"
             " call plant.SetUseSampledOutputPorts(False) before plant.Finalize(), or use drake_tc.add_robot_plant"
+        )
+    step = plant.time_step()
+    if step and (period < 0.5 * step or abs(period / step - round(period / step)) > 1e-6):
+        raise ParamsError(
+            f"plant: expected a time step of {period:g} s, the period of the control, or of it over a whole number, got"
+            f" {step:g} s"
         )
     if robot is not None and not plant.HasModelInstanceNamed(robot.name):
         there = [plant.GetModelInstanceName(ModelInstanceIndex(i)) for i in range(2, plant.num_model_instances())]

@@ -104,3 +104,11 @@ def test_a_force_reference_of_another_size_is_told(arm):
 
 def test_a_system_in_between_that_fits_is_taken(arm):
     assert "torque_control" in loop(arm, between={"torque_control.command": PassThrough(2)}).systems
+
+
+@pytest.mark.parametrize("step", [7e-4, 3e-3])
+def test_a_step_of_the_plant_that_does_not_divide_the_period_is_told(arm, step):
+    builder = DiagramBuilder()
+    plant = add_robot_plant(builder, arm, step)
+    with pytest.raises(ParamsError, match=r"plant: expected a time step of 0.001 s, the period of the control"):
+        add_torque_loop(builder, plant, arm, models())

@@ -25,7 +25,7 @@ from drake_tc.actuation.wiring import actuated_joints, add_actuators
 from drake_tc.control.series_elastic import SeriesElasticControl
 from drake_tc.loops.built_loop import ControlledJoints, Controller, WiredLoop, add_input
 from drake_tc.loops.loop_builder import LoopBuilder, late, product
-from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.series_elastic.scenario import SeriesElasticLoopSpec, spring_compliance
 from drake_tc.sensing.sensor import Sensor
 from drake_tc.sensing.suite import sensor_seed
@@ -86,8 +86,8 @@ def add_series_elastic_loop(
         >>> loop.signals["voltage"].size() == plant.num_actuators()
         True
     """
-    require_live_ports(plant)
     spec = SeriesElasticLoopSpec() if spec is None else spec
+    require_fitting_plant(plant, spec.dt)
     joints = actuated_joints(plant)
     assumed = list(model_list(models if controller_models is None else controller_models, joints))
     loop = LoopBuilder(builder, spec, plant, spec.dt, stages=stages or {}, between=between or {})

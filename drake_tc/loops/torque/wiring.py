@@ -34,7 +34,7 @@ from drake_tc.control.gains import TorqueGains
 from drake_tc.control.trajectories import constant_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import ControlledJoints, Controller, Watched, WiredLoop, add_input
-from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.references import check_range, references, table_source
 from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, sensor_suite
@@ -129,7 +129,7 @@ def add_torque_loop(
         >>> loop.signals["command"].size()
         6
     """
-    require_live_ports(plant, robot)
+    require_fitting_plant(plant, (TorqueLoopSpec() if spec is None else spec).dt, robot)
     actuators, assumed = (
         model_list(each, robot.joints) for each in (models, models if controller_models is None else controller_models)
     )

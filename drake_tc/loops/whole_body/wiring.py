@@ -28,7 +28,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.loops.built_loop import CONTACTS, ControlledJoints, Controller, Start, WiredLoop, add_input
 from drake_tc.loops.fused import FusedStages, StageValues
 from drake_tc.loops.loop_builder import product
-from drake_tc.loops.plant import require_live_ports
+from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.whole_body.control import WholeBodyControl, add_whole_body_control
 from drake_tc.loops.whole_body.drives import drive_models, known_drives
 from drake_tc.loops.whole_body.references import contact_source, task_source
@@ -118,7 +118,7 @@ def add_whole_body_loop(
         True
     """
     robot = law.model.robot
-    require_live_ports(plant, robot)
+    require_fitting_plant(plant, law.period, robot)
     spec = WholeBodySpec() if spec is None else spec
     touched = plant.get_generalized_contact_forces_output_port(plant.GetModelInstanceByName(robot.name))
     state = plant.get_state_output_port()
