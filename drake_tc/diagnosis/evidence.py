@@ -8,8 +8,8 @@ import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.linear import Posterior, Prior, Products, log_determinant, mode, posterior
-from drake_tc.diagnosis.model import Block, JointModel, RunSpread, starts_unknown
-from drake_tc.diagnosis.noise import SEED, NoiseModel, fitted_noise, independent_share
+from drake_tc.diagnosis.model import Block, JointModel, RunSpread
+from drake_tc.diagnosis.noise import NoiseModel, fitted_noise, independent_share
 from drake_tc.diagnosis.priors import (
     ALTERNATIVE,
     COMMON,
@@ -23,7 +23,7 @@ from drake_tc.diagnosis.priors import (
 )
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
-from drake_tc.diagnosis.split import Split, drives
+from drake_tc.diagnosis.split import Split, drives, starts_unknown
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray, IntArray
@@ -44,7 +44,8 @@ class Scored:
         posterior: Of [K, b ..., shapes ..., ages ..., runs ...].
         coefficients: Number of [K, b ...]; shapes: number of shape parameters that follow.
         passed: Sensors' noise that it lets through over what it leaves, mean squares; above 1 if it is overestimated.
-        left: Variance of what it leaves at the coefficients that noise does not bias, over `Evidence.by_load`.
+        left: Variance of what it leaves at the coefficients that noise does not bias, over `Evidence.by_load` and the
+            share that its filters pass.
     """
 
     terms: tuple[Term, ...]
@@ -106,11 +107,14 @@ class Evidence:
 
     @cached_property
     def noise_gain(self) -> float:
-        """Mean square of a sensor's white noise, as the filters pass it, after the whitening over that before."""
-        samples = self.model.train.samples
-        noise = np.random.default_rng(SEED).standard_normal(len(samples.signals))
-        passed = samples.reduce(samples.light.smooth(noise))
-        return float(np.mean(self.model.train.rows.whitened(passed, self.noise)[0] ** 2) / np.mean(passed**2))
+        """Mean square of the noise of effort and load after the whitening over that before; 1 without noise."""
+        train, sizes = self.model.train, np.zeros(2)
+        for noisy in train.noisy:
+            load = noisy.recorded.target - train.recorded.target
+            change = self.model.gain * load - (noisy.recorded.effort(()) - train.recorded.effort(()))
+            each = (train.rows.whitened(change, noise)[0] for noise in (self.noise, NoiseModel()))
+            sizes += [float(np.mean(white**2)) for white in each]
+        return float(sizes[0] / sizes[1]) if sizes[1] > 0.0 else 1.0
 
     def design(self, split: Split, terms: Sequence[Term], spread: RunSpread | None = None) -> tuple[FloatArray, Prior]:
         """Whitened columns (n, m) of the drive gain, terms, ages and runs, and their prior; `spread` of the runs."""
@@ -240,7 +244,7 @@ class Evidence:
         passed = float(true @ gram @ true - 2.0 * true @ moment + square) / left
         whole = posterior(taken.leaving(left, true), prior)
         shapes = scored.log_odds - self.score(scored.terms).log_odds if scored.shapes else 0.0
-        own = whole.variance / self.by_load(float(true[0]))
+        own = whole.variance / self.by_load(float(true[0])) / np.exp(self.model.train.log_passed(scored.terms))
         return replace(scored, passed=passed, left=own, log_odds=self.odds(scored.terms, whole) + shapes)
 
     def corrected(self, scored: Scored) -> Scored:

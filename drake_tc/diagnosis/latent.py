@@ -18,6 +18,8 @@ from drake_tc.types import FloatArray
 
 SPECTRUM = 256
 """Samples over which spectra are taken."""
+SHORTEST = 32
+"""Samples of the shortest stretch of motion that has a spectrum."""
 
 
 def latent_shares(samples: Samples, error: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
@@ -53,11 +55,18 @@ def filtered(samples: Samples, taps: FloatArray, values: FloatArray) -> FloatArr
 
 
 def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
-    """One-sided spectral density (F,) of values (T,), mean over the stretches; None where all are too short."""
-    edge, total, count = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0
+    """One-sided spectral density (F,) of values (T,), mean over the stretches of motion; None where all are too short.
+
+    At rest, dry friction leaves open which effort is needed.
+    """
+    edge, total, count, rate = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0, 1.0 / samples.signals.period
     for part in samples.segments:
-        inner = values[part.start + edge : part.stop - edge]
-        if inner.size >= SPECTRUM:
-            total += inner.size * welch(inner, 1.0 / samples.signals.period, nperseg=SPECTRUM, detrend=False)[1]
-            count += inner.size
+        inner = slice(part.start + edge, part.stop - edge)
+        turns = np.flatnonzero(np.diff(samples.moving[inner], prepend=False, append=False))
+        for start, stop in zip(turns[::2], turns[1::2], strict=True):
+            own = values[inner][start:stop]
+            if own.size >= SHORTEST:
+                size = min(own.size, SPECTRUM)
+                total += own.size * welch(own, rate, nperseg=size, nfft=SPECTRUM, detrend=False)[1]
+                count += own.size
     return total / count if count else None

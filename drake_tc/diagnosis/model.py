@@ -28,7 +28,7 @@ from drake_tc.diagnosis.priors import (
     UNIFORM,
 )
 from drake_tc.diagnosis.problem.columns import CACHE_BYTES, Term
-from drake_tc.diagnosis.split import LATE_RECORD, Split, drives, stands_for, with_clean, with_needed
+from drake_tc.diagnosis.split import LATE_RECORD, Split, drives, stands_for, starts_unknown, with_clean, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
@@ -272,8 +272,3 @@ class JointModel:
         taps = np.array([share])
         train, held = (with_clean(replace(s, share=taps, of_load=taps)) for s in (self.train, self.held))
         return replace(self, train=train, held=held)
-
-
-def starts_unknown(terms: Sequence[Term]) -> bool:
-    """Whether a term begins each run in a state that no channel tells."""
-    return any(t.effect.unknown_start for t in terms)

@@ -1,6 +1,6 @@
 """Which set of effects: the largest log odds, by a beam over sets that grow, shrink and exchange effects."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -170,16 +170,18 @@ def find(evidence: Evidence, effects: Sequence[Effect], progress: Progress = lam
     """
     declared, first = evidence.model.declared, evidence
     best = evidence.score(declared)
+    kept = [best]
     for number in range(PASSES):
         progress("effects", 0.1 + 0.25 * number)
         tried, sound = list[Compared](), list[Compared]()  # those of the last pass go before there are new ones
         started = _without_columns(evidence)
         starts = _first(started) if number == 0 else [started]
-        before, pools = best.ids, [_pool(Sets(used, effects), best) for used in starts]
+        before, pools = best.ids, [_pool(Sets(used, effects), kept) for used in starts]
         pool = pools[-1]
         found = pool[0]
-        tried, sound = _compared(starts, pools, before)
+        tried, sound = _compared(starts, pools, {s.ids for s in kept})
         evidence, best = _trusted(first, simplest(tried), sound)
+        kept = [best, *(s for _, s in as_probable(tried) if s.ids != best.ids)]
         if number and best.ids == before:
             break
     if evidence.distortion(best) > DISTORTED:
@@ -211,15 +213,15 @@ def _without_columns(evidence: Evidence) -> Evidence:
 
 
 def _compared(
-    starts: Sequence[Evidence], pools: Sequence[Sequence[Scored]], before: frozenset[str]
+    starts: Sequence[Evidence], pools: Sequence[Sequence[Scored]], kept: Collection[frozenset[str]]
 ) -> tuple[list[Compared], list[Compared]]:
     """The contenders of all pools, each settled, at equal noise; and those that their noise does not distort.
 
-    An impossible one has no odds. `before`: ids of the set that was the most probable one so far.
+    An impossible one has no odds. `kept`: ids of the sets that were the most probable ones so far.
     """
     tried, distortions = [], []
     for used, pool in zip(starts, pools, strict=True):
-        for contender in _contenders(pool, before):
+        for contender in _contenders(pool, kept):
             evidence, scored = settled(used, contender)
             distortions.append(evidence.distortion(scored))
             sensible = scored if possible(evidence, scored) else _impossible(scored)
@@ -228,10 +230,10 @@ def _compared(
     return tried, [pair for pair, distortion in zip(tried, distortions, strict=True) if distortion <= DISTORTED]
 
 
-def _pool(sets: Sets, best: Scored) -> list[Scored]:
-    """Every set that a beam from a set and from the declared one scores, the most probable first."""
+def _pool(sets: Sets, kept: Sequence[Scored]) -> list[Scored]:
+    """Every set that a beam from these sets and from the declared one scores, the most probable first."""
     declared = sets.score(sets.evidence.model.declared)
-    pool = _beam(sets, [sets.score(best.terms), declared])
+    pool = _beam(sets, [*(sets.score(each.terms) for each in kept), declared])
     alike = equally_noisy([(sets.evidence, s) for s in pool], declared.log_odds + NAMED)
     return sorted((s for _, s in alike), key=lambda s: -s.log_odds)
 
@@ -257,18 +259,25 @@ def equally_noisy(sets: Sequence[tuple[Evidence, Scored]], least: float = -np.in
     return out
 
 
-def _contenders(pool: Sequence[Scored], before: frozenset[str]) -> list[Scored]:
+def _contenders(pool: Sequence[Scored], kept: Collection[frozenset[str]]) -> list[Scored]:
     """The most probable sets of a pool, sorted by odds, the best so far, and the best of those with fewer effects."""
     most, others = pool[:CONTENDERS], pool[CONTENDERS:]
     smaller = [s for s in others if len(s.terms) < min(len(t.terms) for t in most)]
-    return [*most, *smaller[:1], *(s for s in others if s.ids == before and s not in smaller[:1])]
+    return [*most, *smaller[:1], *(s for s in others if s.ids in kept and s not in smaller[:1])]
 
 
 def simplest(settled_sets: Sequence[tuple[Evidence, Scored]]) -> tuple[Evidence, Scored]:
     """The set with the fewest effects, then parameters, of all that the logs cannot tell from the most probable one."""
-    odds = max(each.log_odds for _, each in settled_sets)
-    near = [(evidence, each) for evidence, each in settled_sets if each.log_odds >= odds - ALTERNATIVE]
-    return min(near, key=lambda pair: (len(pair[1].terms), pair[1].coefficients + pair[1].shapes, -pair[1].log_odds))
+    return min(
+        as_probable(settled_sets),
+        key=lambda pair: (len(pair[1].terms), pair[1].coefficients + pair[1].shapes, -pair[1].log_odds),
+    )
+
+
+def as_probable(sets: Sequence[tuple[Evidence, Scored]]) -> list[tuple[Evidence, Scored]]:
+    """Those that the logs cannot tell from the most probable one."""
+    odds = max(each.log_odds for _, each in sets)
+    return [(evidence, each) for evidence, each in sets if each.log_odds >= odds - ALTERNATIVE]
 
 
 def _trusted(
@@ -302,7 +311,7 @@ def _imperfect(evidence: Evidence, effects: Sequence[Effect]) -> tuple[Evidence,
     declared = evidence.score(evidence.model.declared)
     found = _alike(evidence, effects, declared)
     if found[1].ids == declared.ids:
-        full = _pool(Sets(Evidence(evidence.model), effects), declared)[0]
+        full = _pool(Sets(Evidence(evidence.model), effects), [declared])[0]
         if _better(evidence, full, declared):
             return _alike(evidence, effects, full)
     return found

@@ -34,6 +34,7 @@ class Split:
         clean: Columns computed from the effort that the model needs, in which the effort's noise is not a regressor.
         needed: (T,) w, the effort that the model needs [effort]. modelled: the same before the filters of the fit that
             computed it, as it would be recorded.
+        arrived: (T,) recorded effort after the drive effects without memory of that fit [effort].
         share: (m,) taps of the filter l by which the latent effort follows the recorded one (`latent.latent_shares`).
         of_load: (m,) taps of the filter m by which the load takes up the residual.
         gain: K of the fit that computed w [effort/(N m)].
@@ -47,6 +48,7 @@ class Split:
     clean: Columns
     needed: FloatArray
     modelled: FloatArray
+    arrived: FloatArray
     share: FloatArray
     of_load: FloatArray
     gain: float
@@ -62,8 +64,8 @@ class Split:
 
     @cached_property
     def latent(self) -> FloatArray:
-        """(T,) x, see `latent` [effort]."""
-        return np.asarray(self.modelled + self._error)
+        """(T,) x, see `latent`, before the drive effects without memory [effort]."""
+        return np.asarray(self.modelled + self._error + self.samples.signals.effort - self.arrived)
 
     @cached_property
     def acting(self) -> FloatArray:
@@ -73,13 +75,15 @@ class Split:
     @cached_property
     def _error(self) -> FloatArray:
         """(T,) what the model lacks of the effort, l * (u - w)."""
-        return self._followed(self.samples.signals.effort - self.modelled)
+        return self._followed(self.arrived - self.modelled)
 
     @cached_property
     def load(self) -> FloatArray:
         """(T,) the most probable load torque of a recorded one [N m]."""
         s = self.samples.signals
-        return np.asarray(s.load_torque + filtered(self.samples, self.of_load, s.effort - self.modelled) / self.gain)
+        return np.asarray(
+            s.load_torque + filtered(self.samples, self.of_load, self.arrived - self.modelled) / self.gain
+        )
 
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
@@ -121,9 +125,9 @@ class Split:
     def channels(self) -> Mapping[str, "Aged"]:
         """What the age of each channel does, but that of the rate in a servo."""
         s = self.samples.signals
-        slow = self.gain * self.clean.samples.signals.slow_torque
+        slow = self.gain * self.samples.signals.slow_torque
         return {
-            "command": Aged(s.command, -1.0),
+            "command": Aged(self.clean.samples.signals.command, -1.0),
             "inside": Aged(self.latent, -1.0),
             "effort": Aged(-self.latent, 1.0),
             "torque": Aged(slow, 1.0),
@@ -231,7 +235,7 @@ class Split:
 
     def _change(self, term: Term) -> FloatArray:
         """(T,) l * (u - T(u)) + (1 - l) * (T^-1(w) - w) of a filter T."""
-        u, w = self.samples.signals.effort, self.needed
+        u, w = self.arrived, self.needed
         act = partial(self.clean.samples.by_segment, term.effect, term.shape)
         needed = act(w, undo=True) - w
         return np.asarray(needed + self._followed(u - act(u) - needed))
@@ -242,8 +246,7 @@ class Split:
         At least as much as noise of this deviation tells: where the drive does not pass the effort on, u is known up to
         its own range and nothing else. A filter counts by the share of the residual's noise that it passes.
         """
-        filters = [t for t in drives(terms) if isinstance(t.effect, DriveEffect) and t.effect.filters]
-        passed = 0.5 * self.rows.index.size * sum(self._passed(t) for t in filters)
+        passed = 0.5 * self.rows.index.size * self.log_passed(terms)
         static = [t for t in drives(terms) if not is_filter(t)]
         if not static:
             return float(passed)
@@ -255,11 +258,18 @@ class Split:
         least = min(deviation * np.sqrt(2.0 * np.pi) / max(span, 1e-300), 1.0)
         return float(passed + np.sum(np.log(np.clip(slope, least, 1.0))))
 
+    def log_passed(self, terms: Sequence[Term]) -> float:
+        """Logarithm of the share of the residual's noise that the filters among the terms pass."""
+        filters = [t for t in drives(terms) if isinstance(t.effect, DriveEffect) and t.effect.filters]
+        return float(sum(self._passed(t) for t in filters))
+
     def _follows(self) -> FloatArray:
         """(F,) share of the residual that the latent effort follows, at the frequencies of the rows."""
         pulse, _ = self.samples.pulse()
-        inside = np.fft.rfftfreq(2 * pulse.size) <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)
-        return np.asarray(np.abs(np.fft.rfft(self.share, 2 * pulse.size))[inside])
+        frequency = np.fft.rfftfreq(2 * pulse.size)
+        inside = frequency[frequency <= 0.5 * min(float(pulse @ pulse) / INDEPENDENT, 1.0)]
+        waves = np.exp(-2j * np.pi * np.outer(inside, np.arange(self.share.size)))
+        return np.asarray(np.abs(waves @ self.share))
 
     def _passed(self, term: Term) -> float:
         """Mean logarithm over the rows' frequencies of the residual's power that passes a filter T.
@@ -377,6 +387,11 @@ def drives(terms: Sequence[Term]) -> list[Term]:
     return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
 
 
+def starts_unknown(terms: Sequence[Term]) -> bool:
+    """Whether a term begins each run in a state that no channel tells."""
+    return any(t.effect.unknown_start for t in terms)
+
+
 def is_filter(term: Term) -> bool:
     """Whether the term is a linear filter of the effort, or of the command within it."""
     return isinstance(term.effect, DriveEffect) and (term.effect.filters or term.effect.acts_on == "command")
@@ -420,10 +435,10 @@ def with_needed(
     for term in drives(terms):
         if is_filter(term):
             acting = samples.by_segment(term.effect, term.shape, acting)
-    arrived = replace(samples, signals=replace(s, effort=acting))
+    there = replace(samples, signals=replace(s, effort=acting))
     for term, theta in coefficients_by_term(terms, beta):
         if theta.size and not term.effect.ages_of.keys() & ages.keys():
-            own = arrived if term.effect.unknown_start else samples
+            own = there if term.effect.unknown_start else samples
             torque = torque + own.by_segment(term.effect, term.shape) @ theta
     torque = np.concatenate([samples.settled(torque, each) for each in samples.segments])
     gain = 1.0 / float(beta[0])
@@ -433,10 +448,13 @@ def with_needed(
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
     modelled = moved(modelled, samples, late) + of_command
     modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
-    shares = shares or latent_shares(samples, s.effort - modelled, gain)
-    return with_clean(
-        Split(recorded, recorded, gain * torque, modelled, *shares, gain, ages, (tuple(terms), beta), measured)
-    )
+    arrived = s.effort
+    for term in drives(terms) if not starts_unknown(terms) else ():  # what acts behind an integrator is not recorded
+        if not is_filter(term):
+            arrived = samples.by_segment(term.effect, term.shape, arrived)
+    shares = shares or latent_shares(samples, arrived - modelled, gain)
+    fit = (tuple(terms), beta)
+    return with_clean(Split(recorded, recorded, gain * torque, modelled, arrived, *shares, gain, ages, fit, measured))
 
 
 def with_clean(first: Split) -> Split:

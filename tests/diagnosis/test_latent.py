@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drake_tc.diagnosis.data.preparation import build_samples
 from drake_tc.diagnosis.latent import filtered, latent_shares
+from drake_tc.diagnosis.problem.columns import Columns, Term
 from drake_tc.diagnosis.split import with_needed
-from tests.diagnosis.rigs import Joint, problem
+from drake_tc.effects.library import effect
+from tests.diagnosis.rigs import Joint, problem, record, rig_of
 
 GAIN = 1.0
 """K [effort/(N m)]."""
@@ -62,6 +65,30 @@ def test_the_load_takes_up_its_own_noise_and_nothing_that_the_model_lacks(sample
     lacking = residual + 100.0 * np.std(residual) * np.sin(2.0 * np.pi * 0.5 * noisy.signals.time)
     taken = filtered(noisy, latent_shares(noisy, lacking, GAIN)[1], lacking)
     assert np.std(noisy.reduce(taken)) < 0.05 * np.std(noisy.reduce(lacking))
+
+
+def test_rest_tells_nothing_of_the_noise(samples) -> None:
+    """There the friction that holds a joint is not what the model needs."""
+    residual = samples.light.smooth(_noise(samples, 1.5 * samples.resolution.effort_noise, 1))
+    wild = np.where(samples.moving, residual, 1e3 * np.std(residual))
+    assert np.count_nonzero(~samples.moving) > 50
+    for one, other in zip(*(latent_shares(samples, each, GAIN) for each in (residual, wild)), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_effort_that_a_dead_zone_holds_back_is_no_noise() -> None:
+    """u = w + d sign(w) with the effort's noise: what arrives differs from w by noise alone, which stays out of x."""
+    joint, width = Joint(), 0.3
+    made = record(joint)
+    drawn = 0.02 * np.random.default_rng(5).normal(size=made.time.size)
+    sent = made.columns["joint/current"]
+    columns = made.columns | {"joint/current": sent + width * np.sign(sent) + drawn}
+    samples = build_samples([replace(made, columns=columns)], rig_of(joint), "joint")
+    terms = (*(Term(effect(key)) for key in ("viscous", "coulomb")), Term(effect("deadzone"), {"deadzone": width}))
+    true = np.array([1.0 / joint.gain, joint.viscous, joint.coulomb])
+    split = with_needed(Columns(samples), terms, true, measured=True)
+    taken, whole = (samples.reduce(effort - split.needed) for effort in (split.acting, split.arrived))
+    assert np.std(taken) < 0.4 * np.std(whole) < 0.01
 
 
 def test_what_stands_in_the_margins_of_the_light_filter_does_not_reach_the_rows() -> None:
