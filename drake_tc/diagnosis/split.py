@@ -124,13 +124,11 @@ class Split:
     @property
     def channels(self) -> Mapping[str, "Aged"]:
         """What the age of each channel does, but that of the rate in a servo."""
-        s = self.samples.signals
-        slow = self.gain * self.samples.signals.slow_torque
         return {
-            "command": Aged(self.clean.samples.signals.command, -1.0),
+            "command": Aged(self.clean.samples.signals.command, -1.0),  # as in `inside`: the two differ by the motion
             "inside": Aged(self.latent, -1.0),
             "effort": Aged(-self.latent, 1.0),
-            "torque": Aged(slow, 1.0),
+            "torque": Aged(self.gain * self.samples.signals.slow_torque, 1.0),
         }
 
     def slope_of(self, channel: str) -> FloatArray:
