@@ -54,7 +54,10 @@ def _check_equation(name: str, effect: Effect) -> None:
     where = f"effect {name!r}: equation {effect.equation!r}"
     if not isinstance(effect.equation, str):
         raise ParamsError(f"{where}: expected text")
-    for side in (side for part in effect.equation.split(";") for side in part.split(" = ") if effect.equation):
+    parts = [part.split(" = ") for part in effect.equation.split(";") if effect.equation]
+    if any(len(sides) < 2 for sides in parts):
+        raise ParamsError(f"{where}: expected expressions on both sides of ' = '")
+    for side in (side for sides in parts for side in sides):
         try:
             tree = ast.parse(side.strip(), mode="eval").body
         except (SyntaxError, ValueError):

@@ -70,6 +70,7 @@ def test_options_refuse_effects_that_results_could_not_name(extras):
         ({"equation": "tau_add = c sin(q)"}, "expected Python expressions on both sides of ' = ', got 'c sin"),
         ({"equation": "tau_add = cosine_drag * torque"}, "no parameter or signal 'torque'; possible: J, K, "),
         ({"equation": "tau_add = cosine_drag * tanh(q)"}, "no function 'tanh'"),
+        ({"equation": "tau_add == c * q"}, "expected expressions on both sides of ' = '"),
         ({"equation": "tau_add = [q]"}, r"no such thing as '\[q\]' in an equation"),
         ({"id": "seal drag"}, "expected an attribute `id` of letters, digits and underscores"),
         ({"columns": lambda self, s, shape: s.velocity}, r"expected shape \(5, 2\) for 5 samples, got \(5,\)"),
