@@ -20,7 +20,6 @@ from drake_tc.analysis.sweep import processes
 from drake_tc.identification.excitation import (
     Motion,
     MotionLimits,
-    Pushes,
     growing_sinusoid,
     multisine,
     postures_with_pushes,
@@ -84,7 +83,7 @@ def demo_excitation(seed: int, length: DemoLength) -> Mapping[str, tuple[Motion,
     """
     time = _clock(length)
     rng = np.random.default_rng([seed, 1])
-    postures = postures_with_pushes(time, (-0.8, -0.2, 0.3, 0.9), Pushes(PUSH, 4), LIMITS, rng)
+    postures = postures_with_pushes(time, (-0.8, -0.2, 0.3, 0.9), PUSH, 4, LIMITS, rng)
     sinusoid = growing_sinusoid(time, 0.5, 0.05, 0.6 / length.duration, LIMITS)
     held = _from_rest(multisine(time, (0.1, 1.0), 8, LIMITS, rng))
     push = 0.4 * PUSH * np.sin(2.0 * np.pi * 0.23 * time)

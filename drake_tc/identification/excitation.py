@@ -8,7 +8,6 @@ The fastest move from rest to rest under a velocity and an acceleration limit.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -219,29 +218,23 @@ def trapezoids(time: FloatArray, targets: Sequence[float], limits: MotionLimits,
     return Motion(q, v, a)
 
 
-class Pushes(NamedTuple):
-    """Slow external pushes on a joint at rest.
-
-    Attributes:
-        torque: Largest one [N·m].
-        per_posture: How many on each posture, >= 1.
-    """
-
-    torque: float
-    per_posture: int
-
-
 def postures_with_pushes(
-    time: FloatArray, postures: Sequence[float], pushes: Pushes, limits: MotionLimits, rng: np.random.Generator
+    time: FloatArray,
+    postures: Sequence[float],
+    push_torque: float,
+    pushes: int,
+    limits: MotionLimits,
+    rng: np.random.Generator,
 ) -> tuple[Motion, FloatArray]:
     """Static postures, each with slow external pushes of alternating sign: data for Kτ.
 
-    A push is p sin²(π s), s from 0 to 1 over its share of the rest; p is drawn from 0.5 to 1 times the largest one.
+    A push is p sin²(π s), s from 0 to 1 over its share of the rest; p is drawn from 0.5 to 1 times `push_torque`.
 
     Args:
         time: (T,) [s]; what the moves leave of it is shared out evenly as rests.
         postures: Positions [rad].
-        pushes: On each posture.
+        push_torque: Largest push [N·m].
+        pushes: Pushes on each posture, >= 1.
         limits: Limits of the joint.
         rng: Source of the pushes' sizes and of the first sign.
 
@@ -256,25 +249,25 @@ def postures_with_pushes(
     Example:
         >>> limits = MotionLimits((-1.0, 1.0), velocity=2.0, acceleration=20.0)
         >>> time, rng = np.arange(0.0, 12.0, 1e-3), np.random.default_rng(0)
-        >>> motion, push = postures_with_pushes(time, (0.0, 0.5), Pushes(10.0, 2), limits, rng)
+        >>> motion, push = postures_with_pushes(time, (0.0, 0.5), 10.0, 2, limits, rng)
         >>> bool(5.0 <= np.abs(push).max() <= 10.0)
         True
     """
     _check_targets(postures, limits)
     moves = [trapezoid_duration(d, limits.velocity, limits.acceleration) for d in np.diff(postures)]
     rest = (float(time[-1] - time[0]) - sum(moves)) / len(postures)
-    if pushes.per_posture < 1 or rest <= 0:
+    if pushes < 1 or rest <= 0:
         raise IdentificationError(
-            f"postures need at least one push and time to rest, got {pushes.per_posture} pushes, "
+            f"postures need at least one push and time to rest, got {pushes} pushes, "
             f"moves of {sum(moves):g} s in {float(time[-1] - time[0]):g} s"
         )
     motion = trapezoids(time, postures, limits, dwell_s=rest)
     torque, begin, way = np.zeros(time.size), float(time[0]), float(rng.choice([-1.0, 1.0]))
     for move in [*moves, 0.0]:
-        for i in range(pushes.per_posture):
-            s = (time - begin) * pushes.per_posture / rest - i
+        for i in range(pushes):
+            s = (time - begin) * pushes / rest - i
             bump = np.where((s >= 0) & (s <= 1), np.sin(np.pi * s) ** 2, 0.0)
-            torque += way * pushes.torque * rng.uniform(0.5, 1.0) * bump
+            torque += way * push_torque * rng.uniform(0.5, 1.0) * bump
             way = -way
         begin += rest + move
     return motion, torque

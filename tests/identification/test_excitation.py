@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drake_tc.errors import IdentificationError
 from drake_tc.identification.excitation import (
     MotionLimits,
-    Pushes,
     growing_sinusoid,
     multisine,
     postures_with_pushes,
@@ -86,7 +85,7 @@ def test_trapezoids_reach_their_targets_with_full_speed():
 
 
 def test_pushes_come_at_rest_with_both_signs():
-    motion, torque = postures_with_pushes(TIME, [0.0, 0.8, -0.5], Pushes(12.0, 2), LIMITS, np.random.default_rng(0))
+    motion, torque = postures_with_pushes(TIME, [0.0, 0.8, -0.5], 12.0, 2, LIMITS, np.random.default_rng(0))
     check(motion, LIMITS)
     assert np.abs(torque).max() <= 12
     assert torque.max() > 5 and torque.min() < -5
@@ -103,7 +102,7 @@ def test_pushes_come_at_rest_with_both_signs():
         (lambda: trapezoids(TIME, [0.0, 3.0], LIMITS), "outside"),
         (lambda: trapezoids(TIME, [], LIMITS), "none given"),
         (
-            lambda: postures_with_pushes(TIME[:5], [0, 1], Pushes(1, 1), LIMITS, np.random.default_rng(0)),
+            lambda: postures_with_pushes(TIME[:5], [0, 1], 1, 1, LIMITS, np.random.default_rng(0)),
             "time to rest",
         ),
     ],
