@@ -74,16 +74,19 @@ class Split:
 
     @cached_property
     def _error(self) -> FloatArray:
-        """(T,) what the model lacks of the effort, l * (u - w)."""
-        return self._followed(self.arrived - self.modelled)
+        """(T,) what the model lacks of the effort, l * (u - w); at rest, where friction leaves the effort open, u - w."""
+        return np.asarray(self.arrived - self.modelled - self._unexplained + self._followed(self._unexplained))
+
+    @property
+    def _unexplained(self) -> FloatArray:
+        """(T,) u - w in motion [effort]."""
+        return np.where(self.samples.moving, self.arrived - self.modelled, 0.0)
 
     @cached_property
     def load(self) -> FloatArray:
         """(T,) the most probable load torque of a recorded one [N m]."""
         s = self.samples.signals
-        return np.asarray(
-            s.load_torque + filtered(self.samples, self.of_load, self.arrived - self.modelled) / self.gain
-        )
+        return np.asarray(s.load_torque + filtered(self.samples, self.of_load, self._unexplained) / self.gain)
 
     def _followed(self, values: FloatArray) -> FloatArray:
         """(T,) values through the filter l, stretch by stretch."""
