@@ -74,7 +74,7 @@ class Split:
 
     @cached_property
     def _error(self) -> FloatArray:
-        """(T,) what the model lacks of the effort, l * (u - w); at rest, where friction leaves the effort open, u - w."""
+        """(T,) what the model lacks of the effort, l * (u - w), or u - w at rest, where friction leaves it open."""
         return np.asarray(self.arrived - self.modelled - self._unexplained + self._followed(self._unexplained))
 
     @property

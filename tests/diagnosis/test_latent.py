@@ -76,6 +76,20 @@ def test_rest_tells_nothing_of_the_noise(samples) -> None:
         np.testing.assert_array_equal(one, other)
 
 
+def test_at_rest_the_load_is_the_recorded_one_and_so_is_the_effort() -> None:
+    """The friction that holds a joint may be anything, so that the effort there is an error of no channel."""
+    found = problem(Joint(torque_noise=1.0))
+    s, rest = found.samples.signals, ~found.samples.moving
+    held = replace(s, effort=s.effort + np.where(rest, 50.0 * np.std(s.effort), 0.0))
+    other = found.columns.changed(samples=replace(found.samples, signals=held))
+    one, two = (
+        with_needed(columns, found.declared, found.baseline.beta, measured=True) for columns in (found.columns, other)
+    )
+    assert np.count_nonzero(rest) > 50
+    np.testing.assert_array_equal(two.load, one.load)
+    np.testing.assert_allclose(two.acting[~rest], one.acting[~rest], atol=1e-9)
+
+
 def test_the_effort_that_a_dead_zone_holds_back_is_no_noise() -> None:
     """u = w + d sign(w) with the effort's noise: what arrives differs from w by noise alone, which stays out of x."""
     joint, width = Joint(), 0.3
