@@ -226,7 +226,6 @@ def test_a_curve_over_the_position_is_found_with_other_knots():
 WRONG: Mapping[tuple[str, bool], str] = {
     ("backlash", False): "22.9 +- 2.2 mrad for 20: the link's own motion in the gap is not in the column",
     ("current_lag.winding", False): "20.6 +- 0.4 ms for 20",
-    ("directional_efficiency", False): "0.164 +- 0.007 for 0.15",
 }
 """Effects that are identified back wrongly, and whether the drive gain is declared."""
 
