@@ -21,9 +21,9 @@ from drake_tc.diagnosis.priors import (
     RUN_SPREADS,
     UNCOMMON,
 )
-from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
+from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term, drives
 from drake_tc.diagnosis.problem.parameters import shape_places, with_shapes
-from drake_tc.diagnosis.split import Split, drives, starts_unknown
+from drake_tc.diagnosis.split import Split, starts_unknown
 from drake_tc.effects.library import UNCOMMON as UNCOMMON_EFFECTS
 from drake_tc.effects.library import place
 from drake_tc.types import FloatArray, IntArray

@@ -18,8 +18,6 @@ from drake_tc.types import FloatArray
 
 SPECTRUM = 256
 """Samples over which spectra are taken."""
-SHORTEST = 32
-"""Samples of the shortest stretch of motion that has a spectrum."""
 
 
 def latent_shares(samples: Samples, error: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
@@ -65,7 +63,7 @@ def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
         turns = np.flatnonzero(np.diff(samples.moving[inner], prepend=False, append=False))
         for start, stop in zip(turns[::2], turns[1::2], strict=True):
             own = values[inner][start:stop]
-            if own.size >= SHORTEST:
+            if own.size > edge:
                 size = min(own.size, SPECTRUM)
                 total += own.size * welch(own, rate, nperseg=size, nfft=SPECTRUM, detrend=False)[1]
                 count += own.size

@@ -27,8 +27,8 @@ from drake_tc.diagnosis.priors import (
     SERVO_LAG_S,
     UNIFORM,
 )
-from drake_tc.diagnosis.problem.columns import CACHE_BYTES, Term
-from drake_tc.diagnosis.split import LATE_RECORD, Split, drives, stands_for, starts_unknown, with_clean, with_needed
+from drake_tc.diagnosis.problem.columns import CACHE_BYTES, Term, drives
+from drake_tc.diagnosis.split import LATE_RECORD, Split, stands_for, starts_unknown, with_clean, with_needed
 from drake_tc.effects.base import Context, Effect
 from drake_tc.effects.plausibility import plausible_range
 from drake_tc.effects.servo_gain import ServoGain

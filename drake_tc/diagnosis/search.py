@@ -9,11 +9,10 @@ from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Prior, Products, posterior
 from drake_tc.diagnosis.priors import ALTERNATIVE, BEAM, DISTORTED, MOST_EFFECTS, NAMED
-from drake_tc.diagnosis.problem.columns import Term
+from drake_tc.diagnosis.problem.columns import Term, drives
 from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.shapes import ShapeScreen
-from drake_tc.diagnosis.split import drives
 from drake_tc.effects.base import Effect
 from drake_tc.effects.plausibility import implausible
 from drake_tc.types import FloatArray

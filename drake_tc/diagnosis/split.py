@@ -13,7 +13,7 @@ from drake_tc.diagnosis.data.samples import Samples, rms
 from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
 from drake_tc.diagnosis.priors import PASSED_ON, SLOW
-from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term
+from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term, drives
 from drake_tc.effects.base import DriveEffect, SensorEffect
 from drake_tc.effects.delay import shift
 from drake_tc.effects.signals import Signals
@@ -383,11 +383,6 @@ def stands_for(terms: Sequence[Term]) -> frozenset[str]:
     return frozenset().union(*stand)
 
 
-def drives(terms: Sequence[Term]) -> list[Term]:
-    """Those that change the effort itself."""
-    return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
-
-
 def starts_unknown(terms: Sequence[Term]) -> bool:
     """Whether a term begins each run in a state that no channel tells."""
     return any(t.effect.unknown_start for t in terms)
@@ -449,10 +444,8 @@ def with_needed(
             modelled = samples.by_segment(term.effect, term.shape, modelled, undo=True)
     modelled = moved(modelled, samples, late) + of_command
     modelled = modelled + gain * Aged(s.slow_torque, 1.0).change(samples, ages.get("torque", 0.0))
-    arrived = s.effort
-    for term in drives(terms) if not starts_unknown(terms) else ():  # what acts behind an integrator is not recorded
-        if not is_filter(term):
-            arrived = samples.by_segment(term.effect, term.shape, arrived)
+    behind = () if starts_unknown(terms) else terms  # the effort behind an integrator is not recorded
+    arrived = recorded.acting_effort([term for term in behind if not is_filter(term)])
     shares = shares or latent_shares(samples, arrived - modelled, gain)
     fit = (tuple(terms), beta)
     return with_clean(Split(recorded, recorded, gain * torque, modelled, arrived, *shares, gain, ages, fit, measured))

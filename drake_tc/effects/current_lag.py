@@ -110,11 +110,17 @@ class CommandLag(CurrentLag):
         return effort - signals.command + super().transform(signals.command, signals, shape)
 
 
-BACK_EMF_RANGE = Plausible(
+BACK_EMF = Parameter(
+    "back_emf",
+    "effort*s/rad",
     0.0,
-    1.0,
-    "the back-EMF opposes the voltage, and at the highest speed it cannot exceed the largest voltage",
-    "effort/speed",
+    description="constant k_e of the joint",
+    plausible=Plausible(
+        0.0,
+        1.0,
+        "the back-EMF opposes the voltage, and at the highest speed it cannot exceed the largest voltage",
+        "effort/speed",
+    ),
 )
 LEAST_LAG = 1e-4
 """Shortest time constant of a winding that is fitted [s]; `LAG_RANGE` has its source.
@@ -150,12 +156,7 @@ class WindingLag(CurrentLag):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """T and k_e."""
-        return (
-            *self.shapes,
-            Parameter(
-                "back_emf", "effort*s/rad", 0.0, description="constant k_e of the joint", plausible=BACK_EMF_RANGE
-            ),
-        )
+        return (*self.shapes, BACK_EMF)
 
     def obstacle(self, context: Context) -> str:
         """Only a voltage is opposed by a back-EMF."""

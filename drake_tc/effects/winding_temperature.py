@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drake_tc.effects.base import Context, DriveEffect, Parameter, Plausible, Shape, Signals, Signature
+from drake_tc.effects.current_lag import BACK_EMF
 from drake_tc.effects.kernel import DriveKernel, DriveSurroundings
 from drake_tc.kernels.torque_equations import REFERENCE_CELSIUS
 from drake_tc.types import FloatArray
@@ -16,12 +17,6 @@ COEFFICIENT_RANGE = Plausible(
     0.01,
     "the resistance of copper rises by 0.39 % per kelvin (IEC 60028), magnets lose up to 0.2 % per kelvin more; a "
     "sensor on the case shows half of the winding's rise",
-)
-BACK_EMF_RANGE = Plausible(
-    0.0,
-    1.0,
-    "the back-EMF opposes the voltage, and at the highest speed it cannot exceed the largest effort",
-    "effort/speed",
 )
 LEAST_RISE = 5.0
 """Change of the temperature [K] below which its effect cannot be looked for."""
@@ -59,12 +54,7 @@ class WindingTemperature(DriveEffect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """A and k_e."""
-        return (
-            *self.shapes,
-            Parameter(
-                "back_emf", "effort*s/rad", 0.0, description="constant k_e of the joint", plausible=BACK_EMF_RANGE
-            ),
-        )
+        return (*self.shapes, BACK_EMF)
 
     def obstacle(self, context: Context) -> str:
         """Needs a drive that imposes a voltage."""

@@ -80,6 +80,11 @@ class BalanceCoefficients:
         return cls(float(beta[0]), found["viscous"], found["coulomb"], inertia)
 
 
+def drives(terms: Sequence[Term]) -> list[Term]:
+    """Those that change the effort itself, with a shape or a filter."""
+    return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
+
+
 class Columns:
     """Reduced columns of terms over one `Samples`, each computed once."""
 
@@ -116,20 +121,15 @@ class Columns:
 
     def effort(self, terms: Sequence[Term]) -> FloatArray:
         """y* (N,) after every drive effect among the terms, low-passed to the rows."""
-        key = ("effort", *(k for t in self.drives(terms) for k in t.cache_key))
+        key = ("effort", *(k for t in drives(terms) for k in t.cache_key))
         return self._kept(key, lambda: self.samples.reduce(self.acting_effort(terms)))
 
     def acting_effort(self, terms: Sequence[Term], offset: float = 0.0) -> FloatArray:
         """y* (T,) after every drive effect among the terms, in the library's order, of the effort plus an offset."""
         values = self.samples.signals.effort + offset
-        for term in self.drives(terms):
+        for term in drives(terms):
             values = self.samples.by_segment(term.effect, term.shape, values)
         return values
-
-    @staticmethod
-    def drives(terms: Sequence[Term]) -> list[Term]:
-        """Those that change the effort with a shape or a filter."""
-        return [t for t in terms if isinstance(t.effect, DriveEffect) and (t.effect.shapes or t.effect.filters)]
 
     def of(self, term: Term) -> FloatArray:
         """Phi (N, k) of one term."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_tc.diagnosis.data.samples import rms
-from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, prior_coefficients
+from drake_tc.diagnosis.problem.columns import BalanceCoefficients, Columns, Term, drives, prior_coefficients
 from drake_tc.diagnosis.thresholds import LEAST_EFFORT
 from drake_tc.effects.current_lag import CurrentLag
 from drake_tc.effects.servo_gain import ServoGain
@@ -131,7 +131,7 @@ def effort_left(columns: Columns, terms: Sequence[Term]) -> float:
     therefore told as a share of the effort that is left: the smaller of std(f(y))/std(y) and the RMS of the slope
     df/dy, at most 1, which is the share of white noise that passes f.
     """
-    if not columns.effort_is_target or not columns.drives(terms):
+    if not columns.effort_is_target or not drives(terms):
         return 1.0
     whole = max(float(np.std(columns.effort(()))), 1e-300)
     nudge = NUDGE * whole
