@@ -11,9 +11,9 @@ noise of a load that is computed from accelerations explain itself.
 """
 
 import numpy as np
-from scipy.signal import oaconvolve, welch
 
 from drake_tc.diagnosis.data.samples import Samples
+from drake_tc.filtering.common_kernel import BlockConvolution
 from drake_tc.types import FloatArray
 
 SPECTRUM = 256
@@ -46,18 +46,19 @@ def filtered(samples: Samples, taps: FloatArray, values: FloatArray) -> FloatArr
     """Values (T,) through a symmetric filter, stretch by stretch."""
     if taps.size == 1:
         return np.asarray(taps[0] * values)
-    out, half = np.empty_like(values), taps.size // 2
+    out, half, low_pass = np.empty_like(values), taps.size // 2, BlockConvolution(taps)
     for s in samples.segments:
-        out[s] = oaconvolve(np.pad(values[s], half, mode="edge"), taps, mode="valid")
+        out[s] = low_pass.inner(np.pad(values[s], half, mode="edge"))
     return out
 
 
 def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
     """One-sided spectral density (F,) of values (T,), mean over the stretches of motion; None where all are too short.
 
-    At rest, dry friction leaves open which effort is needed.
+    At rest, dry friction leaves open which effort is needed. Within a stretch: Welch's, with a Hann window and half of
+    it overlapping.
     """
-    edge, total, count, rate = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0, 1.0 / samples.signals.period
+    edge, total, count = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0
     for part in samples.segments:
         inner = slice(part.start + edge, part.stop - edge)
         turns = np.flatnonzero(np.diff(samples.moving[inner], prepend=False, append=False))
@@ -65,6 +66,10 @@ def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
             own = values[inner][start:stop]
             if own.size > edge:
                 size = min(own.size, SPECTRUM)
-                total += own.size * welch(own, rate, nperseg=size, nfft=SPECTRUM, detrend=False)[1]
+                window = np.hanning(size + 1)[:-1]
+                pieces = np.lib.stride_tricks.sliding_window_view(own, size)[:: size - size // 2]
+                power = np.mean(np.abs(np.fft.rfft(pieces * window, SPECTRUM)) ** 2, axis=0)
+                total += own.size / float(window @ window) * power
                 count += own.size
-    return total / count if count else None
+    total[1:-1] *= 2.0
+    return total * samples.signals.period / count if count else None

@@ -24,8 +24,14 @@ def shift(values: FloatArray, samples: float) -> FloatArray:
     """
     if samples == 0.0 or values.size < 4:
         return values
-    padded = np.pad(values, REACH, mode="edge")
-    return np.asarray(ndimage.shift(padded, samples, order=3, mode="nearest")[REACH:-REACH])
+    whole = math.floor(-samples)
+    f = -samples - whole
+    pad = REACH + abs(whole)
+    padded = np.empty(values.size + 2 * pad)
+    padded[:pad], padded[pad:-pad], padded[-pad:] = values[0], values, values[-1]
+    weights = np.array([(1 - f) ** 3, 4 - 3 * f**2 * (2 - f), 1 + 3 * f * (1 + f - f**2), f**3]) / 6.0
+    first = pad + whole - 1
+    return np.correlate(ndimage.spline_filter1d(padded)[first : first + values.size + 3], weights)
 
 
 DELAY_RANGE = Plausible(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -78,8 +79,7 @@ class Signals:
             change: (T,) to (S,); S is the same for all arrays.
         """
         made = object.__new__(Signals)
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        made.__dict__.update({name: v for name, v in values.items() if not isinstance(v, np.ndarray)})
+        made.__dict__.update({name: getattr(self, name) for name in _numbers()})
         made.__dict__["_unread"] = (self, change)
         return made
 
@@ -89,6 +89,12 @@ class Signals:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         whole, change = self.__dict__["_unread"]
         return self.__dict__.setdefault(name, change(getattr(whole, name)))  # type: ignore[no-any-return]
+
+
+@cache
+def _numbers() -> tuple[str, ...]:
+    """The fields that are no arrays."""
+    return tuple(f.name for f in fields(Signals) if f.default is not MISSING)
 
 
 def plain_signals(size: int, known: Mapping[str, FloatArray]) -> Signals:

@@ -17,10 +17,10 @@ noise floor. The square root of the variable is nearly normal with variance 1 ar
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
-from drake_tc.diagnosis.data.samples import rms
 from drake_tc.diagnosis.evidence import Evidence
 from drake_tc.diagnosis.linear import Posterior, Products, mode
 from drake_tc.diagnosis.noise import NoiseModel
@@ -50,7 +50,6 @@ class Remainders:
     Attributes:
         gram: (P, P) F of each pair of columns. whole: (P,) their squares over the variance of the noise.
         imitated: (m, P) coefficients by which the model imitates each column.
-        left: (P, P) products of what that leaves of the columns, over the number of rows.
     """
 
     def __init__(self, evidence: Evidence, columns: FloatArray, terms: Sequence[Term], variance: float) -> None:
@@ -64,12 +63,17 @@ class Remainders:
         gram = weight * columns.T @ columns
         self.whole = np.diag(gram).copy()
         self.gram = gram - crossed.T @ self.imitated
-        left = columns - design @ self.imitated
-        self.left = left.T @ left / len(left)
+        self._columns, self._design = columns, design
+
+    @cached_property
+    def left(self) -> FloatArray:
+        """(P, P) products of what the model does not imitate of the columns, over the number of rows."""
+        left = self._columns - self._design @ self.imitated
+        return np.asarray(left.T @ left / len(left))
 
     def information(self, places: IntArray, weights: FloatArray) -> float:
         """F of a sum of columns with weights (m,); 0 where rounding is all that is left."""
-        found = float(weights @ self.gram[np.ix_(places, places)] @ weights)
+        found = float(weights @ self.gram[places[:, None], places] @ weights)
         whole = float(np.sum(np.abs(weights) * np.sqrt(self.whole[places]))) ** 2
         return found if found > NUMERICAL**2 * whole else 0.0
 
@@ -88,7 +92,7 @@ class EffectOdds:
         self._found = frozenset(t.effect.id for t in fitted.found)
         self._known: dict[tuple[frozenset[str], bool], Remainders] = {}
         self._out: dict[str, frozenset[str]] = {}
-        self._occam: dict[int, float] = {}
+        self._occam: dict[int, tuple[float, list[float]]] = {}
 
     def beside(self, effect: Effect, *, plain: bool = False) -> Remainders:
         """Remainders beside what is set beside this effect; `plain`: of the rows as they are, not whitened."""
@@ -128,25 +132,22 @@ class EffectOdds:
 
     def occam(self, variant: Variant, size: float) -> float:
         """O of a variant at a size."""
-        left = self.beside(variant.term.effect).gram
-        own = self._of_coefficients(variant, left)
-        slopes = variant.slopes
+        own, shapes = self._parts(variant)
         if variant.by_shape:
-            slopes = slopes[[int(np.argmin(np.abs(np.log(variant.sizes / size))))]]
-            grows = 1.0
-        else:
-            grows = size**2
-        shapes = 0.5 * float(np.sum(np.log1p(variant.widths**2 * grows * left[slopes, slopes])))
-        return own + shapes
+            return own + 0.5 * math.log1p(shapes[int(np.argmin(np.abs(np.log(variant.sizes / size))))])
+        return own + 0.5 * sum(math.log1p(size**2 * each) for each in shapes)
 
-    def _of_coefficients(self, variant: Variant, left: FloatArray) -> float:
+    def _parts(self, variant: Variant) -> tuple[float, list[float]]:
+        """O of the coefficients, and information about each shape at size 1 or at each size, over that of its prior."""
         key = id(variant)
         if key not in self._occam:
+            left = self.beside(variant.term.effect).gram
             d = variant.prior.prior.deviation
             scaled = left[np.ix_(variant.places, variant.places)] * np.outer(d, d)
             sign = math.log(2.0) * np.count_nonzero(variant.prior.prior.positive)
             prior = self.fitted.evidence.prior_odds([variant.term])
-            self._occam[key] = 0.5 * float(np.linalg.slogdet(np.eye(d.size) + scaled)[1]) - sign - prior
+            own = 0.5 * float(np.linalg.slogdet(np.eye(d.size) + scaled)[1]) - sign - prior
+            self._occam[key] = own, (variant.widths**2 * left[variant.slopes, variant.slopes]).tolist()
         return self._occam[key]
 
     def expected(self, variant: Variant, size: float) -> float:
@@ -205,14 +206,20 @@ class EffectOdds:
 
     def _left(self, variant: Variant, size: float, out: frozenset[str]) -> float:
         places, weights = variant.at(size)
-        own = self._without(out, plain=True).left[np.ix_(places, places)]
+        own = self._without(out, plain=True).left[places[:, None], places]
         left = math.sqrt(max(float(weights @ own @ weights), 0.0))
         return left if left > NUMERICAL * self.whole(variant, size) else 0.0
 
     def whole(self, variant: Variant, size: float) -> float:
         """RMS of the contribution itself [effort]."""
         places, weights = variant.at(size)
-        return float(rms(self._columns[:, places] @ weights))
+        products = self._products[places[:, None], places]
+        return math.sqrt(max(float(weights @ products @ weights), 0.0))
+
+    @cached_property
+    def _products(self) -> FloatArray:
+        """(P, P) products of the columns over the number of rows."""
+        return np.asarray(self._columns.T @ self._columns / len(self._columns))
 
     def imitators(self, variant: Variant, size: float) -> list[str]:
         """Names of what in the model imitates the contribution most, the most important first."""

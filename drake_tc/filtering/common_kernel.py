@@ -6,10 +6,11 @@ Convolution of many long signals with one short kernel, whose spectrum is comput
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from numpy.fft import irfft, rfft
+from scipy.fft import next_fast_len
 
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray, IntArray
@@ -82,19 +83,10 @@ class CommonKernel:
         sigma = _SIGMA_PER_BOX * box_s
         return np.asarray(np.sinc(omega * box_s / (2 * np.pi)) ** _SPLINE_ORDER * (1 + 0.5 * (sigma * omega) ** 2))
 
-    @cached_property
-    def kernels(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    @property
+    def kernels(self) -> tuple[FloatArray, ...]:
         """k, k', k'' on the samples -margin ... margin: weights of the three convolutions."""
-        from scipy.interpolate import BSpline
-
-        knots = (np.arange(_SPLINE_ORDER + 1) - 0.5 * _SPLINE_ORDER) * self.box
-        spline = BSpline.basis_element(knots, extrapolate=False)
-        # basis_element sums to 1 over shifts of one box: divide by b for a unit integral.
-        grid = np.arange(-self.margin, self.margin + 1, dtype=np.float64)
-        sigma2 = (_SIGMA_PER_BOX * self.box) ** 2
-        beta = [spline.derivative(d)(grid) / self.box for d in range(5)]
-        k = [(beta[d] - 0.5 * sigma2 * beta[d + 2]) / self.period**d for d in range(3)]
-        return k[0], k[1], k[2]
+        return tuple(each.weights for each in _convolutions(self.box, self.margin, self.period))
 
     def smooth(self, x: FloatArray, segments: Sequence[slice] | None = None) -> FloatArray:
         """Filter: k ∗ x, (T,) to (T,).
@@ -132,17 +124,19 @@ class CommonKernel:
 
     def _convolve(self, x: FloatArray, derivative: int) -> FloatArray:
         """Convolve one stretch, extended by odd reflection (2 x_end − x), its mean taken off first."""
-        from scipy.signal import oaconvolve
-
         if x.size == 0:
             return x.copy()
         level = float(x.mean())
         centred = x - level
-        if x.size > 1:
-            extended = np.pad(centred, self.margin, mode="reflect", reflect_type="odd")
+        edge = self.margin
+        if x.size > edge:
+            before, after = 2.0 * centred[0] - centred[edge:0:-1], 2.0 * centred[-1] - centred[-2 : -2 - edge : -1]
+            extended = np.concatenate([before, centred, after])
+        elif x.size > 1:
+            extended = np.pad(centred, edge, mode="reflect", reflect_type="odd")
         else:
-            extended = np.pad(centred, self.margin, mode="edge")
-        y = oaconvolve(extended, self.kernels[derivative], mode="valid")
+            extended = np.pad(centred, edge, mode="edge")
+        y = _convolutions(self.box, self.margin, self.period)[derivative].inner(extended)
         return np.asarray(y + level if derivative == 0 else y)
 
 
@@ -157,7 +151,7 @@ class BlockConvolution:
     Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1999), section 8.7.
 
     Attributes:
-        weights: (2 m + 1,) h_{-m} ... h_m, which add up to 1: a low-pass.
+        weights: (2 m + 1,) h_{-m} ... h_m.
     """
 
     weights: FloatArray
@@ -177,7 +171,9 @@ class BlockConvolution:
 
     def inner(self, x: FloatArray) -> FloatArray:
         """The convolution where all of the kernel lies on the signal, (T,) to (T - 2 m,)."""
-        return self.at(x, self.places(np.arange(max(x.size - self.weights.size + 1, 0))))
+        lost = self.weights.size - 1
+        count = max(x.size - lost, 0)
+        return np.asarray(self._blocks(x)[:, lost:].reshape(-1)[:count]) if count else np.zeros(0)
 
     def places(self, rows: IntArray) -> IntArray:
         """Where `at` finds samples (N,) of the convolution, counted from the first one that `inner` gives."""
@@ -188,21 +184,43 @@ class BlockConvolution:
     def at(self, x: FloatArray, places: IntArray) -> FloatArray:
         """The convolution (N,) of a signal (T,) at some of its samples alone.
 
-        The mean is taken off first, so that rounding errors are relative to what varies.
-
         Args:
             x: (T,) signal.
             places: (N,) of the samples, from `places`.
         """
+        return np.asarray(self._blocks(x).reshape(-1)[places]) if x.size >= self.weights.size else np.zeros(0)
+
+    @cached_property
+    def _total(self) -> float:
+        return float(self.weights.sum())
+
+    def _blocks(self, x: FloatArray) -> FloatArray:
+        """(B, size) circular convolution of each block of a signal (T,).
+
+        The mean is taken off first, so that rounding errors are relative to what varies.
+        """
         lost = self.weights.size - 1
-        count = x.size - lost
-        if count <= 0:
-            return np.zeros(0)
         step = self._size - lost
-        blocks = -(-count // step)
-        level = float(x.mean())
+        blocks = -(-(x.size - lost) // step)
+        level = float(x.sum()) / x.size
         padded = np.zeros(blocks * step + lost)
         np.subtract(x, level, out=padded[: x.size])
-        spectrum = rfft(np.lib.stride_tricks.sliding_window_view(padded, self._size)[::step], axis=1)
+        (stride,) = padded.strides
+        parts = np.lib.stride_tricks.as_strided(padded, (blocks, self._size), (step * stride, stride), writeable=False)
+        spectrum = rfft(parts, axis=1)
         spectrum *= self._spectrum
-        return np.asarray(irfft(spectrum, self._size, axis=1).reshape(-1)[places] + level)
+        return np.asarray(irfft(spectrum, self._size, axis=1) + level * self._total)
+
+
+@lru_cache(maxsize=32)
+def _convolutions(box: int, margin: int, period: float) -> tuple[BlockConvolution, ...]:
+    """With k, k' and k'' of a common kernel."""
+    from scipy.interpolate import BSpline
+
+    knots = (np.arange(_SPLINE_ORDER + 1) - 0.5 * _SPLINE_ORDER) * box
+    spline = BSpline.basis_element(knots, extrapolate=False)
+    # basis_element sums to 1 over shifts of one box: divide by b for a unit integral.
+    grid = np.arange(-margin, margin + 1, dtype=np.float64)
+    sigma2 = (_SIGMA_PER_BOX * box) ** 2
+    beta = [spline.derivative(d)(grid) / box for d in range(5)]
+    return tuple(BlockConvolution((beta[d] - 0.5 * sigma2 * beta[d + 2]) / period**d) for d in range(3))
