@@ -73,7 +73,7 @@ notebook: $(VENV)/.installed-test ## run the notebooks' scripts and store them r
 	done
 
 docs: $(VENV)/.installed-test ## build the documentation site into out/site; warnings are errors
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 	@echo out/site/index.html
 
 pictures: $(VENV)/.installed-test ## draw the stored pictures of the documentation; some of them: NAMES="logs run"

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from drake_tc.config.page import table
-from drake_tc.report.figure_row import FigureRow, figure_cells
+from tests.benchmarks.figures import BenchmarkRow, figure_cells
 
 STORE = Path(__file__).parents[1] / "benchmarks"
 COMMANDS = STORE / "commands.yaml"
@@ -43,7 +43,7 @@ def _section(stored: Mapping[str, Any]) -> str:
 
 
 def _rows(rows: Sequence[Mapping[str, Any]]) -> str:
-    cells = figure_cells([FigureRow.of_json(row) for row in rows])
+    cells = figure_cells([BenchmarkRow.of_json(row) for row in rows])
     return table(tuple(cells[0]), [tuple(map(_plain, each.values())) for each in cells])
 
 

@@ -17,7 +17,7 @@ from drake_tc.cli.entry import leave, restart_tuned
 from drake_tc.cli.main import run_app
 from drake_tc.cli.terminal import UnusedSeed, progress_bar
 from drake_tc.config.quoted import json_value
-from drake_tc.report.figure_row import FigureRow, figure_table, rows_json
+from tests.benchmarks.figures import BenchmarkRow, figure_table, rows_json
 from tests.benchmarks.seeds import ALL_CORES, AsJson, Jobs, Out, Seeds, by_seed
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def run(arguments: Sequence[str]) -> int:
     return run_app(app, PROGRAM, arguments)
 
 
-def print_rows(name: str, rows: Sequence[FigureRow], *, as_json: bool) -> None:
+def print_rows(name: str, rows: Sequence[BenchmarkRow], *, as_json: bool) -> None:
     """Figures on stdout, as a table for people or as one JSON document."""
     if as_json:
         print(json.dumps(rows_json(name, rows)))
@@ -52,7 +52,7 @@ def print_rows(name: str, rows: Sequence[FigureRow], *, as_json: bool) -> None:
         Console(file=sys.stdout, highlight=False).print(figure_table(rows))
 
 
-def _simple(name: str, short: str, text: str, rows: Callable[[Report], list[FigureRow]]) -> None:
+def _simple(name: str, short: str, text: str, rows: Callable[[Report], list[BenchmarkRow]]) -> None:
     """A benchmark without options of its own."""
 
     def command(as_json: AsJson = False, seed: UnusedSeed = 0) -> None:
@@ -63,7 +63,7 @@ def _simple(name: str, short: str, text: str, rows: Callable[[Report], list[Figu
     app.command(name, short_help=short, help=text)(command)
 
 
-def _public(name: str, short: str, text: str, rows: Callable[[Path, Report], list[FigureRow]]) -> None:
+def _public(name: str, short: str, text: str, rows: Callable[[Path, Report], list[BenchmarkRow]]) -> None:
     """A benchmark on a public data set."""
 
     def command(data: Data, as_json: AsJson = False, seed: UnusedSeed = 0) -> None:
@@ -407,7 +407,7 @@ def arms(
 def _print_by_seed(
     name: str,
     scores: Mapping[int, Sequence[Score]],
-    rows_of: Callable[[Sequence[Score]], list[FigureRow]],
+    rows_of: Callable[[Sequence[Score]], list[BenchmarkRow]],
     robot_of: Callable[[Score], "RobotScore"],
     *,
     as_json: bool,
@@ -441,7 +441,7 @@ def _print_by_seed(
         console.print(f"seed {miss['seed']}, {miss['name']}: {reason}", soft_wrap=True)
 
 
-def _close_loop(progress: Report) -> list[FigureRow]:
+def _close_loop(progress: Report) -> list[BenchmarkRow]:
     from drake_tc.cli.demo import record_demo
     from tests.benchmarks.close_loop_speed import SpeedCase, cost_rows, write_runs
 
@@ -460,7 +460,7 @@ def _close_loop(progress: Report) -> list[FigureRow]:
     return rows
 
 
-def _long_bag(progress: Report) -> list[FigureRow]:
+def _long_bag(progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.close_loop_speed import cost_rows
     from tests.benchmarks.long_bag import write_bag
 
@@ -471,13 +471,13 @@ def _long_bag(progress: Report) -> list[FigureRow]:
         return cost_rows([case])
 
 
-def _leg(progress: Report) -> list[FigureRow]:
+def _leg(progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.leg_timing import leg_timings
 
     return leg_timings(progress)
 
 
-def _sweep(progress: Report) -> list[FigureRow]:
+def _sweep(progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.sweep_speed import sweep_rows
 
     return sweep_rows(progress)
@@ -611,7 +611,7 @@ def real_robots(data: Data, name: Sets = None, as_json: AsJson = False, seed: Un
     print_rows("real-robots", table, as_json=as_json)
 
 
-def _real_bam(data: Path, progress: Report) -> list[FigureRow]:
+def _real_bam(data: Path, progress: Report) -> list[BenchmarkRow]:
     from drake_tc.analysis.sweep import processes
     from drake_tc.loops.joint_bench import rig_free_run
     from tests.benchmarks.real_bam import real_bam_rows
@@ -620,31 +620,31 @@ def _real_bam(data: Path, progress: Report) -> list[FigureRow]:
         return real_bam_rows(data, rig_free_run, progress, pool)
 
 
-def _real_dfki(data: Path, progress: Report) -> list[FigureRow]:
+def _real_dfki(data: Path, progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.real_dfki import rows
 
     return rows(data)
 
 
-def _real_tmotor(data: Path, progress: Report) -> list[FigureRow]:
+def _real_tmotor(data: Path, progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.real_tmotor import rows
 
     return rows(data)
 
 
-def _real_uart(data: Path, progress: Report) -> list[FigureRow]:
+def _real_uart(data: Path, progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.real_uart import rows
 
     return rows(data)
 
 
-def _real_icub(data: Path, progress: Report) -> list[FigureRow]:
+def _real_icub(data: Path, progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.real_icub import rows
 
     return rows(data, progress)
 
 
-def _real_sessions(data: Path, progress: Report) -> list[FigureRow]:
+def _real_sessions(data: Path, progress: Report) -> list[BenchmarkRow]:
     from tests.benchmarks.real_sessions import session_rows
 
     return session_rows(data, progress)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from drake_tc.diagnosis.search import Progress
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.interval_coverage import holds
 from tests.benchmarks.robot_rigs import (
     RobotScore,
@@ -118,13 +118,13 @@ def arm_benchmark(
     return [score_arm(*case) for case in made]
 
 
-def arm_rows(scores: Sequence[ArmScore]) -> list[FigureRow]:
+def arm_rows(scores: Sequence[ArmScore]) -> list[BenchmarkRow]:
     """Rows of figures as those of `bench robot`, and base parameters' intervals; both kinds of interval by drive."""
     rows = summary_rows([score.robot for score in scores], nulls=0.97)
     rows.append(interval_row(BASE_INTERVALS, [hit for score in scores for hit in score.base]))
     for drive in sorted({score.drive for score in scores}):
         group = [score for score in scores if score.drive == drive]
         friction = [hit for score in group for hit in score.robot.friction_intervals]
-        rows.append(FigureRow.share(f"base parameters, {drive}", [hit for score in group for hit in score.base]))
-        rows.append(FigureRow.share(f"friction, {drive}", friction))
+        rows.append(BenchmarkRow.share(f"base parameters, {drive}", [hit for score in group for hit in score.base]))
+        rows.append(BenchmarkRow.share(f"friction, {drive}", friction))
     return [row for row in rows if row.n]

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.errors import DrakeTcError
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 
 RUNS = ("one", "two", "held")
 """Two runs to fit and one that is held out."""
@@ -98,7 +98,7 @@ def command_cost(case: SpeedCase) -> Cost:
     return Cost(**json.loads(done.stdout))
 
 
-def cost_rows(cases: Sequence[SpeedCase]) -> list[FigureRow]:
+def cost_rows(cases: Sequence[SpeedCase]) -> list[BenchmarkRow]:
     """Three rows a case: wall time, CPU time, and peak memory."""
     rows = []
     for case in cases:
@@ -108,5 +108,5 @@ def cost_rows(cases: Sequence[SpeedCase]) -> list[FigureRow]:
             ("CPU time of all processes", "s", cost.cpu),
             ("peak memory of the largest process", "GiB", cost.memory),
         ):
-            rows.append(FigureRow(f"{case.name}: {name}", value, unit))
+            rows.append(BenchmarkRow(f"{case.name}: {name}", value, unit))
     return rows

@@ -30,10 +30,10 @@ from drake_tc.loops.whole_body.ground import (
 )
 from drake_tc.loops.whole_body.running import TsidRecording, contact_misses, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.types import GRAVITY, FloatArray
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.tsid_timing import diagram_timing
 
 MASS, LOW, HIGH = 20.0, 0.02, 0.3
@@ -196,7 +196,7 @@ def floor_rows(
     reaching: TsidScenario,
     progress: Progress,
     approximations: Sequence[Approximation] = APPROXIMATIONS,
-) -> list[FigureRow]:
+) -> list[BenchmarkRow]:
     """The rows of `python -m tests.benchmarks floor`.
 
     Args:
@@ -229,5 +229,5 @@ def _on(scenario: TsidScenario, approximation: Approximation) -> TsidScenario:
     return scenario.changed(ground=replace(scenario.ground, approximation=approximation))
 
 
-def _one(name: str, unit: str, value: float) -> FigureRow:
-    return FigureRow(name, value, unit)
+def _one(name: str, unit: str, value: float) -> BenchmarkRow:
+    return BenchmarkRow(name, value, unit)

@@ -16,7 +16,7 @@ from typing import Any
 
 from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import ParamsError
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.gate_parts import (
     GateRuns,
     arm_rows,
@@ -31,7 +31,7 @@ from tests.benchmarks.gate_real import real_rows
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 """Folder of the public data sets."""
-PARTS: Mapping[str, Callable[[GateRuns], list[FigureRow]]] = {
+PARTS: Mapping[str, Callable[[GateRuns], list[BenchmarkRow]]] = {
     "blind": blind_rows,
     "hard": hard_rows_of,
     "coverage": coverage_rows,
@@ -114,13 +114,13 @@ def table(results: Results, stored: Results) -> list[tuple[str, ...]]:
     for part in (name for name in PARTS if name in results):
         new, old = results[part], stored.get(part, {})
         alike = all(old.get(key) == new[key] for key in ("size", "seed"))
-        before = {row["name"]: FigureRow.of_json(row) for row in old["rows"]} if alike else {}
-        for row in map(FigureRow.of_json, new["rows"]):
+        before = {row["name"]: BenchmarkRow.of_json(row) for row in old["rows"]} if alike else {}
+        for row in map(BenchmarkRow.of_json, new["rows"]):
             cells.append((f"{part}: {row.name}", _reach(row), *_shown(row), *_shown(before.get(row.name))))
     return cells
 
 
-def _reach(row: FigureRow) -> str:
+def _reach(row: BenchmarkRow) -> str:
     if row.expected is None:
         return ""
     factor = 100.0 if row.unit == "share" else 1.0
@@ -129,7 +129,7 @@ def _reach(row: FigureRow) -> str:
     return f"{'>=' if row.how == 'min' else '<='} {factor * row.expected:.4g}"
 
 
-def _shown(row: FigureRow | None) -> tuple[str, str]:
+def _shown(row: BenchmarkRow | None) -> tuple[str, str]:
     if row is None or not row.n:
         return "-", ""
     met = {True: "yes", False: "NO", None: ""}[row.met]

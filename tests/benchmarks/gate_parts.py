@@ -18,12 +18,12 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.experiments.causes import CAUSES, size_in
 from drake_tc.experiments.sizes import size_name
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.arm_rigs import ArmScore, arm_benchmark, known_arm_benchmark
 from tests.benchmarks.blind.outcome import Outcome
 from tests.benchmarks.blind_rigs import BlindOptions, blind_benchmark
 from tests.benchmarks.close_loop_speed import command_cost, write_runs
 from tests.benchmarks.evidence.predicted import spec_of
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.hard.run import close_loop_on, hard_benchmark
 from tests.benchmarks.hard.score import Outcome as HardOutcome
 from tests.benchmarks.hard.score import rows as hard_rows
@@ -124,20 +124,20 @@ TIMED = ((30.0, 1, 5.0), (20.0, 6, 15.0))
 BLIND_FILES = (("truth", "truth"), ("reports", "report"))
 
 
-def blind_rows(runs: GateRuns) -> list[FigureRow]:
+def blind_rows(runs: GateRuns) -> list[BenchmarkRow]:
     """Exact sets of single effects and pairs, false alarms on nulls, outside causes with the right verdict."""
     outcomes = [outcome for outcome, _, _ in runs.blind]
     asked = [o for o in outcomes if o.group in ("single", "pair") and o.acts]
     nulls, outside = ([o for o in outcomes if o.group == group] for group in ("null", "outside"))
     return [
-        FigureRow.share("exact sets, singles and pairs", [o.exact for o in asked], "min", 0.98),
-        FigureRow.share("nulls with a false alarm", [o.false_alarm for o in nulls], "max", 0.01),
-        FigureRow.share("outside causes with the right verdict", [o.flagged_rightly for o in outside], "min", 0.95),
-        FigureRow.share("rigs without a report", [not o.answered for o in outcomes], "max", 0.0),
+        BenchmarkRow.share("exact sets, singles and pairs", [o.exact for o in asked], "min", 0.98),
+        BenchmarkRow.share("nulls with a false alarm", [o.false_alarm for o in nulls], "max", 0.01),
+        BenchmarkRow.share("outside causes with the right verdict", [o.flagged_rightly for o in outside], "min", 0.95),
+        BenchmarkRow.share("rigs without a report", [not o.answered for o in outcomes], "max", 0.0),
     ]
 
 
-def hard_rows_of(runs: GateRuns) -> list[FigureRow]:
+def hard_rows_of(runs: GateRuns) -> list[BenchmarkRow]:
     """False names on nulls, and effects that are found where the oracle says that they can be."""
     reach: Mapping[str, tuple[Literal["min", "max"], float]] = {
         "nulls with a false name": ("max", 0.02),
@@ -147,11 +147,11 @@ def hard_rows_of(runs: GateRuns) -> list[FigureRow]:
     for row in hard_rows(runs.hard):
         if row.group == "all" and row.of:
             how, expected = reach.get(row.name, ("min", None))
-            out.append(FigureRow(row.name, row.hits / row.of, "share", expected, how, n=row.of))
+            out.append(BenchmarkRow(row.name, row.hits / row.of, "share", expected, how, n=row.of))
     return out
 
 
-def coverage_rows(runs: GateRuns) -> list[FigureRow]:
+def coverage_rows(runs: GateRuns) -> list[BenchmarkRow]:
     """Share of the 95 % intervals that hold the known truth, by source and by kind of parameter."""
     hits: dict[str, list[bool]] = {}
     for outcome, truth, report in runs.blind:
@@ -170,11 +170,11 @@ def coverage_rows(runs: GateRuns) -> list[FigureRow]:
     ]
 
 
-def interval_row(name: str, hits: Sequence[bool]) -> FigureRow:
+def interval_row(name: str, hits: Sequence[bool]) -> BenchmarkRow:
     """Share of 95 % intervals that hold the truth; it is judged where there are enough of them."""
     middle, half = sum(COVERAGE) / 2.0, (COVERAGE[1] - COVERAGE[0]) / 2.0
     judged = middle if len(hits) >= ENOUGH else None
-    return FigureRow.share(f"95 % intervals that hold: {name}", hits, "within", judged, half)
+    return BenchmarkRow.share(f"95 % intervals that hold: {name}", hits, "within", judged, half)
 
 
 def blind_intervals(truth: Mapping[str, Any], report: Mapping[str, Any]) -> list[tuple[str, bool]]:
@@ -224,7 +224,7 @@ def demo_intervals(seed: int) -> list[tuple[str, bool]]:
     ]
 
 
-def arm_rows(runs: GateRuns) -> list[FigureRow]:
+def arm_rows(runs: GateRuns) -> list[BenchmarkRow]:
     """Arms whose links are known, and arms whose links are fitted."""
     out = []
     for name, benchmark, cases in (
@@ -240,26 +240,26 @@ def arm_rows(runs: GateRuns) -> list[FigureRow]:
     return out
 
 
-def leg_rows(runs: GateRuns) -> list[FigureRow]:
+def leg_rows(runs: GateRuns) -> list[BenchmarkRow]:
     """The simulated leg with F/T sensor and IMU."""
     scores = robot_benchmark(runs.fresh("leg"), runs.much.legs, runs.seed, runs.executor, runs.progress)
     return _robot_rows("", scores)
 
 
-def _robot_rows(name: str, scores: Sequence[RobotScore]) -> list[FigureRow]:
+def _robot_rows(name: str, scores: Sequence[RobotScore]) -> list[BenchmarkRow]:
     wrong = [score for score in scores if score.id]
     rows = [
-        FigureRow.share(f"{name}right place and effect first", [s.first for s in wrong], "min", 0.95),
-        FigureRow.share(f"{name}that and no other", [s.exact for s in wrong], "min", 0.90),
-        FigureRow.share(f"{name}nulls quiet", [s.first for s in scores if not s.id], "min", 0.97),
+        BenchmarkRow.share(f"{name}right place and effect first", [s.first for s in wrong], "min", 0.95),
+        BenchmarkRow.share(f"{name}that and no other", [s.exact for s in wrong], "min", 0.90),
+        BenchmarkRow.share(f"{name}nulls quiet", [s.first for s in scores if not s.id], "min", 0.97),
         interval_row(f"{name}effects", [hit for s in wrong for hit in s.own_intervals]),
         interval_row(f"{name}friction", [hit for s in scores for hit in s.friction_intervals]),
-        FigureRow.share(f"{name}cases without a report", [bool(s.failure) for s in scores], "max", 0.0),
+        BenchmarkRow.share(f"{name}cases without a report", [bool(s.failure) for s in scores], "max", 0.0),
     ]
     return [row for row in rows if row.n]
 
 
-def time_rows(runs: GateRuns) -> list[FigureRow]:
+def time_rows(runs: GateRuns) -> list[BenchmarkRow]:
     """Wall and CPU time of `drake-tc close-loop`, report and free runs included, on two quiet cores."""
     out = []
     for seconds, joints, most in TIMED[: 1 if runs.size == "small" else None]:
@@ -268,6 +268,6 @@ def time_rows(runs: GateRuns) -> list[FigureRow]:
             runs.progress(case.name, 0.0 if joints == 1 else 0.3)
             cost = command_cost(case)
         busy = f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs"
-        out.append(FigureRow(f"{case.name}: wall time", cost.wall, "s", most, "max", note=busy))
-        out.append(FigureRow(f"{case.name}: CPU time", cost.cpu, "s"))
+        out.append(BenchmarkRow(f"{case.name}: wall time", cost.wall, "s", most, "max", note=busy))
+        out.append(BenchmarkRow(f"{case.name}: CPU time", cost.cpu, "s"))
     return out

@@ -29,9 +29,9 @@ from drake_tc.effects.library import effect
 from drake_tc.estimation.robot_loads import robot_logs
 from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.rig import load_rig
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.report.report_json import result_json
 from drake_tc.types import FloatArray
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.flexible_fits import LINEAR, log_rows
 from tests.benchmarks.flexible_fits import PUBLISHED as PUBLISHED_FIT
 from tests.benchmarks.pooled_least_squares import least_squares_residuals
@@ -117,44 +117,46 @@ class SetErrors:
         return float(np.sqrt(self.squares[joint][model] / self.rows[joint]))
 
 
-def real_rows(data: Path, size: str, progress: Callable[[str, float], None]) -> list[FigureRow]:
+def real_rows(data: Path, size: str, progress: Callable[[str, float], None]) -> list[BenchmarkRow]:
     """Ratios of each set, the share of sets with a small one, and the share of cases whose claims hold."""
-    out: list[FigureRow] = []
+    out: list[BenchmarkRow] = []
     ratios: list[float] = []
     claims: list[CaseClaims] = []
     taken = [each for each in SETS if size == "full" or each.small]
     for number, each in enumerate(taken):
         progress(each.name, number / len(taken))
         if not (data / each.name).is_dir():
-            out.append(FigureRow(f"{each.name}: after over the best", np.nan, "-", note=f"skipped: not in {data}", n=0))
+            out.append(
+                BenchmarkRow(f"{each.name}: after over the best", np.nan, "-", note=f"skipped: not in {data}", n=0)
+            )
             continue
         errors, checked = set_errors(data, each, small=size == "small")
         claims += checked
         out += _rows_of(each.name, errors)
         ratios.append(out[-1].value)
     small = [ratio <= GOAL for ratio in ratios]
-    out.append(FigureRow.share(f"sets at {GOAL} or less of the best", small, "min", HALF))
+    out.append(BenchmarkRow.share(f"sets at {GOAL} or less of the best", small, "min", HALF))
     held = [not claim.failures for claim in claims if not claim.refusal]
-    return [*out, FigureRow.share("cases whose claims hold", held, "min", CLAIMS)]
+    return [*out, BenchmarkRow.share("cases whose claims hold", held, "min", CLAIMS)]
 
 
-def _rows_of(name: str, errors: SetErrors) -> list[FigureRow]:
+def _rows_of(name: str, errors: SetErrors) -> list[BenchmarkRow]:
     """Errors of a single joint, and the ratio; the ratio last."""
     failed = "; ".join(errors.failures)
     if not errors.squares:
-        return [FigureRow(f"{name}: after over the best", np.inf, "-", 1.0, "max", note=failed)]
+        return [BenchmarkRow(f"{name}: after over the best", np.inf, "-", 1.0, "max", note=failed)]
     out = []
     if len(errors.squares) == 1:
         (joint,) = errors.squares
         out = [
-            FigureRow(f"{name}: {model}", errors.rms(joint, model), "effort", n=errors.rows[joint])
+            BenchmarkRow(f"{name}: {model}", errors.rms(joint, model), "effort", n=errors.rows[joint])
             for model in errors.squares[joint]
         ]
     best = errors.best()
     ratio = np.inf if failed else errors.ratio("after", best)
     found = ", ".join(dict.fromkeys(errors.found)) or "nothing"
     note = failed or f"best: {best}; named: {found}"
-    return [*out, FigureRow(f"{name}: after over the best", ratio, "-", 1.0, "max", note=note)]
+    return [*out, BenchmarkRow(f"{name}: after over the best", ratio, "-", 1.0, "max", note=note)]
 
 
 def set_errors(data: Path, gate_set: GateSet, *, small: bool) -> tuple[SetErrors, list[CaseClaims]]:

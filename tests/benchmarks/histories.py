@@ -14,8 +14,8 @@ import numpy as np
 
 from drake_tc.joint_simulator.spec import Drive, Joint, RigSpec, Sensors
 from drake_tc.loops.recording import Progress
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.blind.joints import draw_joint, draw_pendulum
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.months import DURATION, RATE, SESSION_SPREAD, record, write_rig
 
 SESSIONS, SPAN_DAYS = 6, 180.0
@@ -138,19 +138,19 @@ def told_histories(seed: int, count: int, folder: Path, pool: Executor, progress
     return out
 
 
-def history_rows(told: list[ToldTrend]) -> list[FigureRow]:
+def history_rows(told: list[ToldTrend]) -> list[BenchmarkRow]:
     """Shares of trends whose interval holds the true rate, and of drifts that are seen or invented."""
     still = [t for t in told if t.slope == 0.0]
     moving = [t for t in told if t.slope != 0.0]
     invented = [each for t in told if t.name == NAMES["gain"] for each in t.invented]
     rows = [
-        FigureRow.share("trends whose interval holds the true rate", [t.holds for t in told], "within", 0.95, 0.03),
-        FigureRow.share("sessions in which an effect is told that is not there", invented, "max", 0.01),
-        FigureRow.share("trends of what does not drift: told to drift", [not t.holds for t in still]),
-        FigureRow.share("trends of what drifts: told to drift", [not t.ci95[0] <= 0.0 <= t.ci95[1] for t in moving]),
+        BenchmarkRow.share("trends whose interval holds the true rate", [t.holds for t in told], "within", 0.95, 0.03),
+        BenchmarkRow.share("sessions in which an effect is told that is not there", invented, "max", 0.01),
+        BenchmarkRow.share("trends of what does not drift: told to drift", [not t.holds for t in still]),
+        BenchmarkRow.share("trends of what drifts: told to drift", [not t.ci95[0] <= 0.0 <= t.ci95[1] for t in moving]),
     ]
     names = dict.fromkeys(t.name for t in told)
     return rows + [
-        FigureRow.share(f"trends of {name}: interval holds", [t.holds for t in told if t.name == name])
+        BenchmarkRow.share(f"trends of {name}: interval holds", [t.holds for t in told if t.name == name])
         for name in names
     ]

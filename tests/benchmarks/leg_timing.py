@@ -20,9 +20,9 @@ from drake_tc.estimation.joint_torque import JointTorqueEstimator
 from drake_tc.estimation.torque_model import TorqueModel
 from drake_tc.loops.torque.running import build_loop
 from drake_tc.registry import diagram_entry
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
+from tests.benchmarks.figures import BenchmarkRow
 
 MODELS = Path(str(files("drake_tc.models"))) / "hrp2_like"
 LEG, HUMANOID = MODELS / "hrp2_like_leg.yaml", MODELS / "hrp2_like.yaml"
@@ -148,7 +148,7 @@ PIECES: dict[str, Callable[[], Measure]] = {
 }
 
 
-def leg_timings(progress: Callable[[str, float], None], chunks: int = CHUNKS) -> list[FigureRow]:
+def leg_timings(progress: Callable[[str, float], None], chunks: int = CHUNKS) -> list[BenchmarkRow]:
     """The rows of `python -m tests.benchmarks leg`.
 
     Args:
@@ -164,4 +164,4 @@ def leg_timings(progress: Callable[[str, float], None], chunks: int = CHUNKS) ->
         progress("measuring in turn", chunk / chunks)
         for name, measure in measures.items():
             times[name].append(measure())
-    return [FigureRow.of_values(name, "us", values, 1e6) for name, values in times.items()]
+    return [BenchmarkRow.of_values(name, "us", values, 1e6) for name, values in times.items()]

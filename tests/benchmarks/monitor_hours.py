@@ -13,9 +13,9 @@ import numpy as np
 
 from drake_tc.actuation.model import ActuatorModel, Drive, EffectValue
 from drake_tc.loops.recording import Progress
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.watch.health import health_of
 from drake_tc.watch.monitor import CAUSES, ModelMonitor
+from tests.benchmarks.figures import BenchmarkRow
 
 DT, CHUNK_S, BEGIN_S, WAIT_S = 1e-3, 5.0, 20.0, 40.0
 SPARSE = 1
@@ -181,7 +181,7 @@ def watched(joints: Joints, monitor: ModelMonitor, change: str, seconds: float, 
     return Watched(right, first, early, pushed, before)
 
 
-def monitor_rows(count: int, hours: float, seed: int, progress: Progress) -> list[FigureRow]:
+def monitor_rows(count: int, hours: float, seed: int, progress: Progress) -> list[BenchmarkRow]:
     """Rows of `python -m tests.benchmarks monitor`."""
     rng = np.random.default_rng([seed, 0])
     joints = Joints.drawn(rng, count)
@@ -192,28 +192,30 @@ def monitor_rows(count: int, hours: float, seed: int, progress: Progress) -> lis
         found = watched(joints, monitor, change, BEGIN_S + WAIT_S, seed)
         which = joints.servo if "backlash" in change else np.ones(count, dtype=bool)
         if change == "collision":
-            rows.append(FigureRow.share("collision: told as a push", found.pushed.tolist(), "min", 0.95))
+            rows.append(BenchmarkRow.share("collision: told as a push", found.pushed.tolist(), "min", 0.95))
             rows.append(
-                FigureRow.share("collision: told as a change", np.isfinite(found.any_cause).tolist(), "max", 0.0)
+                BenchmarkRow.share("collision: told as a change", np.isfinite(found.any_cause).tolist(), "max", 0.0)
             )
             continue
         delay = found.right[which]
-        rows.append(FigureRow.share(f"{change}: right cause within 40 s", np.isfinite(delay).tolist()))
-        rows.append(FigureRow.share(f"{change}: any cause within 40 s", np.isfinite(found.any_cause[which]).tolist()))
+        rows.append(BenchmarkRow.share(f"{change}: right cause within 40 s", np.isfinite(delay).tolist()))
+        rows.append(
+            BenchmarkRow.share(f"{change}: any cause within 40 s", np.isfinite(found.any_cause[which]).tolist())
+        )
         first = found.any_cause[which]
-        rows.append(FigureRow.of_values(f"{change}: motion until noticed", "s", first[np.isfinite(first)]))
-        rows.append(FigureRow.of_values(f"{change}: motion until the right cause", "s", delay[np.isfinite(delay)]))
+        rows.append(BenchmarkRow.of_values(f"{change}: motion until noticed", "s", first[np.isfinite(first)]))
+        rows.append(BenchmarkRow.of_values(f"{change}: motion until the right cause", "s", delay[np.isfinite(delay)]))
         if change == "friction +20 %":
             soon = (found.any_cause <= 2.0).tolist()
-            rows.append(FigureRow.share("friction +20 %: noticed within 2 s of motion", soon, "min", 1.0))
+            rows.append(BenchmarkRow.share("friction +20 %: noticed within 2 s of motion", soon, "min", 1.0))
     progress("hours without a change", 0.5)
     still = watched(joints, monitor, "", 3600.0 * hours / count, seed)
-    rows.append(FigureRow("joint-hours without a change", hours, "h"))
-    rows.append(FigureRow("false alarms in these", float(still.early.sum()), "", 0.0, "max"))
+    rows.append(BenchmarkRow("joint-hours without a change", hours, "h"))
+    rows.append(BenchmarkRow("false alarms in these", float(still.early.sum()), "", 0.0, "max"))
     return rows
 
 
-def _cost(count: int) -> list[FigureRow]:
+def _cost(count: int) -> list[BenchmarkRow]:
     """What a tick costs a joint, of six joints."""
     joints = Joints.drawn(np.random.default_rng(0), 6)
     monitor = ModelMonitor(joints.models(), 0.5, 0.01)
@@ -225,5 +227,5 @@ def _cost(count: int) -> list[FigureRow]:
         needed = monitor.needed(row, warm)
         monitor.tick(row, needed, memory, shown)
         spent.append(time.perf_counter() - begin)
-    found = FigureRow.of_values("a joint's tick, of six", "us", np.array(spent[100:]), 1e6 / 6.0)
-    return [FigureRow(found.name, found.value, "us", 5.0, "max", p99=found.p99, n=found.n)]
+    found = BenchmarkRow.of_values("a joint's tick, of six", "us", np.array(spent[100:]), 1e6 / 6.0)
+    return [BenchmarkRow(found.name, found.value, "us", 5.0, "max", p99=found.p99, n=found.n)]

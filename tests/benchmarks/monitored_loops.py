@@ -26,13 +26,13 @@ from drake_tc.loops.recording import Progress
 from drake_tc.loops.scenarios import FilterSpec, PushSpec
 from drake_tc.loops.torque.scenario import TorqueLoopSpec
 from drake_tc.loops.torque.wiring import add_torque_loop
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.sensing.spec import SensorFault
 from drake_tc.watch.health import ModelHealth, health_of
 from drake_tc.watch.in_loop import add_model_monitor
 from drake_tc.watch.monitor import CAUSES
+from tests.benchmarks.figures import BenchmarkRow
 from tests.robot_files import joint_tag, link_tag, urdf, write_robot
 
 LEG = Path(__file__).parents[2] / "models" / "hrp2_like" / "hrp2_like_leg.yaml"
@@ -283,9 +283,9 @@ def calibrated(machine: Machine, seed: int) -> ModelHealth:
     return health_of(list(machine.models.values()), seen[still:], LOG_S)
 
 
-def loop_rows(hours: float, seed: int, progress: Progress) -> list[FigureRow]:
+def loop_rows(hours: float, seed: int, progress: Progress) -> list[BenchmarkRow]:
     """Rows of both robots: delays of each change in three of the joints, and joint-hours without a change."""
-    rows: list[FigureRow] = []
+    rows: list[BenchmarkRow] = []
     with tempfile.TemporaryDirectory() as folder:
         machines = (leg(np.random.default_rng([seed, 1])), arm(np.random.default_rng([seed, 2]), Path(folder)))
         for machine in machines:
@@ -297,14 +297,14 @@ def loop_rows(hours: float, seed: int, progress: Progress) -> list[FigureRow]:
             progress(f"{machine.name}: hours without a change", 1.0)
             joints = len(machine.robot.joints)
             still = run(machine, 3600.0 * hours / joints, seed + 1, health)
-            rows.append(FigureRow(f"{machine.name}: joint-hours without a change", hours, "h"))
-            rows.append(FigureRow(f"{machine.name}: false alarms in these", float(still.alarms()), "", 0.0, "max"))
+            rows.append(BenchmarkRow(f"{machine.name}: joint-hours without a change", hours, "h"))
+            rows.append(BenchmarkRow(f"{machine.name}: false alarms in these", float(still.alarms()), "", 0.0, "max"))
     return rows
 
 
 def change_rows(
     machine: Machine, name: str, change: Change, health: ModelHealth, seed: Sequence[int]
-) -> list[FigureRow]:
+) -> list[BenchmarkRow]:
     """What is told of one change, in some of the joints."""
     rng = np.random.default_rng([*seed, 3])
     joints = rng.permutation(len(machine.robot.joints))[:JOINTS]
@@ -316,17 +316,17 @@ def change_rows(
     if not change.right or (change.load and machine.senses_load):
         pushed = [bool((w.signals["cause"] < 0.0).any()) for w in told]
         alarms = [w.alarms() > 0 for w in told]
-        rows = [FigureRow.share(f"{title}: told as a push", pushed)] if change.push else []
-        return [*rows, FigureRow.share(f"{title}: told as a change", alarms, "max", 0.0)]
+        rows = [BenchmarkRow.share(f"{title}: told as a push", pushed)] if change.push else []
+        return [*rows, BenchmarkRow.share(f"{title}: told as a change", alarms, "max", 0.0)]
     everyone = change.load or change.late  # what all joints see
     looked = [range(len(machine.robot.joints)) if everyone else [int(j)] for j in joints]
     right = np.array([min(w.until(j, change.right) for j in at) for w, at in zip(told, looked, strict=True)])
     first = np.array([min(w.until(j, CAUSES) for j in at) for w, at in zip(told, looked, strict=True)])
     rows = [
-        FigureRow.share(f"{title}: right cause within 20 s", np.isfinite(right).tolist()),
-        FigureRow.of_values(f"{title}: motion until noticed", "s", first[np.isfinite(first)]),
-        FigureRow.of_values(f"{title}: motion until the right cause", "s", right[np.isfinite(right)]),
+        BenchmarkRow.share(f"{title}: right cause within 20 s", np.isfinite(right).tolist()),
+        BenchmarkRow.of_values(f"{title}: motion until noticed", "s", first[np.isfinite(first)]),
+        BenchmarkRow.of_values(f"{title}: motion until the right cause", "s", right[np.isfinite(right)]),
     ]
     if name == "friction +20 %":
-        rows.append(FigureRow.share(f"{title}: noticed within 2 s of motion", (first <= SOON).tolist(), "min", 1.0))
+        rows.append(BenchmarkRow.share(f"{title}: noticed within 2 s of motion", (first <= SOON).tolist(), "min", 1.0))
     return rows

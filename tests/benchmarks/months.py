@@ -18,8 +18,8 @@ from drake_tc.joint_simulator.measurement import clean_log, measured, sample_cle
 from drake_tc.joint_simulator.physics import simulate
 from drake_tc.joint_simulator.reference import run_generator
 from drake_tc.joint_simulator.spec import Drive, Joint, RigSpec, Sensors
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.blind.joints import draw_joint, draw_pendulum
+from tests.benchmarks.figures import BenchmarkRow
 
 CHANGES = (
     "none", "worn", "backlash", "warm", "none", "payload", "regreased", "encoder_offset", "weaker", "worn",
@@ -263,20 +263,20 @@ def months(seed: int, count: int, folder: Path, pool: Executor, progress: Callab
     return out
 
 
-def month_rows(told: Sequence[Told]) -> list[FigureRow]:
+def month_rows(told: Sequence[Told]) -> list[BenchmarkRow]:
     """Shares of right answers, false alarms and intervals that hold."""
     still = [t for t in told if t.change in ("none", "warm")]
     moved = [t for t in told if t not in still]
     large = [t for t in moved if t.large]
     held = [low <= true <= high for t in told for true, low, high in t.held.values()]
     rows = [
-        FigureRow.share("cause right, of changes of an interval's width", [t.right for t in large], "min", 0.95),
-        FigureRow.share("cause right, of all changes", [t.right for t in moved]),
-        FigureRow.share("cause among those named, of all changes", [set(t.causes) <= set(t.named) for t in moved]),
-        FigureRow.share("change noticed, of all changes", [t.verdict in CHANGED for t in moved]),
-        FigureRow.share("false alarms, of sessions without a change", [t.false_alarm for t in still], "max", 0.01),
-        FigureRow.share("intervals of changes that hold", held, "within", 0.95, 0.03),
+        BenchmarkRow.share("cause right, of changes of an interval's width", [t.right for t in large], "min", 0.95),
+        BenchmarkRow.share("cause right, of all changes", [t.right for t in moved]),
+        BenchmarkRow.share("cause among those named, of all changes", [set(t.causes) <= set(t.named) for t in moved]),
+        BenchmarkRow.share("change noticed, of all changes", [t.verdict in CHANGED for t in moved]),
+        BenchmarkRow.share("false alarms, of sessions without a change", [t.false_alarm for t in still], "max", 0.01),
+        BenchmarkRow.share("intervals of changes that hold", held, "within", 0.95, 0.03),
     ]
     return rows + [
-        FigureRow.share(f"right: {c}", [t.right for t in told if t.change == c]) for c in dict.fromkeys(CHANGES)
+        BenchmarkRow.share(f"right: {c}", [t.right for t in told if t.change == c]) for c in dict.fromkeys(CHANGES)
     ]

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from drake_tc.registry import tsid_entry
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import moved
@@ -16,6 +15,7 @@ from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticPro
 from drake_tc.tsid.tasks.joints_and_forces import ForceTask
 from drake_tc.tsid.tasks.motion import ComTask
 from drake_tc.types import FloatArray
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.qp_solvers import solver
 from tests.tsid.program_matrices import reduced_qp
 
@@ -114,7 +114,7 @@ def humanoid_controller() -> Path:
     return scenario.path(scenario.controller)
 
 
-def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400) -> list[FigureRow]:
+def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400) -> list[BenchmarkRow]:
     """Times from nothing (cold) and from the last tick's answer (warm), what was not solved, the worst residual.
 
     Args:
@@ -138,8 +138,8 @@ def qp_rows(law: Law, names: Sequence[str], progress: Progress, ticks: int = 400
             for way in ("cold", "warm"):
                 seconds, unsolved, worst = timed(chosen, some, warm=way == "warm")
                 label = f"{name}, {motion.name}, {way}"
-                rows.append(FigureRow.of_values(label, "us", seconds, 1e6))
-                rows.append(FigureRow(f"{label}: not solved", unsolved, "-", n=len(some)))
-                rows.append(FigureRow(f"{label}: worst residual", worst, "-", n=len(some) - unsolved))
+                rows.append(BenchmarkRow.of_values(label, "us", seconds, 1e6))
+                rows.append(BenchmarkRow(f"{label}: not solved", unsolved, "-", n=len(some)))
+                rows.append(BenchmarkRow(f"{label}: worst residual", worst, "-", n=len(some) - unsolved))
             done += 1
     return rows

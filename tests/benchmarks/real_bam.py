@@ -29,7 +29,7 @@ from drake_tc.errors import IdentificationError
 from drake_tc.logs.files.bam_runs import JOINT
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.rig import load_rig
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.real_log_cases import RealLogCase, RealLogSet, case_files, import_set
 from tests.benchmarks.real_logs import chosen_sets
 
@@ -118,7 +118,7 @@ def real_bam_rows(
     executor: Executor | None = None,
     trajectories: Sequence[str] = TRAJECTORIES,
     sets: Sequence[str] = (XL330, STS3250),
-) -> list[FigureRow]:
+) -> list[BenchmarkRow]:
     """The tables: each trajectory held out in turn. A case that `close-loop` refuses is a row with the reason.
 
     Args:
@@ -133,7 +133,7 @@ def real_bam_rows(
         LogError: a data set is not there.
     """
     found: list[HeldOutRun] = []
-    refused: list[FigureRow] = []
+    refused: list[BenchmarkRow] = []
     for chosen in chosen_sets(sets):
         with TemporaryDirectory() as place:
             logs = import_set(chosen, data, Path(place))
@@ -143,11 +143,11 @@ def real_bam_rows(
                 try:
                     found += held_out_runs(chosen, case, logs, Path(place), free_run, executor)
                 except IdentificationError as error:
-                    refused.append(FigureRow(f"{chosen.name}/{case.name}/refused", math.nan, note=str(error)))
+                    refused.append(BenchmarkRow(f"{chosen.name}/{case.name}/refused", math.nan, note=str(error)))
     return [*_means(found), *_single(found), *refused]
 
 
-def _means(found: Sequence[HeldOutRun]) -> Iterator[FigureRow]:
+def _means(found: Sequence[HeldOutRun]) -> Iterator[BenchmarkRow]:
     """One row a motor, gain and model: the refined model has to reach the target."""
     for folder in dict.fromkeys(run.folder for run in found):
         mine = [run for run in found if run.folder == folder]
@@ -157,10 +157,10 @@ def _means(found: Sequence[HeldOutRun]) -> Iterator[FigureRow]:
         for name in MODELS:
             mean = float(np.mean([run.errors[name] for run in mine]))
             goal = expected if name == "refined" else None
-            yield FigureRow(f"{folder}/{name}", mean, "rad", goal, "max", note=note)
+            yield BenchmarkRow(f"{folder}/{name}", mean, "rad", goal, "max", note=note)
 
 
-def _single(found: Sequence[HeldOutRun]) -> Iterator[FigureRow]:
+def _single(found: Sequence[HeldOutRun]) -> Iterator[BenchmarkRow]:
     for run in found:
         for name in MODELS:
-            yield FigureRow(f"{run.folder}/{name}/{run.trajectory}", run.errors[name], "rad", note=run.status)
+            yield BenchmarkRow(f"{run.folder}/{name}/{run.trajectory}", run.errors[name], "rad", note=run.status)

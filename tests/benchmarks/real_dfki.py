@@ -28,7 +28,7 @@ from drake_tc.logs.channels import at_common_period
 from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.importers.dfki import TORQUE_PER_AMPERE, convert
 from tests.benchmarks.real_log_cases import import_set
 from tests.benchmarks.real_log_claims import CaseClaims, RunFigures
@@ -111,14 +111,18 @@ def claims(data: Path, names: tuple[str, ...] = CASES) -> dict[str, CaseClaims]:
     return out
 
 
-def rows(data: Path) -> list[FigureRow]:
+def rows(data: Path) -> list[BenchmarkRow]:
     """The table: error [N m of reported torque] on each held-out run, over all frequencies and inside the band."""
     fits = [row for name, each in run_fits(data).items() for row in _fit_rows(name, each)]
     for name, (plain, best) in one_effect_more(data).items():
         fits.append(
-            FigureRow(f"{name}/with_ripple", plain[0], "N*m", note=f"fitted to the others through {WIDTH:g} s, twice")
+            BenchmarkRow(
+                f"{name}/with_ripple", plain[0], "N*m", note=f"fitted to the others through {WIDTH:g} s, twice"
+            )
         )
-        fits.append(FigureRow(f"{name}/one_effect_more", best[0], "N*m", note=f"chosen in view of this run: {best[1]}"))
+        fits.append(
+            BenchmarkRow(f"{name}/one_effect_more", best[0], "N*m", note=f"chosen in view of this run: {best[1]}")
+        )
     return [row for name, case in claims(data).items() for row in _case_rows(name, case)] + fits
 
 
@@ -167,13 +171,13 @@ def one_effect_more(data: Path) -> dict[str, list[tuple[float, str]]]:
     return out
 
 
-def _fit_rows(name: str, fits: RunFit) -> Iterator[FigureRow]:
+def _fit_rows(name: str, fits: RunFit) -> Iterator[BenchmarkRow]:
     note = f"declared model through {WIDTH:g} s, twice"
-    yield FigureRow(f"{name}/own_fit", fits.own, "N*m", note=note)
-    yield FigureRow(f"{name}/fit_of_others", fits.others, "N*m", note=note)
-    yield FigureRow(f"{name}/own_floor", fits.floor, "N*m", note="what the sensors' noise alone leaves")
-    yield FigureRow(f"{name}/own_share", fits.own_share, "-", note="torque at the joint over reported torque")
-    yield FigureRow(f"{name}/others_share", fits.others_share, "-", note="the same of the other runs")
+    yield BenchmarkRow(f"{name}/own_fit", fits.own, "N*m", note=note)
+    yield BenchmarkRow(f"{name}/fit_of_others", fits.others, "N*m", note=note)
+    yield BenchmarkRow(f"{name}/own_floor", fits.floor, "N*m", note="what the sensors' noise alone leaves")
+    yield BenchmarkRow(f"{name}/own_share", fits.own_share, "-", note="torque at the joint over reported torque")
+    yield BenchmarkRow(f"{name}/others_share", fits.others_share, "-", note="the same of the other runs")
 
 
 def short_name(run: str) -> str:
@@ -181,19 +185,19 @@ def short_name(run: str) -> str:
     return run.removeprefix("control_method_").split("__")[0]
 
 
-def _case_rows(name: str, case: CaseClaims) -> Iterator[FigureRow]:
+def _case_rows(name: str, case: CaseClaims) -> Iterator[BenchmarkRow]:
     (joint,) = case.joints
     found = ", ".join(str(effect["id"]) for effect in joint.effects) or "nothing"
     for run in joint.heldout:
         begin = f"{name}/{short_name(run.name)}"
-        yield FigureRow(f"{begin}/before", run.before * TORQUE_PER_AMPERE, "N*m")
-        yield FigureRow(f"{begin}/whole", run.after * TORQUE_PER_AMPERE, "N*m", note=f"found: {found}")
+        yield BenchmarkRow(f"{begin}/before", run.before * TORQUE_PER_AMPERE, "N*m")
+        yield BenchmarkRow(f"{begin}/whole", run.after * TORQUE_PER_AMPERE, "N*m", note=f"found: {found}")
         yield _band_row(begin, run)
-        yield FigureRow(f"{begin}/floor", joint.floor * TORQUE_PER_AMPERE, "N*m", note="of the whole band")
-        yield FigureRow(f"{begin}/band", run.band_hz, "Hz", note="chosen by the training runs; 0: there is none")
+        yield BenchmarkRow(f"{begin}/floor", joint.floor * TORQUE_PER_AMPERE, "N*m", note="of the whole band")
+        yield BenchmarkRow(f"{begin}/band", run.band_hz, "Hz", note="chosen by the training runs; 0: there is none")
 
 
-def _band_row(begin: str, run: RunFigures) -> FigureRow:
+def _band_row(begin: str, run: RunFigures) -> BenchmarkRow:
     """The error inside the band; without a band the whole error counts."""
     error = run.after if np.isnan(run.in_band) else run.in_band
-    return FigureRow(f"{begin}/in_band", error * TORQUE_PER_AMPERE, "N*m", GOAL, "max")
+    return BenchmarkRow(f"{begin}/in_band", error * TORQUE_PER_AMPERE, "N*m", GOAL, "max")

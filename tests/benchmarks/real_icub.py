@@ -18,7 +18,7 @@ import yaml
 from drake_tc.errors import LogError
 from drake_tc.estimation.base.evaluate import BaseResult, evaluate_log
 from drake_tc.estimation.base.rig import load_base_rig
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 
 DATA_SET = "icub-walking-base"
 SHORT, LONG = "walk_short", "walk_front_and_back"
@@ -94,9 +94,9 @@ def evaluate(data: Path, run: str, progress: Progress, *, ground: str = "level")
         return evaluate_log(load_base_rig(place / "rig.yaml"), log, progress)
 
 
-def rows(data: Path, progress: Progress = lambda text, share: None) -> list[FigureRow]:
+def rows(data: Path, progress: Progress = lambda text, share: None) -> list[BenchmarkRow]:
     """The table: the long log against the published odometry; the short log, ours and the baseline only told."""
-    out: list[FigureRow] = []
+    out: list[BenchmarkRow] = []
     for run, ground in ((LONG, "level"), (SHORT, "level"), (LONG, "unknown")):
         result = evaluate(data, run, progress, ground=ground)
         if result.errors is None:
@@ -112,7 +112,7 @@ def rows(data: Path, progress: Progress = lambda text, share: None) -> list[Figu
                 unit = "m" if what in "xyz" else "deg"
                 target = SHARE * PUBLISHED[what] if expected and which == "estimate" and what in PUBLISHED else None
                 note = f"published odometry {PUBLISHED[what]:g}" if target is not None else _NOTES.get(which, "")
-                out.append(FigureRow(f"{run}/{prefix}{what}", value, unit, target, "max", note=note))
+                out.append(BenchmarkRow(f"{run}/{prefix}{what}", value, unit, target, "max", note=note))
     return out
 
 

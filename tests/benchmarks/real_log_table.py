@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from drake_tc.cli.terminal import print_wide
-from drake_tc.report.figure_row import rows_json
+from tests.benchmarks.figures import rows_json
 
 if TYPE_CHECKING:
     from tests.benchmarks.real_log_claims import CaseClaims, JointClaims, RunFigures

@@ -9,8 +9,8 @@ from typing import Any
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, IdentificationError, ParamsError
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.report.report_json import result_json
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.real_log_cases import (
     CaseFiles,
     RealLogCase,
@@ -148,17 +148,19 @@ def real_log_claims(
     return out
 
 
-def rows_of(sets: Sequence[SetClaims]) -> list[FigureRow]:
+def rows_of(sets: Sequence[SetClaims]) -> list[BenchmarkRow]:
     """The figures of the benchmark: how many claims do not hold, and the error over the floor on every run."""
     rows = []
     for case in (case for entry in sets for case in entry.cases if case.verdict != "refused"):
         false, against = len(case.failures), len(case.disagreements)
-        rows.append(FigureRow(f"{case.name}/claims_not_held", false, "-", 0.0, "max", note="; ".join(case.failures)))
+        rows.append(BenchmarkRow(f"{case.name}/claims_not_held", false, "-", 0.0, "max", note="; ".join(case.failures)))
         rows.append(
-            FigureRow(f"{case.name}/verdict_contradicted", against, "-", 0.0, "max", note="; ".join(case.disagreements))
+            BenchmarkRow(
+                f"{case.name}/verdict_contradicted", against, "-", 0.0, "max", note="; ".join(case.disagreements)
+            )
         )
         for joint in case.joints:
             for run in (joint.train, *joint.heldout):
                 name = f"{case.name}/{joint.joint}/{run.name}/floors"
-                rows.append(FigureRow(name, run.ratio, "-", note=f"{case.verdict}; green up to {FLOORS:g}"))
+                rows.append(BenchmarkRow(name, run.ratio, "-", note=f"{case.verdict}; green up to {FLOORS:g}"))
     return rows

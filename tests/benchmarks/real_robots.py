@@ -28,8 +28,8 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import ParamsError
 from drake_tc.logs.prepare import in_order, load_runs
 from drake_tc.logs.rig import Rig, load_rig
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray, IntArray
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.pooled_least_squares import PlainResiduals, least_squares_residuals
 from tests.benchmarks.real_log_cases import CaseFiles, case_files, import_set
 from tests.benchmarks.real_logs import chosen_sets
@@ -153,7 +153,7 @@ def rows(
     names: Sequence[str] = (),
     progress: Progress = lambda text, share: None,
     cases: Sequence[RobotCase] = CASES,
-) -> list[FigureRow]:
+) -> list[BenchmarkRow]:
     """The table of these data sets; of all where none is named.
 
     Raises:
@@ -180,7 +180,7 @@ def rows(
     return out
 
 
-def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
+def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[BenchmarkRow]:
     """Nine figures a joint, and four of all joints together."""
     begin, kind = f"{case.data_set}/{case.case}", "scaled" if case.scaled else "pooled"
     published: Mapping[str, float] = dict(zip((j.joint for j in joints), case.published, strict=False))
@@ -191,38 +191,40 @@ def table_rows(case: RobotCase, joints: Sequence[HeldOut]) -> list[FigureRow]:
             told = f"; README, {kind}, in its own filter: {published[each.joint]:.3g}"
         name = f"{begin}/{each.joint}"
         out += [
-            FigureRow(f"{name}/pooled", rms(each.pooled), "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
-            FigureRow(f"{name}/scaled", rms(each.scaled), "N*m"),
-            FigureRow(f"{name}/before", rms(each.before), "N*m"),
-            FigureRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
-            FigureRow(f"{name}/each_run_own", rms(each.own), "N*m", note=IN_VIEW),
-            FigureRow(f"{name}/in_view", rms(each.in_view), "N*m", note=IN_VIEW),
+            BenchmarkRow(f"{name}/pooled", rms(each.pooled), "N*m", note=f"effort of {each.effort:.3g} N*m{told}"),
+            BenchmarkRow(f"{name}/scaled", rms(each.scaled), "N*m"),
+            BenchmarkRow(f"{name}/before", rms(each.before), "N*m"),
+            BenchmarkRow(f"{name}/after", after, "N*m", note=f"found: {', '.join(each.found) or 'nothing'}"),
+            BenchmarkRow(f"{name}/each_run_own", rms(each.own), "N*m", note=IN_VIEW),
+            BenchmarkRow(f"{name}/in_view", rms(each.in_view), "N*m", note=IN_VIEW),
             *(_ratio_row(name, each, side, goal=side == kind) for side in KINDS),
-            FigureRow(f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"),
+            BenchmarkRow(
+                f"{name}/over_before", after / rms(each.before), "-", note=f"noise floor: {_floor_share(each)}"
+            ),
         ]
     together = [_together(begin, joints, side, goal=side == kind) for side in KINDS]
     return [*out, *together, _mean(begin, joints, kind), _in_view(begin, joints, kind)]
 
 
-def _ratio_row(name: str, each: HeldOut, side: str, *, goal: bool) -> FigureRow:
+def _ratio_row(name: str, each: HeldOut, side: str, *, goal: bool) -> BenchmarkRow:
     """Error of the model after over that of one kind of least squares."""
     plain: FloatArray = getattr(each, side)
     low, high = ratio_interval(each.after, plain, each.block)
     note = f"over {side} least squares; 95 % of resamples {low:.3f} to {high:.3f}"
     ratio = rms(each.after) / rms(plain)
-    return FigureRow(f"{name}/ratio_{side}", ratio, "-", 1.0 if goal else None, "max", note=note)
+    return BenchmarkRow(f"{name}/ratio_{side}", ratio, "-", 1.0 if goal else None, "max", note=note)
 
 
-def _together(begin: str, joints: Sequence[HeldOut], side: str, *, goal: bool) -> FigureRow:
+def _together(begin: str, joints: Sequence[HeldOut], side: str, *, goal: bool) -> BenchmarkRow:
     """The same of the torque of all joints' rows."""
     note = f"over {side} least squares, of the torque of all rows"
     ratio = _of_all_rows(joints, "after", side)
-    return FigureRow(f"{begin}/all_joints/ratio_{side}", ratio, "-", GOAL if goal else None, "max", note=note)
+    return BenchmarkRow(f"{begin}/all_joints/ratio_{side}", ratio, "-", GOAL if goal else None, "max", note=note)
 
 
-def _in_view(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:
+def _in_view(begin: str, joints: Sequence[HeldOut], side: str) -> BenchmarkRow:
     note = f"of pooled least squares {IN_VIEW}, over {side} least squares"
-    return FigureRow(f"{begin}/all_joints/in_view", _of_all_rows(joints, "in_view", side), "-", note=note)
+    return BenchmarkRow(f"{begin}/all_joints/in_view", _of_all_rows(joints, "in_view", side), "-", note=note)
 
 
 def _of_all_rows(joints: Sequence[HeldOut], name: str, over: str) -> float:
@@ -231,10 +233,10 @@ def _of_all_rows(joints: Sequence[HeldOut], name: str, over: str) -> float:
     return float(np.sqrt(squares[0] / squares[1]))
 
 
-def _mean(begin: str, joints: Sequence[HeldOut], side: str) -> FigureRow:
+def _mean(begin: str, joints: Sequence[HeldOut], side: str) -> BenchmarkRow:
     ratios = [rms(each.after) / rms(getattr(each, side)) for each in joints]
     note = f"geometric mean of the joints' ratios to {side} least squares"
-    return FigureRow(f"{begin}/all_joints/mean_ratio", float(np.exp(np.mean(np.log(ratios)))), "-", note=note)
+    return BenchmarkRow(f"{begin}/all_joints/mean_ratio", float(np.exp(np.mean(np.log(ratios)))), "-", note=note)
 
 
 def ratio_interval(after: FloatArray, plain: FloatArray, block: IntArray, seed: int = 0) -> tuple[float, float]:
@@ -251,11 +253,11 @@ def _floor_share(each: HeldOut) -> str:
     return f"{each.floor / rms(each.before):.2f} of the model before"
 
 
-def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[FigureRow]:
+def payload_rows(case: RobotCase, result: CloseLoopResult) -> list[BenchmarkRow]:
     """The mass of the known load, where the case has one."""
     if not case.payload or result.links is None:
         return []
     mass = result.links.payloads[case.payload]["m"]
     note = f"95 % interval {mass.ci95[0]:.3g} to {mass.ci95[1]:.3g} kg"
     within = PAYLOAD_TOLERANCE * PAYLOAD
-    return [FigureRow(f"{case.data_set}/{case.case}/payload", mass.value, "kg", PAYLOAD, "within", within, note)]
+    return [BenchmarkRow(f"{case.data_set}/{case.case}/payload", mass.value, "kg", PAYLOAD, "within", within, note)]

@@ -14,8 +14,8 @@ from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.loops.recording import Progress
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.watch.compare import JointComparison, compare
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.real_log_cases import RealLogSet, case_files, import_set, load_sets
 
 PAIRS = (
@@ -27,13 +27,13 @@ PAIRS = (
 """Set, the case of the model, and the case of the new logs, whose runs `REAL_LOGS.md` describes."""
 
 
-def session_rows(data: Path, progress: Progress) -> list[FigureRow]:
+def session_rows(data: Path, progress: Progress) -> list[BenchmarkRow]:
     """Rows of `python -m tests.benchmarks real-sessions`.
 
     Raises:
         LogError: none of the sets is in `data`.
     """
-    rows: list[FigureRow] = []
+    rows: list[BenchmarkRow] = []
     for name in dict.fromkeys(pair[0] for pair in PAIRS):
         chosen = load_sets()[name]
         with TemporaryDirectory() as folder:
@@ -49,7 +49,7 @@ def session_rows(data: Path, progress: Progress) -> list[FigureRow]:
     return rows
 
 
-def _pair_rows(chosen: RealLogSet, then: str, now: str, logs: Path, scratch: Path) -> list[FigureRow]:
+def _pair_rows(chosen: RealLogSet, then: str, now: str, logs: Path, scratch: Path) -> list[BenchmarkRow]:
     """What is told of one pair of sessions."""
     cases = {case.name: case for case in chosen.cases}
     before, after = (case_files(chosen, cases[name], logs, scratch) for name in (then, now))
@@ -60,22 +60,24 @@ def _pair_rows(chosen: RealLogSet, then: str, now: str, logs: Path, scratch: Pat
         models_of(close_loop(before.rig, before.log, before.holdout, quick), out)
         found = compare(out / "model_after.yaml", after.log, after.rig, after.holdout, quick)
     except DrakeTcError as error:
-        return [FigureRow(f"{title}: refused", 1.0, note=str(error))]
-    rows: list[FigureRow] = []
+        return [BenchmarkRow(f"{title}: refused", 1.0, note=str(error))]
+    rows: list[BenchmarkRow] = []
     for joint in found.joints.values():
         rows += _joint_rows(title, joint)
     return rows
 
 
-def _joint_rows(title: str, joint: JointComparison) -> list[FigureRow]:
+def _joint_rows(title: str, joint: JointComparison) -> list[BenchmarkRow]:
     changed = ", ".join(f"{p.key}.{p.name}" for p in joint.parameters if p.changed)
     moved = ", ".join(f"{e.key} {e.status}" for e in joint.effects if e.status != "present")
     note = "; ".join(text for text in (joint.verdict, joint.why, changed, moved) if text)
-    rows = [FigureRow(f"{title}: parameters that changed", float(sum(p.changed for p in joint.parameters)), note=note)]
+    rows = [
+        BenchmarkRow(f"{title}: parameters that changed", float(sum(p.changed for p in joint.parameters)), note=note)
+    ]
     for p in joint.parameters:
         if p.key in ("drive", "viscous", "coulomb") and math.isfinite(p.share):
-            rows.append(FigureRow(f"{title}: change of {p.key}", 100.0 * p.share, "%"))
+            rows.append(BenchmarkRow(f"{title}: change of {p.key}", 100.0 * p.share, "%"))
     if not any(math.isnan(each) for each in joint.temperature):
-        rows.append(FigureRow(f"{title}: warmer by", joint.temperature[1] - joint.temperature[0], "K"))
-    rows += [FigureRow(f"{title}: floors under the stored numbers", joint.floors_then)]
-    return [*rows, FigureRow(f"{title}: floors under the new ones", joint.floors_now)]
+        rows.append(BenchmarkRow(f"{title}: warmer by", joint.temperature[1] - joint.temperature[0], "K"))
+    rows += [BenchmarkRow(f"{title}: floors under the stored numbers", joint.floors_then)]
+    return [*rows, BenchmarkRow(f"{title}: floors under the new ones", joint.floors_now)]

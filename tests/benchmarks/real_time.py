@@ -13,7 +13,7 @@ from drake_tc.hardware.lcm_link import LcmLink
 from drake_tc.hardware.link import real_time_priority
 from drake_tc.hardware.loop import RealTimeLoop, RealTimeSpec, RunReport
 from drake_tc.hardware.stepper import ControllerStepper
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 
 PRIORITY = 40
 URL = "udpm://239.255.76.68:7668?ttl=0"
@@ -49,7 +49,7 @@ def measured(seconds: float, priority: int) -> RunReport:
         robot.wait(30.0)
 
 
-def real_time_rows(seconds: float, rounds: int, report: Callable[[str, float], None]) -> list[FigureRow]:
+def real_time_rows(seconds: float, rounds: int, report: Callable[[str, float], None]) -> list[BenchmarkRow]:
     """Figures of the best round.
 
     Args:
@@ -65,9 +65,9 @@ def real_time_rows(seconds: float, rounds: int, report: Callable[[str, float], N
     note = f"best of {rounds} rounds of {seconds:g} s, " + (f"SCHED_FIFO {priority}" if priority else "no priority")
     counts, n = best.counts, best.counts.ticks
     flags = ", ".join(f"{name} {number}" for name, number in best.flags.items())
-    rows = [FigureRow("deadlines missed", best.miss_share, "share", n=n, note=note)]
+    rows = [BenchmarkRow("deadlines missed", best.miss_share, "share", n=n, note=note)]
     rows += [
-        FigureRow(name, float(value), n=n, note=flags if "held" in name else "")
+        BenchmarkRow(name, float(value), n=n, note=flags if "held" in name else "")
         for name, value in (
             ("ticks skipped", counts.skipped),
             ("readings late", counts.late),
@@ -79,7 +79,7 @@ def real_time_rows(seconds: float, rounds: int, report: Callable[[str, float], N
     titles = {"wake": "tick began late by", "work": "tick took"}
     shares = best.percentiles()
     return rows + [
-        FigureRow(f"{titles[name]}: {share.replace('_', '.')}", 1e6 * value, "us", n=n)
+        BenchmarkRow(f"{titles[name]}: {share.replace('_', '.')}", 1e6 * value, "us", n=n)
         for name, found in shares.items()
         for share, value in found.items()
     ]

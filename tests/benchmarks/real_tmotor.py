@@ -15,7 +15,7 @@ import numpy as np
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.run import close_loop
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.flexible_fits import (
     PUBLISHED,
     LogRows,
@@ -89,39 +89,41 @@ def held_out(data: Path, names: tuple[str, ...] = tuple(CASES)) -> dict[str, Hel
     return out
 
 
-def rows(data: Path) -> list[FigureRow]:
+def rows(data: Path) -> list[BenchmarkRow]:
     """The table: held-out torque error [N m], expected 25 % below the published model fitted on the same logs."""
     results = held_out(data)
     logs = {name: each.rows for name, each in results.items()}
-    out: list[FigureRow] = []
+    out: list[BenchmarkRow] = []
     for name, each in results.items():
         errors = evaluated_errors([log for other, log in logs.items() if other != name], logs[name])
         published = errors[PUBLISHED]
         found = ", ".join(effect.key for effect in each.result.effects) or "nothing"
         note = f"{each.rows.torque.size} rows; {found}"
         out += [
-            FigureRow(f"{name}/published_model", published, "N*m", note="fitted on the other logs, same filter"),
-            FigureRow(f"{name}/declared_model", each.before, "N*m"),
-            FigureRow(f"{name}/found_model", each.after, "N*m", (1 - LOWER_BY) * published, "max", note=note),
-            FigureRow(f"{name}/found_model_zeroed", each.varying, "N*m", note="about the mean error of this log"),
+            BenchmarkRow(f"{name}/published_model", published, "N*m", note="fitted on the other logs, same filter"),
+            BenchmarkRow(f"{name}/declared_model", each.before, "N*m"),
+            BenchmarkRow(f"{name}/found_model", each.after, "N*m", (1 - LOWER_BY) * published, "max", note=note),
+            BenchmarkRow(f"{name}/found_model_zeroed", each.varying, "N*m", note="about the mean error of this log"),
             *_limits(name, errors, logs),
         ]
     return out
 
 
-def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows]) -> Iterator[FigureRow]:
+def _limits(name: str, errors: Mapping[str, float], logs: Mapping[str, LogRows]) -> Iterator[BenchmarkRow]:
     """What the other logs, and equal motions, can tell of this one."""
     best, error = smallest(errors)
-    yield FigureRow(f"{name}/best_fit", error, "N*m", note=f"chosen in view of the held-out log: {best}")
-    yield FigureRow(f"{name}/best_fit_ratio", error / errors[PUBLISHED], "-", note="over the published model's error")
+    yield BenchmarkRow(f"{name}/best_fit", error, "N*m", note=f"chosen in view of the held-out log: {best}")
+    yield BenchmarkRow(
+        f"{name}/best_fit_ratio", error / errors[PUBLISHED], "-", note="over the published model's error"
+    )
     others = {other: log for other, log in logs.items() if other != name}
     for what, pool in (("within", ()), ("between", tuple(others.values()))):
         value, pairs = repeatability(logs[name], pool)
         if pairs >= LEAST_PAIRS:
-            yield FigureRow(f"{name}/repeats_{what}", value, "N*m", note=f"{pairs} pairs of rows with equal signals")
-    yield FigureRow(f"{name}/offset", offset_of(logs[name]), "N*m", note="constant torque fitted to this log alone")
+            yield BenchmarkRow(f"{name}/repeats_{what}", value, "N*m", note=f"{pairs} pairs of rows with equal signals")
+    yield BenchmarkRow(f"{name}/offset", offset_of(logs[name]), "N*m", note="constant torque fitted to this log alone")
     for evaluated, log in others.items():
         trained = evaluated_errors([each for other, each in others.items() if other != evaluated], log)
         best, error = smallest(trained)
         note = f"one log predicts the other: {best}"
-        yield FigureRow(f"{name}/training/{evaluated}", error / trained[PUBLISHED], "-", note=note)
+        yield BenchmarkRow(f"{name}/training/{evaluated}", error / trained[PUBLISHED], "-", note=note)

@@ -9,8 +9,8 @@ import numpy as np
 
 from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.record import Run
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.backlash_bench import BacklashReport, Interval, analyse_backlash
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.importers.uart_backlash import convert
 
 DATA_SET = "uart-servo-backlash"
@@ -68,7 +68,7 @@ def _told(interval: Interval) -> str:
     return f"95 % interval {low:.2f} to {high:.2f}, {interval.counts} pulls"
 
 
-def rows(data: Path) -> list[FigureRow]:
+def rows(data: Path) -> list[BenchmarkRow]:
     """The table: spans against the published ones, then what they are made of; angles in degrees.
 
     A published span has to be met within 10 %, or within half a step of the encoder (0.044 deg) where that is more.
@@ -85,23 +85,23 @@ def rows(data: Path) -> list[FigureRow]:
             ):
                 tolerance = max(WITHIN * expected, 0.5 * ENCODER_STEP)
                 value = float(np.degrees(span.value))
-                out.append(FigureRow(f"{name}/{what}", value, "deg", expected, "within", tolerance, _told(span)))
+                out.append(BenchmarkRow(f"{name}/{what}", value, "deg", expected, "within", tolerance, _told(span)))
             out += _causes(name, report)
     return out
 
 
-def _causes(name: str, report: BacklashReport) -> list[FigureRow]:
+def _causes(name: str, report: BacklashReport) -> list[BenchmarkRow]:
     law = report.drive
     bound = "; the servo drove against the pulls: a lower bound" if report.lower_bound else ""
     bracket = f"between {np.degrees(law.low):.2f} and {np.degrees(law.high):.2f} by the encoder's steps"
     per_degree = law.gain * np.pi / 180.0
     causes = [
-        FigureRow(f"{name}/play", float(np.degrees(report.play.value)), "deg", note=_told(report.play) + bound),
-        FigureRow(f"{name}/wind_up", float(np.degrees(report.wind_up.value)), "deg", note=_told(report.wind_up)),
-        FigureRow(f"{name}/dead_zone_half_width", float(np.degrees(law.dead_zone)), "deg", note=bracket),
-        FigureRow(f"{name}/drive_gain", per_degree, "V/deg", note=f"starting effort {law.start:+.2f} V"),
+        BenchmarkRow(f"{name}/play", float(np.degrees(report.play.value)), "deg", note=_told(report.play) + bound),
+        BenchmarkRow(f"{name}/wind_up", float(np.degrees(report.wind_up.value)), "deg", note=_told(report.wind_up)),
+        BenchmarkRow(f"{name}/dead_zone_half_width", float(np.degrees(law.dead_zone)), "deg", note=bracket),
+        BenchmarkRow(f"{name}/drive_gain", per_degree, "V/deg", note=f"starting effort {law.start:+.2f} V"),
     ]
     if report.servo_band is not None:
         band = report.servo_band
-        causes.append(FigureRow(f"{name}/servo_band", float(np.degrees(band.value)), "deg", note=_told(band)))
+        causes.append(BenchmarkRow(f"{name}/servo_band", float(np.degrees(band.value)), "deg", note=_told(band)))
     return causes

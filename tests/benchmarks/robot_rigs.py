@@ -17,8 +17,8 @@ from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.search import Progress
 from drake_tc.diagnosis.shared.causes import TITLES
 from drake_tc.errors import DrakeTcError
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.report.report_json import result_json
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.interval_coverage import final_parameters, friction_intervals, own_intervals
 
 HELD_OUT = "run_held"
@@ -206,7 +206,7 @@ def run_cases(
     ]
 
 
-def summary_rows(scores: Sequence[RobotScore], nulls: float = 0.98) -> list[FigureRow]:
+def summary_rows(scores: Sequence[RobotScore], nulls: float = 0.98) -> list[BenchmarkRow]:
     """Shares of cases and of intervals; intervals that hold the truth more often than in 99 % are too wide.
 
     Args:
@@ -217,20 +217,20 @@ def summary_rows(scores: Sequence[RobotScore], nulls: float = 0.98) -> list[Figu
     own = [hit for s in wrong for hit in s.own_intervals]
     friction = [hit for s in scores for hit in s.friction_intervals]
     rows = [
-        FigureRow.share("right place and effect first", [s.first for s in wrong], "min", 0.95),
-        FigureRow.share("that and no other", [s.exact for s in wrong], "min", 0.90),
-        FigureRow.share("nulls quiet", [s.first for s in scores if not s.id], "min", nulls),
+        BenchmarkRow.share("right place and effect first", [s.first for s in wrong], "min", 0.95),
+        BenchmarkRow.share("that and no other", [s.exact for s in wrong], "min", 0.90),
+        BenchmarkRow.share("nulls quiet", [s.first for s in scores if not s.id], "min", nulls),
         *(interval_row(name, hits) for name, hits in zip(INTERVALS, (own, friction), strict=True)),
-        FigureRow.share("first, one joint's own effect", [s.first for s in wrong if s.id not in SHARED]),
-        FigureRow.share("first, shared cause", [s.first for s in wrong if s.id in SHARED]),
+        BenchmarkRow.share("first, one joint's own effect", [s.first for s in wrong if s.id not in SHARED]),
+        BenchmarkRow.share("first, shared cause", [s.first for s in wrong if s.id in SHARED]),
     ]
     for name in sorted({s.id for s in wrong}):
         of_kind = [s for s in wrong if s.id == name]
-        rows.append(FigureRow.share(f"first, {name}", [s.first for s in of_kind]))
-        rows.append(FigureRow.share(f"intervals, {name}", [hit for s in of_kind for hit in s.own_intervals]))
+        rows.append(BenchmarkRow.share(f"first, {name}", [s.first for s in of_kind]))
+        rows.append(BenchmarkRow.share(f"intervals, {name}", [hit for s in of_kind for hit in s.own_intervals]))
     return [row for row in rows if row.n]
 
 
-def interval_row(name: str, hits: Sequence[bool]) -> FigureRow:
+def interval_row(name: str, hits: Sequence[bool]) -> BenchmarkRow:
     """Share of 95 % intervals that hold the truth: 90 to 99 % is expected."""
-    return FigureRow.share(name, hits, "within", 0.945, 0.045)
+    return BenchmarkRow.share(name, hits, "within", 0.945, 0.045)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from drake_tc.analysis.stability_map import Axis, stability_map
 from drake_tc.analysis.sweep import processes, sweep
 from drake_tc.control.joint_loop import JointLoop
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 
 Progress = Callable[[str, float], None]
 WORK = 400_000
@@ -23,7 +23,7 @@ def busy_point(point: int, seed: int) -> float:
 
 def sweep_rows(
     progress: Progress, workers: int = 2, repeats: int = 3, points: int = 192, side: int = 100
-) -> list[FigureRow]:
+) -> list[BenchmarkRow]:
     """Speed-up of two processes over one, both spawned and warm, and a stability map of side x side loops.
 
     The points' own time over wall time says how busy the processes were kept, also where others use the machine.
@@ -63,8 +63,8 @@ def sweep_rows(
     name = f"speed-up of {workers} processes over one, {points} points"
     share_of_time = f"points' own time over wall time, {workers} processes"
     return [
-        FigureRow(name, ordered[len(ordered) // 2], "-", p99=ordered[-1], n=repeats),
-        FigureRow(share_of_time, kept[len(kept) // 2], "-", p99=kept[-1], n=repeats),
-        FigureRow(f"stability map of {side} x {side} loops", seconds_of_map, "s"),
-        FigureRow("one loop of that map, on one core", each, "ms"),
+        BenchmarkRow(name, ordered[len(ordered) // 2], "-", p99=ordered[-1], n=repeats),
+        BenchmarkRow(share_of_time, kept[len(kept) // 2], "-", p99=kept[-1], n=repeats),
+        BenchmarkRow(f"stability map of {side} x {side} loops", seconds_of_map, "s"),
+        BenchmarkRow("one loop of that map, on one core", each, "ms"),
     ]

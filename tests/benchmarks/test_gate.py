@@ -12,11 +12,11 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.effects.library import effect
 from drake_tc.errors import ParamsError
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks import gate, gate_parts
 from tests.benchmarks.__main__ import run
 from tests.benchmarks.blind_rigs import BlindOptions
 from tests.benchmarks.close_loop_speed import SpeedCase, write_runs
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.gate_real import SETS, SetErrors, held_out_residuals, least_squares, model_residual
 from tests.benchmarks.real_log_cases import CaseFiles
 from tests.benchmarks.real_logs import chosen_sets
@@ -135,7 +135,9 @@ class Drawn:
 @pytest.fixture
 def one_part(monkeypatch):
     """A gate whose only part is one row."""
-    monkeypatch.setattr(gate, "PARTS", {"blind": lambda runs: [FigureRow.share("exact", [True, False], "min", 0.98)]})
+    monkeypatch.setattr(
+        gate, "PARTS", {"blind": lambda runs: [BenchmarkRow.share("exact", [True, False], "min", 0.98)]}
+    )
 
 
 def test_results_join_the_file_and_stand_beside_those_of_the_same_size_and_seed(one_part, tmp_path):

@@ -16,14 +16,16 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_tc.loops.recording import add_log
 from drake_tc.loops.whole_body.running import TsidRecording, add_grounded_plant
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.tick import TickInput, advance_tick
 from drake_tc.types import FloatArray
+from tests.benchmarks.figures import BenchmarkRow
 
 PLANT, CONTROLLER = "plant with contact and log", "controller"
 
 
-def part_timings(recording: TsidRecording, references: Sequence[Sequence[FloatArray]], repeats: int) -> list[FigureRow]:
+def part_timings(
+    recording: TsidRecording, references: Sequence[Sequence[FloatArray]], repeats: int
+) -> list[BenchmarkRow]:
     """Rows of a tick of the plant alone, and of plant and controller in turn [us].
 
     Args:
@@ -34,9 +36,9 @@ def part_timings(recording: TsidRecording, references: Sequence[Sequence[FloatAr
     alone = np.stack([_ticks(recording, None)[0] for _ in range(repeats)]).min(axis=0)
     in_turn = np.stack([_ticks(recording, references) for _ in range(repeats)]).min(axis=0)
     return [
-        FigureRow.of_values(f"{PLANT}, alone", "us", alone[1:], 1e6),
-        FigureRow.of_values(f"{PLANT}, in turn with the controller", "us", in_turn[0, 1:], 1e6),
-        FigureRow.of_values(f"{CONTROLLER}, in turn with the plant", "us", in_turn[1, 1:], 1e6),
+        BenchmarkRow.of_values(f"{PLANT}, alone", "us", alone[1:], 1e6),
+        BenchmarkRow.of_values(f"{PLANT}, in turn with the controller", "us", in_turn[0, 1:], 1e6),
+        BenchmarkRow.of_values(f"{CONTROLLER}, in turn with the plant", "us", in_turn[1, 1:], 1e6),
     ]
 
 

@@ -12,13 +12,13 @@ from drake_tc.loops.recording import Progress
 from drake_tc.loops.whole_body.references import task_source
 from drake_tc.loops.whole_body.running import TsidLoop, TsidRecording, build_tsid, simulate_tsid
 from drake_tc.loops.whole_body.scenario import TsidScenario
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.robust.formulation import MeasureName, Use
 from drake_tc.tsid.tick import TickInput, advance_tick, problem_at
 from drake_tc.types import FloatArray
 from tests.benchmarks.drake_terms import DrakeTerms
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.tsid_parts import part_timings
 
 FORMS: tuple[tuple[MeasureName, Use], ...] = (
@@ -32,7 +32,7 @@ FORMS: tuple[tuple[MeasureName, Use], ...] = (
 REPEATS = 5
 
 
-def tick_timings(scenario: TsidScenario, progress: Progress) -> list[FigureRow]:
+def tick_timings(scenario: TsidScenario, progress: Progress) -> list[BenchmarkRow]:
     """Rows of `python -m tests.benchmarks tick`: own time of the thread [us], from a warm start, BLAS on one core.
 
     Args:
@@ -89,7 +89,7 @@ def _references(recording: TsidRecording) -> list[list[FloatArray]]:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[FigureRow]:
+def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]) -> list[BenchmarkRow]:
     """Terms; all of the problem, terms included."""
     law, model = recording.law, recording.law.model
     scratch, active = model.create_scratch(), (True,) * len(model.contacts)
@@ -102,14 +102,14 @@ def _stages(recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
         problem.append(time.thread_time() - known)
         terms.append(known - begin)
     return [
-        FigureRow.of_values("terms of the dynamics", "us", terms, 1e6),
-        FigureRow.of_values("terms, rows and reduction to the torques", "us", problem, 1e6),
+        BenchmarkRow.of_values("terms of the dynamics", "us", terms, 1e6),
+        BenchmarkRow.of_values("terms, rows and reduction to the torques", "us", problem, 1e6),
     ]
 
 
 def _ticks(
     name: str, law: Law, recording: TsidRecording, references: Sequence[Sequence[FloatArray]]
-) -> list[FigureRow]:
+) -> list[BenchmarkRow]:
     """The ticks of the motion, each beside pydrake's terms at its state, and what its slow ticks cost.
 
     The motion is run REPEATS times, and each tick counts with its fastest run: the work is the same each time, and what
@@ -128,22 +128,22 @@ def _ticks(
             taken = solved - begin, time.thread_time() - solved
             seconds[:, number] = np.minimum(seconds[:, number], taken)
             before, after = after, before
-    own = FigureRow.of_values(f"a tick, everything: {name}", "us", seconds[0, 1:], 1e6)
-    beside = FigureRow.of_values(f"pydrake's terms, beside {name}", "us", seconds[1, 1:], 1e6)
+    own = BenchmarkRow.of_values(f"a tick, everything: {name}", "us", seconds[0, 1:], 1e6)
+    beside = BenchmarkRow.of_values(f"pydrake's terms, beside {name}", "us", seconds[1, 1:], 1e6)
     return [own, beside, _ratio(f"{name}, over pydrake's terms", own.value / beside.value, own.n),
             _ratio(f"{name}, 99th percentile over median", own.highest / own.value, own.n)]  # fmt: skip
 
 
-def _ratio(name: str, value: float, n: int) -> FigureRow:
-    return FigureRow(name, value, "1", n=n)
+def _ratio(name: str, value: float, n: int) -> BenchmarkRow:
+    return BenchmarkRow(name, value, "1", n=n)
 
 
-def diagram_timing(scenario: TsidScenario) -> FigureRow:
+def diagram_timing(scenario: TsidScenario) -> BenchmarkRow:
     """Single ticks of controller, plant with contact, references and log; each with its fastest run."""
     loop = build_tsid(scenario, fused=True)
     seconds = np.array([_diagram_ticks(loop, scenario) for _ in range(REPEATS)]).min(axis=0)
     title = f"the diagram, a tick of {1e3 * loop.law.period:g} ms: controller, plant with contact, log"
-    return FigureRow.of_values(title, "us", seconds[1:], 1e6)
+    return BenchmarkRow.of_values(title, "us", seconds[1:], 1e6)
 
 
 def _diagram_ticks(loop: TsidLoop, scenario: TsidScenario) -> list[float]:

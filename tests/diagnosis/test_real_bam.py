@@ -17,8 +17,8 @@ from drake_tc.logs.prepare import load_runs
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.loops.joint_bench import rig_free_run
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks import real_bam
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.real_bam import GAINS, PUBLISHED, TO_REACH, XL330, real_bam_rows
 from tests.benchmarks.real_log_cases import RIGS
 
@@ -75,14 +75,14 @@ def test_the_published_model_has_about_the_error_that_was_published(recorded: di
 
 
 @pytest.fixture(scope="module")
-def table(data: Path) -> dict[str, FigureRow]:
+def table(data: Path) -> dict[str, BenchmarkRow]:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         return {row.name: row for row in real_bam_rows(data, rig_free_run, executor=pool)}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_held_out_trajectories_at_every_gain(table: dict[str, FigureRow]) -> None:
+def test_held_out_trajectories_at_every_gain(table: dict[str, BenchmarkRow]) -> None:
     for kp in GAINS:
         assert table[f"xl330_kp{kp}/refined"].value <= TO_REACH
 
@@ -90,7 +90,7 @@ def test_held_out_trajectories_at_every_gain(table: dict[str, FigureRow]) -> Non
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.xfail(strict=True, reason="missed; tests/benchmarks/REAL_LOGS.md")
-def test_the_sts3250_is_below_its_published_model(table: dict[str, FigureRow]) -> None:
+def test_the_sts3250_is_below_its_published_model(table: dict[str, BenchmarkRow]) -> None:
     assert table["sts3250_kp32/refined"].met
 
 

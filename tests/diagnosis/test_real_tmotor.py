@@ -10,7 +10,7 @@ from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.errors import IdentificationError
 from drake_tc.logs.files.readers import read_table
-from drake_tc.report.figure_row import FigureRow
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.importers.tmotor import SESSIONS, convert
 from tests.benchmarks.real_log_cases import case_files, import_set
 from tests.benchmarks.real_logs import chosen_sets
@@ -41,12 +41,12 @@ def test_inertia_brings_the_swung_log_far_below_the_published_model(data: Path) 
 
 
 @pytest.fixture(scope="module")
-def table(data: Path) -> dict[str, FigureRow]:
+def table(data: Path) -> dict[str, BenchmarkRow]:
     return {row.name: row for row in rows(data)}
 
 
 @pytest.mark.slow
-def test_what_the_logs_can_tell(table: dict[str, FigureRow]) -> None:
+def test_what_the_logs_can_tell(table: dict[str, BenchmarkRow]) -> None:
     assert table["sysid_test_1/found_model"].met
     fast = "sysid_test_high_speed"
     assert table[f"{fast}/found_model_zeroed"].value <= table[f"{fast}/found_model"].expected
@@ -56,7 +56,7 @@ def test_what_the_logs_can_tell(table: dict[str, FigureRow]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="missed: the sensor's zero is withdrawn, noise could add it")
-def test_the_log_of_high_speed_meets_the_goal_too(table: dict[str, FigureRow]) -> None:
+def test_the_log_of_high_speed_meets_the_goal_too(table: dict[str, BenchmarkRow]) -> None:
     assert table["sysid_test_high_speed/found_model"].met
 
 

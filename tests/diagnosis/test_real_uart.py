@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.backlash_bench import BacklashReport
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.real_uart import rows, stand_reports
 
 STEP = 360.0 / 4096.0
@@ -53,11 +53,11 @@ def test_most_of_the_single_servos_loaded_span_is_play(reports: dict[str, Backla
 
 
 @pytest.fixture(scope="module")
-def table(data: Path) -> dict[str, FigureRow]:
+def table(data: Path) -> dict[str, BenchmarkRow]:
     return {row.name: row for row in rows(data)}
 
 
-def test_table_says_what_is_met(table: dict[str, FigureRow]) -> None:
+def test_table_says_what_is_met(table: dict[str, BenchmarkRow]) -> None:
     assert table["single/servo_5/loaded_span"].met
     assert table["single/servo_5/play"].met is None
     wanted = [row for row in table.values() if row.met is not None]

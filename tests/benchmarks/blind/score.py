@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.joint_simulator.spec import BlindError
-from drake_tc.report.figure_row import FigureRow, rows_json
 from tests.benchmarks.blind.outcome import Outcome, read_outcome
+from tests.benchmarks.figures import BenchmarkRow, rows_json
 
 SAID_NOTHING, SAID_STRUCTURE, SAID_RESIDUAL, SILENT = "(nothing)", "(structure)", "(residual)", "(no report)"
 RARELY_ACTING = ("saturation", "elasticity", "backlash")
@@ -26,7 +26,7 @@ class BenchmarkScore:
         outcomes: Rig by rig.
     """
 
-    rows: tuple[FigureRow, ...]
+    rows: tuple[BenchmarkRow, ...]
     confusion: pd.DataFrame
     outcomes: tuple[Outcome, ...]
 
@@ -74,7 +74,7 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> BenchmarkScore:
     return BenchmarkScore(tuple(row for row in rows if row.n), confusion_matrix(outcomes), tuple(outcomes))
 
 
-def _single_rows(singles: Sequence[Outcome]) -> list[FigureRow]:
+def _single_rows(singles: Sequence[Outcome]) -> list[BenchmarkRow]:
     rows = [
         _share("right effect first", singles, lambda o: o.first_right, at_least=0.95),
         _share("exact", singles, lambda o: o.exact, at_least=0.92),
@@ -86,7 +86,7 @@ def _single_rows(singles: Sequence[Outcome]) -> list[FigureRow]:
     return rows
 
 
-def _flag_rows(outcomes: Sequence[Outcome]) -> list[FigureRow]:
+def _flag_rows(outcomes: Sequence[Outcome]) -> list[BenchmarkRow]:
     outside = _group(outcomes, "outside")
     library = [o for o in outcomes if o.truth and o.acts]
     return [
@@ -96,7 +96,7 @@ def _flag_rows(outcomes: Sequence[Outcome]) -> list[FigureRow]:
     ]
 
 
-def _rarely_acting_rows(singles: Sequence[Outcome]) -> list[FigureRow]:
+def _rarely_acting_rows(singles: Sequence[Outcome]) -> list[BenchmarkRow]:
     """Effects that act only where a motion or a load reaches them: found where they do, called untested elsewhere."""
     rows = []
     for effect in RARELY_ACTING:
@@ -143,19 +143,19 @@ def _share(
     *,
     at_least: float | None = None,
     at_most: float | None = None,
-) -> FigureRow:
+) -> BenchmarkRow:
     """The share of the outcomes that pass `test`, with its goal."""
     hits = [test(outcome) for outcome in outcomes]
     if at_most is not None:
-        return FigureRow.share(name, hits, "max", at_most)
-    return FigureRow.share(name, hits, "min", at_least)
+        return BenchmarkRow.share(name, hits, "max", at_most)
+    return BenchmarkRow.share(name, hits, "min", at_least)
 
 
-def _values(name: str, outcomes: Sequence[Outcome], highest: float) -> FigureRow:
+def _values(name: str, outcomes: Sequence[Outcome], highest: float) -> BenchmarkRow:
     """Median and 99th percentile of the error ratios; the goal is on the median."""
     row = _summary(name, "-", [outcome.ratio for outcome in outcomes])
     return replace(row, expected=highest, how="max")
 
 
-def _summary(name: str, unit: str, values: Sequence[float]) -> FigureRow:
-    return FigureRow.of_values(name, unit, [value for value in values if np.isfinite(value)])
+def _summary(name: str, unit: str, values: Sequence[float]) -> BenchmarkRow:
+    return BenchmarkRow.of_values(name, unit, [value for value in values if np.isfinite(value)])

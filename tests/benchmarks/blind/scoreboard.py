@@ -11,9 +11,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drake_tc.report.figure_row import figure_table
 from tests.benchmarks.blind.score import BenchmarkScore, score_reports
 from tests.benchmarks.blind.score_kinds import describe_wrong, kind_table
+from tests.benchmarks.figures import figure_table
 
 
 def print_score(score: BenchmarkScore, console: Console | None = None) -> None:

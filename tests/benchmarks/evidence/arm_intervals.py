@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drake_tc.errors import DrakeTcError
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.blind_arm.arms import Arm
 from tests.benchmarks.evidence.arm_runs import MOTIONS, ArmRuns, Progress, arm_runs
+from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.interval_coverage import FRICTION, holds
 from tests.benchmarks.robot_rigs import diagnose_rig
 
@@ -170,7 +170,7 @@ def named_in(report: Mapping[str, Any]) -> tuple[str, ...]:
     return (*own, *(f"{each['id']}@{each['where']}" for each in report.get("shared", [])))
 
 
-def comparison_rows(made: ArmComparison) -> list[FigureRow]:
+def comparison_rows(made: ArmComparison) -> list[BenchmarkRow]:
     """Rows of figures: medians of the ratios by kind and of all parameters, the share of parameters whose interval is
     wider after the designed motion, shares of intervals that hold the truth by motion, and times.
 
@@ -180,26 +180,26 @@ def comparison_rows(made: ArmComparison) -> list[FigureRow]:
     """
     rows = []
     for kind in KINDS:
-        ratios = FigureRow.of_values(f"{kind}: ratio", "-", list(made.ratios(kind).values()))
+        ratios = BenchmarkRow.of_values(f"{kind}: ratio", "-", list(made.ratios(kind).values()))
         rows.append(replace(ratios, expected=RATIO, how="max", note=_note(made, kind)))
-        rows.append(FigureRow.of_values(f"{kind}: predicted ratio", "-", made.predicted_ratios(kind)))
+        rows.append(BenchmarkRow.of_values(f"{kind}: predicted ratio", "-", made.predicted_ratios(kind)))
         if kind != "base parameters":  # which are combinations in the report, and single link parameters in the design
             assumed = made.assumed_over_stated(kind)
-            rows.append(FigureRow.of_values(f"{kind}: design over report", "-", assumed))
-            factors = FigureRow.of_values(f"{kind}: factor between both", "-", [max(x, 1.0 / x) for x in assumed])
+            rows.append(BenchmarkRow.of_values(f"{kind}: design over report", "-", assumed))
+            factors = BenchmarkRow.of_values(f"{kind}: factor between both", "-", [max(x, 1.0 / x) for x in assumed])
             rows.append(replace(factors, expected=FACTOR, how="max"))
     every, predicted = made.all_ratios, made.all_predicted_ratios
-    rows.append(replace(FigureRow.of_values("all parameters: ratio", "-", every), expected=RATIO, how="max"))
-    rows.append(FigureRow.share("all parameters: wider intervals", [ratio > 1.0 for ratio in every]))
-    rows.append(FigureRow.of_values("all parameters: predicted ratio", "-", predicted))
-    rows.append(FigureRow.share("all parameters: predicted wider intervals", [ratio > 1.0 for ratio in predicted]))
+    rows.append(replace(BenchmarkRow.of_values("all parameters: ratio", "-", every), expected=RATIO, how="max"))
+    rows.append(BenchmarkRow.share("all parameters: wider intervals", [ratio > 1.0 for ratio in every]))
+    rows.append(BenchmarkRow.of_values("all parameters: predicted ratio", "-", predicted))
+    rows.append(BenchmarkRow.share("all parameters: predicted wider intervals", [ratio > 1.0 for ratio in predicted]))
     for name in MOTIONS:
         for kind in KINDS:
             hits = [each.holds for each in made.intervals[name] if each.kind == kind]
-            rows.append(FigureRow.share(f"{name}: hold the truth, {kind}", hits))
+            rows.append(BenchmarkRow.share(f"{name}: hold the truth, {kind}", hits))
         effects = len(made.named[name])
-        rows.append(FigureRow(f"{name}: effects named", effects, "-", 0.0, "max", note="nothing is missing"))
-    rows.append(FigureRow("design, processor time", made.seconds, "s", DESIGN_SECONDS, "max"))
+        rows.append(BenchmarkRow(f"{name}: effects named", effects, "-", 0.0, "max", note="nothing is missing"))
+    rows.append(BenchmarkRow("design, processor time", made.seconds, "s", DESIGN_SECONDS, "max"))
     return [row for row in rows if row.n]
 
 

@@ -21,7 +21,6 @@ from drake_tc.experiments.rehearsal.twin import TwinRun, integrated
 from drake_tc.joint_simulator.reference import LOG_PERIOD
 from drake_tc.joint_simulator.spec import RigSpec
 from drake_tc.logs.rig import Rig, parse_rig, rig_document
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import GRAVITY
 from tests.benchmarks.evidence.loop import (
     LAST_SECONDS,
@@ -35,6 +34,7 @@ from tests.benchmarks.evidence.loop import (
     with_cases,
 )
 from tests.benchmarks.evidence.pairs import JOINT, Pair
+from tests.benchmarks.figures import BenchmarkRow
 
 LOADS = (KnownLoad(0.0), KnownLoad(5.0, 0.4))
 """Loads that the user of the benchmark has: none, and 20 N m."""
@@ -154,28 +154,30 @@ def hung(spec: RigSpec, load: KnownLoad) -> RigSpec:
     return replace(spec, joint=heavier)
 
 
-def load_rows(cases: Sequence[LoadCase]) -> list[FigureRow]:
+def load_rows(cases: Sequence[LoadCase]) -> list[BenchmarkRow]:
     """Of the cases that the first logs leave open, the shares that are separated without and with known loads."""
     left_open = [c for c in cases if c.first != "truth"]
     promised = [c for c in left_open if c.promised]
     doubtful = [c for c in left_open if c.loaded is not None and not c.promised]
     rows = [
-        FigureRow("cases", len(cases), "-"),
-        FigureRow("open after the first logs", len(left_open), "-"),
-        FigureRow("open: refused without loads", sum(bool(c.refusal) for c in left_open), "-"),
-        FigureRow("open: no design with loads", sum(c.loaded is None for c in left_open), "-"),
-        FigureRow(f"open: predicted at {100.0 * TOLD:.0f} % or more with loads", len(promised), "-"),
-        FigureRow.share(
+        BenchmarkRow("cases", len(cases), "-"),
+        BenchmarkRow("open after the first logs", len(left_open), "-"),
+        BenchmarkRow("open: refused without loads", sum(bool(c.refusal) for c in left_open), "-"),
+        BenchmarkRow("open: no design with loads", sum(c.loaded is None for c in left_open), "-"),
+        BenchmarkRow(f"open: predicted at {100.0 * TOLD:.0f} % or more with loads", len(promised), "-"),
+        BenchmarkRow.share(
             "predicted at or above: separated with loads", [c.loaded == "truth" for c in promised], "min", 0.9
         ),
-        FigureRow.share(
+        BenchmarkRow.share(
             "predicted at or above: separated by the designed run without loads",
             [c.unloaded == "truth" for c in promised],
         ),
-        FigureRow.share(
+        BenchmarkRow.share(
             "predicted at or above: wrong answers with loads", [c.loaded == "other" for c in promised], "max", 0.0
         ),
-        FigureRow(f"open: predicted below {100.0 * TOLD:.0f} % with loads", len(doubtful), "-"),
-        FigureRow.share("predicted below: separated with loads", [c.loaded == "truth" for c in doubtful], "max", 0.5),
+        BenchmarkRow(f"open: predicted below {100.0 * TOLD:.0f} % with loads", len(doubtful), "-"),
+        BenchmarkRow.share(
+            "predicted below: separated with loads", [c.loaded == "truth" for c in doubtful], "max", 0.5
+        ),
     ]
     return with_cases(rows)

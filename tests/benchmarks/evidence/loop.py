@@ -29,9 +29,9 @@ from drake_tc.joint_simulator.reference import LOG_PERIOD
 from drake_tc.joint_simulator.spec import RigSpec
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig
-from drake_tc.report.figure_row import FigureRow
 from drake_tc.types import FloatArray
 from tests.benchmarks.evidence.pairs import JOINT, Pair, drawn_joint
+from tests.benchmarks.figures import BenchmarkRow
 
 Progress = Callable[[str, float], None]
 Designed = TypeVar("Designed")
@@ -223,7 +223,7 @@ def answer_of(named: Collection[str], tied: Sequence[tuple[str, str]], truth: st
     return "truth" if truth in named else "other"
 
 
-def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
+def decided_rows(cases: Sequence[LoopCase]) -> list[BenchmarkRow]:
     """Of the cases that the first logs leave open, the shares in which a run separates the two effects.
 
     Cases with a predicted probability below `TOLD` are counted separately: there the prediction is right if the
@@ -233,40 +233,40 @@ def decided_rows(cases: Sequence[LoopCase]) -> list[FigureRow]:
     promised = [c for c in left_open if c.promised]
     doubtful = [c for c in left_open if not c.promised and not c.refusal]
     rows = [
-        FigureRow("cases", len(cases), "-"),
-        FigureRow("open after the first logs", len(left_open), "-"),
-        FigureRow("open: the first logs name the other effect", sum(c.first == "other" for c in left_open), "-"),
-        FigureRow("open: refused by the design", sum(bool(c.refusal) for c in left_open), "-"),
-        FigureRow(f"open: predicted below {100.0 * TOLD:.0f} %", len(doubtful), "-"),
-        FigureRow.share(
+        BenchmarkRow("cases", len(cases), "-"),
+        BenchmarkRow("open after the first logs", len(left_open), "-"),
+        BenchmarkRow("open: the first logs name the other effect", sum(c.first == "other" for c in left_open), "-"),
+        BenchmarkRow("open: refused by the design", sum(bool(c.refusal) for c in left_open), "-"),
+        BenchmarkRow(f"open: predicted below {100.0 * TOLD:.0f} %", len(doubtful), "-"),
+        BenchmarkRow.share(
             "predicted below: separated by the designed run", [c.designed == "truth" for c in doubtful], "max", 0.5
         ),
-        FigureRow.share(
+        BenchmarkRow.share(
             "predicted below: wrong answers of the designed run", [c.designed == "other" for c in doubtful], "max", 0.0
         ),
-        FigureRow(f"open: predicted at {100.0 * TOLD:.0f} % or more", len(promised), "-"),
-        FigureRow.share(
+        BenchmarkRow(f"open: predicted at {100.0 * TOLD:.0f} % or more", len(promised), "-"),
+        BenchmarkRow.share(
             "predicted at or above: separated by the designed run",
             [c.designed == "truth" for c in promised],
             "min",
             0.9,
         ),
-        FigureRow.share(
+        BenchmarkRow.share(
             "predicted at or above: separated by the sinusoid", [c.default == "truth" for c in promised], "max", 0.5
         ),
-        FigureRow.share(
+        BenchmarkRow.share(
             "predicted at or above: wrong answers of the designed run",
             [c.designed == "other" for c in promised],
             "max",
             0.0,
         ),
-        FigureRow.share(
+        BenchmarkRow.share(
             "predicted at or above: wrong answers of the sinusoid", [c.default == "other" for c in promised]
         ),
     ]
     return with_cases(rows)
 
 
-def with_cases(rows: Sequence[FigureRow]) -> list[FigureRow]:
+def with_cases(rows: Sequence[BenchmarkRow]) -> list[BenchmarkRow]:
     """The rows that have a value: a share of no case is no figure."""
     return [row for row in rows if not np.isnan(row.value)]

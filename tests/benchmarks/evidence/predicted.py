@@ -18,11 +18,11 @@ from drake_tc.experiments.causes import size_in
 from drake_tc.experiments.check.effects import Visibility
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.joint_simulator.spec import BlindError, Joint, RigSpec
-from drake_tc.report.figure_row import FigureRow
 from tests.benchmarks.blind.catalogue import SETTINGS, caused_rig
 from tests.benchmarks.blind.generate import generate
 from tests.benchmarks.blind.outcome import read_outcome
 from tests.benchmarks.blind_rigs import HELD_OUT, diagnose_folder
+from tests.benchmarks.figures import BenchmarkRow
 
 Progress = Callable[[str, float], None]
 Predicted = Literal["seen", "between", "not_seen"]
@@ -148,11 +148,11 @@ def spec_of(truth: dict[str, Any]) -> RigSpec:
     )
 
 
-def prediction_rows(found: Sequence[Prediction]) -> list[FigureRow]:
+def prediction_rows(found: Sequence[Prediction]) -> list[BenchmarkRow]:
     """Rows of `bench check`: shares with their goals."""
     hits = {said: [p.found for p in found if p.predicted == said] for said in ("seen", "between", "not_seen")}
     return [
-        FigureRow.share("predicted seen, found", hits["seen"], "min", SEEN_AND_FOUND),
-        FigureRow.share("predicted between, found", hits["between"]),
-        FigureRow.share("predicted not seen, found", hits["not_seen"], "max", HIDDEN_AND_FOUND),
+        BenchmarkRow.share("predicted seen, found", hits["seen"], "min", SEEN_AND_FOUND),
+        BenchmarkRow.share("predicted between, found", hits["between"]),
+        BenchmarkRow.share("predicted not seen, found", hits["not_seen"], "max", HIDDEN_AND_FOUND),
     ]

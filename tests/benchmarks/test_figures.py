@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from drake_tc.report.figure_row import SHARE, FigureRow, figure_table, rows_json
+from tests.benchmarks.figures import SHARE, BenchmarkRow, figure_table, rows_json
 
 
 @pytest.mark.parametrize(
@@ -25,37 +25,37 @@ from drake_tc.report.figure_row import SHARE, FigureRow, figure_table, rows_json
     ],
 )
 def test_met(value, how, met):
-    assert FigureRow("x", value, "s", 1.0, how, 0.1 + 1e-12).met is met
+    assert BenchmarkRow("x", value, "s", 1.0, how, 0.1 + 1e-12).met is met
 
 
 def test_nothing_is_expected_of_a_figure_without_a_goal():
-    row = FigureRow("x", 2.0)
+    row = BenchmarkRow("x", 2.0)
     assert (row.met, row.goal, row.judgement()) == (None, "", {})
 
 
 def test_values_have_a_median_and_a_high_percentile():
-    row = FigureRow.of_values("tick", "us", np.arange(101) * 1e-6, 1e6)
+    row = BenchmarkRow.of_values("tick", "us", np.arange(101) * 1e-6, 1e6)
     assert (row.value, row.highest, row.n) == pytest.approx((50.0, 99.0, 101))
-    nothing = FigureRow.of_values("tick", "us", [])
+    nothing = BenchmarkRow.of_values("tick", "us", [])
     assert np.isnan(nothing.value) and nothing.n == 0
 
 
 def test_a_share_is_of_1_for_programs_and_in_percent_for_people():
-    row = FigureRow.share("found", [True, True, False, True], "min", 0.9)
+    row = BenchmarkRow.share("found", [True, True, False, True], "min", 0.9)
     assert (row.value, row.unit, row.n, row.met, row.goal) == (0.75, SHARE, 4, False, ">= 90 %")
     assert row.shown(row.value) == "75 %"
-    assert FigureRow.share("intervals", [True], "within", 0.945, 0.045).goal == "90 to 99 %"
-    assert FigureRow.share("found", [], "min", 0.9).met is False
+    assert BenchmarkRow.share("intervals", [True], "within", 0.945, 0.045).goal == "90 to 99 %"
+    assert BenchmarkRow.share("found", [], "min", 0.9).met is False
 
 
 def test_a_figure_of_no_values_is_a_dash_and_not_a_number_with_a_unit():
-    row = FigureRow.of_values("delay", "s", [])
+    row = BenchmarkRow.of_values("delay", "s", [])
     assert row.shown(row.value) == "–"
 
 
 def test_what_programs_read():
     document = rows_json(
-        "x", [FigureRow("a", float("nan"), "s", n=0), FigureRow("b", 2.0, "s", 1.0, "max", note="why")]
+        "x", [BenchmarkRow("a", float("nan"), "s", n=0), BenchmarkRow("b", 2.0, "s", 1.0, "max", note="why")]
     )
     bare, evaluated = json.loads(json.dumps(document))["rows"]
     assert bare == {"name": "a", "unit": "s", "median": None, "p99": None, "n": 0}
@@ -65,7 +65,7 @@ def test_what_programs_read():
 
 def test_a_table_has_no_empty_columns():
     shown = Console(file=io.StringIO(), width=80)
-    shown.print(figure_table([FigureRow("torque error", 0.25, "N*m", 0.2, "max"), FigureRow("effort", 3.0, "A")]))
+    shown.print(figure_table([BenchmarkRow("torque error", 0.25, "N*m", 0.2, "max"), BenchmarkRow("effort", 3.0, "A")]))
     text = shown.file.getvalue()
     assert [part.split() for part in text.splitlines()] == [
         ["figure", "value", "expected", "met"],
@@ -77,15 +77,15 @@ def test_a_table_has_no_empty_columns():
 @pytest.mark.parametrize(
     "row",
     [
-        FigureRow("x", 2.0, "s", 3.0, "max", 0.5, "why", p99=2.5, n=4),
-        FigureRow("only told", 1.25, "m"),
-        FigureRow.share("found", [True, False], "min", 0.9),
+        BenchmarkRow("x", 2.0, "s", 3.0, "max", 0.5, "why", p99=2.5, n=4),
+        BenchmarkRow("only told", 1.25, "m"),
+        BenchmarkRow.share("found", [True, False], "min", 0.9),
     ],
 )
 def test_what_programs_read_gives_the_figure_back(row):
-    assert FigureRow.of_json(json.loads(json.dumps(row.to_json()))) == row
+    assert BenchmarkRow.of_json(json.loads(json.dumps(row.to_json()))) == row
 
 
 def test_a_stored_figure_without_a_value_is_none():
-    row = FigureRow.of_json(FigureRow("x", float("nan"), "s").to_json())
+    row = BenchmarkRow.of_json(BenchmarkRow("x", float("nan"), "s").to_json())
     assert np.isnan(row.value) and row.p99 is None
