@@ -38,6 +38,14 @@ TIME = np.arange(500) / 100.0
         ("i_q", "", "current"),
         ("Timestamp", "", "time"),
         ("ft_foot/fx", "ft_foot", "fx"),
+        ("/joint_states/knee/position", "knee", "position"),
+        ("/goal_position/knee/position", "knee", "position_command"),
+        ("command/joints/hip/pos", "hip", "position_command"),
+        ("joints/hip/measured/tau", "hip", "torque"),
+        ("lowcmd/motor_cmd[3]/q", "low/motor_3", "position_command"),
+        ("lowstate/motor_state[3]/q", "low/motor_3", "position"),
+        ("arm/controller_state/reference/elbow/position", "arm/elbow", "position_command"),
+        ("joint/position", "joint", "position"),
     ],
 )
 def test_names(name, joint, quantity):
@@ -65,6 +73,8 @@ def test_names(name, joint, quantity):
         ("z_force_N", "z", "torque", "N"),
         ("load_cell [N]", "", "torque", "N"),
         ("theta_m", "", "motor_position", ""),
+        ("tau_mNm_0", "joint_0", "torque", "mN*m"),
+        ("q [deg][2]", "joint_2", "position", "deg"),
     ],
 )
 def test_units_in_names(name, joint, quantity, unit):
@@ -81,7 +91,7 @@ def test_a_name_tells_degrees_of_a_motion_that_could_be_in_rad(tmp_path):
     assert next(column.why for column in found.columns if column.name == "q_deg") == "alias q; its name states deg"
 
 
-@pytest.mark.parametrize("name", ["foo", "status", "pi", "mass_kg", "error"])
+@pytest.mark.parametrize("name", ["foo", "status", "pi", "mass_kg", "error", "error/knee/position"])
 def test_names_that_tell_nothing(name):
     assert meaning(name) is None
 

@@ -1,5 +1,6 @@
 """What a log holds, column by column, and the rig file that it suggests."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,6 +81,10 @@ def _unit_of_rate(position: FloatArray, velocity: FloatArray, time: FloatArray, 
     return best[1] if best[0] < AGREES else ""
 
 
+ESTIMATED = ("ext", "external", "est", "estimate", "estimated", "hat", "observer")
+"""Words of a signal that was computed and not measured."""
+OBSERVED = re.compile(r"(sensor_data|observations?|states?|obs)(_\d+)?", re.IGNORECASE)
+"""What data sets for learning call what a robot is in, beside its actions."""
 SECONDS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 RATES = (5.0, 20_000.0)
 """Rates that logs of joints have [Hz]."""
@@ -143,6 +148,7 @@ def inspect_log(path: Path) -> Inspection:
         if values is not None and name not in aside
     }
     found |= _dates_as_time(table, found)
+    found |= _observed_beside_actions(found, notes)
     meanings = _distinct(_of_the_only_joint(_of_one_joint(_with_whole_names(found), notes)), notes)
     time_name = next((name for name, m in meanings.items() if m.quantity == "time"), None)
     stated = "" if time_name is None else meanings[time_name].unit
@@ -169,6 +175,26 @@ def _dates_as_time(table: pd.DataFrame, found: Mapping[str, Meaning | None]) -> 
     dates = [str(name) for name in table.columns if pd.api.types.is_datetime64_any_dtype(table[name])]
     called = any(told is not None and told.quantity == "time" for told in found.values())
     return {dates[0]: Meaning("", "time", dates[0])} if len(dates) == 1 and not called else {}
+
+
+def _observed_beside_actions(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
+    """`sensor_data` and the like as the position, where a log has no position and as many `actions`.
+
+    Data sets for learning that have one vector of each mean the positions and their commands, as LeRobot's have.
+    """
+    commands = {told.joint for told in found.values() if told is not None and told.quantity == "position_command"}
+    if any(told is not None and told.quantity == "position" for told in found.values()):
+        return {}
+    told = {name: OBSERVED.fullmatch(name) for name, each in found.items() if each is None}
+    positions = {
+        name: Meaning(f"joint{match[2]}" if match[2] else "", "position", match[1])
+        for name, match in told.items()
+        if match
+    }
+    if not positions or {each.joint for each in positions.values()} != commands:
+        return {}
+    notes.append(f"The positions are assumed to be {', '.join(map(repr, positions))}, as many as there are actions.")
+    return positions
 
 
 def _in_units_of_their_joints(columns: Sequence[Column], meanings: Mapping[str, Meaning]) -> tuple[Column, ...]:
@@ -247,12 +273,18 @@ def _of_the_only_joint(found: Mapping[str, Meaning | None]) -> dict[str, Meaning
 
 
 def _distinct(found: Mapping[str, Meaning | None], notes: list[str]) -> dict[str, Meaning]:
-    """The column of each meaning whose name says least beside it; canonical names go first. Others are told."""
+    """The column of each meaning whose name says least beside it. Others are told.
+
+    What was measured goes before what was estimated, and canonical names go before others.
+    """
     taken: dict[tuple[str, str], str] = {}
 
-    def order(item: tuple[str, Meaning | None]) -> tuple[bool, int]:
+    def order(item: tuple[str, Meaning | None]) -> tuple[bool, bool, bool, int]:
         name, told = item
-        return "/" not in name, 0 if told is None else len(words(without_unit(name))) - len(words(told.by))
+        joint, quantity, by = ("", "", "") if told is None else (told.joint, told.quantity, told.by)
+        canonical = name == (f"{joint}/{quantity}" if joint else quantity)
+        estimated = any(word.lower() in ESTIMATED for word in words(name))
+        return estimated, not canonical, "/" not in name, len(words(without_unit(name))) - len(words(by))
 
     for name, told in sorted(found.items(), key=order):
         if told is None:

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME, at_the_end, is_unit, unit_named
+from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME, at_the_end, is_known, is_unit, unit_named
 
 DUTY_CYCLE = ("duty", "duty_cycle", "pwm", "pwm_duty")
 """Names of a voltage that is stated as a share of the supply voltage."""
@@ -42,7 +42,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "torque": (
             *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
             *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured", "drehmoment"),
-            "tau_j",
+            *("tau_j", "tau_sensor", "sensor_torque", "link_torque"),
             *("force", "load_cell", "loadcell", "force_sensor", "measured_force", "load_force", "axial_force"),
         ),
         "torque_command": (
@@ -75,7 +75,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "time": (
             *("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
-            "zeit",
+            *("zeit", "tout"),
         ),
     }
 )
@@ -110,6 +110,10 @@ _NOISE = (
     *("field", "wert"),
 )
 """Words that name neither a joint nor a quantity, where others do."""
+_ROLES = ("state", "states", "data", "sensor", "sensors", "observation", "obs", "joints", "controller")
+"""Words of what holds the joints, which name none."""
+_DERIVED = ("error", "errors", "err", "diff", "delta", "residual", "predicted", "expected")
+"""Words of what is made from signals of a joint."""
 _NO_JOINT = (
     *("ee", "eef", "tcp", "endeffector", "effector", "cartesian", "pose"),  # coordinates of a tool
     *("error", "err", "diff", "delta", "limit", "lim", "min", "max", "std", "var", "cov", "integral", "offset", "bias"),
@@ -128,6 +132,8 @@ _IN_BRACKETS = re.compile(r"(.+?)[\s_]*([\[(])\s*([^\[\]()]+?)\s*[\])]\s*")
 _BEHIND_A_SLASH = re.compile(r"(.+?)\s+/\s+(\S+)\s*")
 """A unit as ISO 80000 writes it, `I / A`."""
 _AT_THE_END = at_the_end()
+_IN_BRACKETS_BEFORE_A_NUMBER = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])][\s_]*[\[(]?(\d+)[\])]?")
+_BEFORE_A_NUMBER = re.compile(rf"{_AT_THE_END.pattern}[\s_]*[\[(]?(\d+)[\])]?", re.IGNORECASE)
 _GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ω": "omega", "τ": "tau"})
 _GERMAN = re.compile(r"(?<![a-z])(soll|ist)(?=[a-z]{4})", re.IGNORECASE)
 """Begin of a compound such as `Sollposition`."""
@@ -201,8 +207,17 @@ def meaning(name: str) -> Meaning | None:
     return told
 
 
+def names_joints(name: str) -> bool:
+    """Whether an array or a list of texts with this name holds the names of the joints of those beside it."""
+    last = re.split("[/.]", name)[-1].lower()
+    return last in ("joint_names", "joints", "names", "name", "joint_name", "jointnames")
+
+
 def _with_brackets(name: str) -> str:
-    """The name with a unit behind a slash, `I / A`, in brackets."""
+    """The name with a unit behind a slash, `I / A`, or before a number, `tau_mNm_0`, in brackets."""
+    for form in (_IN_BRACKETS_BEFORE_A_NUMBER, _BEFORE_A_NUMBER):
+        if (found := form.fullmatch(name)) and is_known(found[2]):
+            return f"{found[1]}_{found[3]} [{found[2]}]"
     found = _BEHIND_A_SLASH.fullmatch(name)
     if found is None:
         return name
@@ -282,27 +297,47 @@ def with_unit(told: Meaning | None, stated: str) -> Meaning | None:
 def _meaning(name: str) -> Meaning | None:
     """What a name that states no unit seems to mean."""
     owner, _, suffix = name.rpartition("/")
-    if owner and (suffix in JOINT_SUFFIXES or (suffix in SENSOR_SUFFIXES and owner.startswith(("imu_", "ft_")))):
+    if owner.startswith(("imu_", "ft_")) and suffix in SENSOR_SUFFIXES:
         return Meaning(owner, suffix, suffix)
     if not owner:
         owner, _, suffix = name.rpartition(".")
     owner, suffix = owner.strip(), suffix.strip()
+    if suffix in JOINT_SUFFIXES and "/" in name:
+        return _of_owner(owner, Meaning("", suffix, suffix))
     if owner and (told := _of_words(words(suffix))) is not None and not told.joint and told.quantity != "time":
-        if "/" in name:
-            return replace(told, joint=owner, by=suffix)
-        parts = [part for part in owner.split(".") if part.lower() not in _NOISE]
-        named = [_without_roles(part) for part in parts]
-        of_command = any(word.lower() in _COMMANDED for part in parts for word in words(part))
-        quantity = COMMANDS.get(told.quantity, told.quantity) if of_command else told.quantity
-        return replace(told, joint="/".join(filter(None, named)), by=suffix, quantity=quantity)
+        return _of_owner(owner, replace(told, by=suffix))
     return _of_words(words(name))
 
 
+def _of_owner(owner: str, told: Meaning) -> Meaning | None:
+    """The meaning of a quantity of an owner, whose parts between slashes and dots name the joint or a role.
+
+    `goal_position/knee`, `command.knee` and `motor_cmd[3]` say that the quantity is commanded, `joint_states/knee` and
+    `measured/knee` that it is not; what is made from signals, as `error/knee`, is None.
+    """
+    parts = [part for part in re.split(r"[/.]", owner) if part]
+    said = [word.lower() for part in parts for word in _owner_words(part)]
+    if any(word in _DERIVED for word in said):
+        return None
+    commanded = any(word in _COMMANDED for word in said)
+    named = [_without_roles(part) for part in parts if "/" in owner or part.lower() not in _NOISE]
+    joint = "/".join(filter(None, named))
+    quantity = COMMANDS.get(told.quantity, told.quantity) if commanded else told.quantity
+    return replace(told, joint=joint if joint or commanded else owner, quantity=quantity)
+
+
 def _without_roles(owner: str) -> str:
-    """`motor_3` of `motor_cmd[3]` and of `motor_state[3]`, and nothing of `action`; other owners as they are."""
-    parts = words(owner)
-    kept = [word for word in parts if word.lower() not in (*_COMMANDED, "state", "states")]
-    return owner if kept == parts else "_".join(_naming(kept))
+    """`motor_3` of `motor_cmd[3]` and of `motor_state[3]`, nothing of `goal_position`; other owners as they are."""
+    parts = _owner_words(owner)
+    kept = [word for word in parts if word.lower() not in (*_COMMANDED, *_MEASURED, *_ROLES)]
+    if kept == parts:
+        return owner
+    return _joint([word for word in kept if word.lower() not in _NOISE and _singular(word.lower()) not in COMMANDS])
+
+
+def _owner_words(owner: str) -> list[str]:
+    """The words of an owner; `lowcmd` and `lowstate` are two words each."""
+    return [each for word in words(owner) for each in re.sub(r"(?i)(?<=\w)(cmd|state)$", r" \1", word).split()]
 
 
 def _of_words(said: Sequence[str]) -> Meaning | None:
