@@ -559,6 +559,8 @@ def with_whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     seconds, more = (pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64) for name in (whole, rest))
     first = next(iter(seconds[np.isfinite(seconds)]), 0.0)
     table.insert(0, "time", seconds - first + unit * more)
+    aside = dict.fromkeys(stamps, "part of a stamp of the time")
+    table.attrs["aside"] = {**table.attrs.get("aside", {}), **aside}
     note = f"The time is that of {whole!r} and {rest!r} together, counted from the first second."
     table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return table

@@ -6,7 +6,9 @@
     {"hz": 100, "data": [{"q": [0.1, 0.2, ...]}, {"q": [0.0, 0.1, ...]}]}        episodes of columns
 
 Fields of a nested mapping become `outer/inner`; a vector in each sample becomes `name_0, name_1, ...`; single values
-beside the samples are no columns. A value that a record lacks, and `null`, is missing.
+beside the samples are no columns. A list `joint_names` or `name` of texts names the members of vectors of its length:
+`{"name": ["hip", "knee"], "position": [0.1, 0.2]}` has `hip/position` and `knee/position`. A value that a record lacks,
+and `null`, is missing.
 """
 
 import json
@@ -22,7 +24,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
 from drake_tc.logs.episodes import Source, one_log
-from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.inspection.names import meaning, names_joints
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 
@@ -46,7 +48,7 @@ def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
     if episode is not None:
         raise LogError(f"{path}: no episodes in this file; expected the file without #{episode}")
     if records is not None:
-        return _of_records(records, path)
+        return with_times(_of_records(records, path, _joints(document)), period)
     if not isinstance(document, dict):
         raise LogError(f"{path}: expected {FORMS}, got {_kind(document)}")
     return with_times(_of_columns(document, path), period)
@@ -72,6 +74,24 @@ def _lists(document: Any) -> dict[str, list[Any]]:
     return {name: values for name, values in _leaves("", document) if isinstance(values, list)}
 
 
+def _joints(document: Any) -> list[str]:
+    """The texts of the first list that names joints in nested mappings; none where there is none."""
+    named = (values for name, values in _leaves("", document) if names_joints(name) and _are_names(values))
+    return next(named, [])
+
+
+def _are_names(values: Any) -> bool:
+    return (
+        isinstance(values, list) and all(isinstance(each, str) for each in values) and len(set(values)) == len(values)
+    )
+
+
+def _member(name: str, number: int, size: int, joints: Sequence[str]) -> str:
+    """What a member of a vector is called: `hip/position` where the vector is one of all joints, else `position_0`."""
+    of_joints = len(joints) == size and meaning(name) is not None
+    return f"{joints[number]}/{name}" if of_joints else f"{name}_{number}"
+
+
 def _is_episode(record: object) -> bool:
     """Whether a record holds lists of samples, and not the values of one sample."""
     if not isinstance(record, dict):
@@ -85,7 +105,7 @@ def _of_episodes(records: Sequence[dict[str, Any]], period: float | None, source
     episodes = {}
     for number, record in enumerate(records):
         table = with_times(_of_columns(record, source.path), stated_period(_numbers(record)) or period)
-        table.attrs = {}  # the same note for each
+        table.attrs = {}  # the same notes for each
         episodes[number] = table
     told = {str(name): meaning(str(name)) for name in episodes[0].columns}
     time = next((name for name, each in told.items() if each is not None and each.quantity == "time"), None)
@@ -135,32 +155,39 @@ def _records_inside(document: object) -> list[Any] | None:
     """The only list of records in a mapping; None where there is none or there are several."""
     if not isinstance(document, dict):
         return None
-    lists = [value for value in document.values() if isinstance(value, list)]
-    return lists[0] if len(lists) == 1 and lists[0] and isinstance(lists[0][0], dict) else None
+    lists = [value for value in document.values() if isinstance(value, list) and value and isinstance(value[0], dict)]
+    return lists[0] if len(lists) == 1 else None
 
 
-def _of_records(records: Sequence[Any], path: Path) -> pd.DataFrame:
+def _of_records(records: Sequence[Any], path: Path, joints: Sequence[str] = ()) -> pd.DataFrame:
     rows = []
     for number, record in enumerate(records, start=1):
         if not isinstance(record, dict):
             raise LogError(f"{path}: row {number} is {_kind(record)}; expected a mapping {{name: value}} a sample")
-        rows.append(dict(_values("", record)))
+        rows.append(dict(_values("", record, joints)))
     return pd.DataFrame.from_records(rows)
 
 
-def _values(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """(name, value) of the plain values in one sample."""
-    for name, leaf in _leaves(prefix, value):
-        if isinstance(leaf, list):
-            for number, inner in enumerate(leaf):
-                yield from _values(f"{name}_{number}", inner)
-        else:
-            yield name, leaf
+def _values(prefix: str, value: Any, joints: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """(name, value) of the plain values in one sample; `joints` name the members of vectors of their number."""
+    if isinstance(value, dict):
+        own = next((each for name, each in value.items() if names_joints(name) and _are_names(each)), joints)
+        for name, inner in value.items():
+            if inner is not own:
+                yield from _values(f"{prefix}/{name}" if prefix else name, inner, own)
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _values(_member(prefix, number, len(value), joints), inner, joints)
+    else:
+        yield prefix, value
 
 
 def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
     columns: dict[str, list[Any]] = {}
+    joints = _joints(document)
     for name, values in _lists(document).items():
+        if values is joints:
+            continue
         if not any(isinstance(value, list | dict) for value in values):
             columns[name] = values
             continue
@@ -169,21 +196,25 @@ def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
             if isinstance(value, dict) or (len(value) if isinstance(value, list) else 0) != width:
                 expected = f"{width} values as in row 1" if width else "one value, or a list of values in every row"
                 raise LogError(f"{path}: column {name!r}: row {row} holds {_kind(value)}; expected {expected}")
-        columns |= {f"{name}_{number}": [value[number] for value in values] for number in range(width)}
+        columns |= {_member(name, at, width, joints): [value[at] for value in values] for at in range(width)}
     if not columns and document:
         raise LogError(f"{path}: expected {FORMS}, got a mapping without a list: {', '.join(list(document)[:5])}")
-    return pd.DataFrame(_one_length(columns, path))
+    table = pd.DataFrame(_one_length(columns, path))
+    short = [name for name in columns if name not in table]
+    if short:
+        table.attrs["notes"] = [f"Lists that are shorter than a log were left out: {', '.join(short)}."]
+    return table
 
 
 def _one_length(columns: dict[str, list[Any]], path: Path) -> dict[str, list[Any]]:
     lengths = {name: len(values) for name, values in columns.items()}
     rows = lengths.get("time", max(lengths.values(), default=0))
     for name, count in lengths.items():
-        if count != rows:
+        if count != rows and (count >= MIN_ROWS or rows < MIN_ROWS):
             raise LogError(
                 f"{path}: column {name!r} has {count} rows where the others have {rows}; save one row a sample"
             )
-    return columns
+    return {name: values for name, values in columns.items() if len(values) == rows}
 
 
 def _kind(value: object) -> str:
