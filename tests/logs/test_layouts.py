@@ -182,6 +182,93 @@ def lerobot(path: Path, version: int) -> Path:
     return path
 
 
+def goal_topic(path: Path) -> Path:
+    """As PlotJuggler writes the topics of a bag."""
+    own = table(time="__time", position="/joint_states/knee/position", velocity="/joint_states/knee/velocity")
+    own["/sensors/knee/torque"] = TORQUE
+    own["/goal_position/knee/position"] = COMMAND
+    own["/controller_state/error/knee/position"] = COMMAND - POSITION
+    own.assign(__time=own["__time"] + 1.7e9).to_csv(path, index=False, float_format="%.9f")
+    return path
+
+
+def one_row_a_joint(path: Path) -> Path:
+    own = table(position="position", position_command="goal", torque="torque")
+    both = pd.concat([own.assign(joint="knee"), (-own.assign(time=-TIME)).assign(joint="hip")])
+    both.sort_values("time", kind="stable").to_csv(path, index=False)
+    return path
+
+
+def index_of_times(path: Path) -> Path:
+    own = table(position="position", position_command="position_command", torque="torque").drop(columns="time")
+    own.columns = pd.MultiIndex.from_product([["knee"], own.columns])
+    own.set_axis(pd.to_timedelta(TIME, unit="s")).to_parquet(path)
+    return path
+
+
+def structured(path: Path) -> Path:
+    own = table(time="t", position="q", position_command="q_des", torque="tau")
+    np.save(path, own.to_records(index=False))
+    return path
+
+
+def unit_before_the_joint(path: Path) -> Path:
+    own = {"q_meas_deg": POSITION * DEG, "q_ref_deg": COMMAND * DEG, "tau_mNm": TORQUE * 1e3}
+    two = {name: np.stack([values, -values], 1) for name, values in own.items()}
+    np.savez(path, ts=TIME * 1e6, **two)
+    return path
+
+
+def time_series(path: Path) -> Path:
+    series = {"q": (POSITION * DEG, "deg"), "q_ref": (COMMAND * DEG, "deg"), "tau": (TORQUE, "N*m")}
+    fields = {
+        name: {"Time": TIME[:, None], "Data": values[:, None], "Name": "", "DataInfo": {"Units": unit}}
+        for name, (values, unit) in series.items()
+    }
+    scipy.io.savemat(path, {"logsout": fields})
+    return path
+
+
+def scope(path: Path) -> Path:
+    own = {"knee position": POSITION, "knee position command": COMMAND, "knee torque [Nm]": TORQUE}
+    signals = np.zeros(3, dtype=[("values", "O"), ("label", "O"), ("dimensions", "O")])
+    for number, (name, values) in enumerate(own.items()):
+        signals[number] = (values[:, None], name, 1)
+    scipy.io.savemat(path, {"ScopeData": {"time": TIME[:, None], "signals": signals}})
+    return path
+
+
+def messages_of_json(path: Path) -> Path:
+    """As a bridge of ROS writes joint states, whose joints are in `name`."""
+    rows = zip(TIME + 1e-9, POSITION, RATE, CURRENT, strict=True)
+    stamps = ((t, {"sec": 1700000000 + int(t), "nanosec": int((t % 1) * 1e9)}, *rest) for t, *rest in rows)
+    lines = [
+        {"header": {"stamp": s}, "name": ["hip", "knee"], "position": [q, -q], "velocity": [v, -v], "current": [i, -i]}
+        for _, s, q, v, i in stamps
+    ]
+    path.write_text("\n".join(json.dumps(line) for line in lines))
+    return path
+
+
+def joints_of_json(path: Path) -> Path:
+    own = {"position": np.stack([POSITION, -POSITION], 1).tolist(), "torque": np.stack([TORQUE, -TORQUE], 1).tolist()}
+    actions = np.stack([COMMAND, -COMMAND], 1).tolist()
+    path.write_text(json.dumps({"dt": 0.004, "joint_names": ["knee", "hip"], "sensor_data": own, "actions": actions}))
+    return path
+
+
+def sensor_data(path: Path) -> Path:
+    path.write_text(
+        json.dumps(
+            {
+                "hz": 250,
+                "data": [{"actions": COMMAND.tolist(), "sensor_data": POSITION.tolist(), "torque": TORQUE.tolist()}],
+            }
+        )
+    )
+    return path
+
+
 CSV = (
     *(comments, savetxt, pairs, clocks, named_times, units_of_pairs, device_above, decimal_commas),
     *(two_units_of_angles, units_below, units_in_names, units_at_the_end, actual_and_desired, dotted),
@@ -189,6 +276,16 @@ CSV = (
 LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "npz": (arrays, "run.npz"),
     "mat": (arrays, "run.mat"),
+    "plotjuggler": (goal_topic, "run.csv"),
+    "one row a joint": (one_row_a_joint, "run.csv"),
+    "index of times": (index_of_times, "run.parquet"),
+    "structured": (structured, "run.npy"),
+    "unit before the joint": (unit_before_the_joint, "run.npz"),
+    "time series": (time_series, "run.mat"),
+    "scope": (scope, "run.mat"),
+    "json messages": (messages_of_json, "run.jsonl"),
+    "json joints": (joints_of_json, "run.json"),
+    "json sensor data": (sensor_data, "run.json"),
     "json columns": (columns_of_json, "run.json"),
     "json records": (records_of_json, "run.json"),
     "lerobot 2": (lambda path: lerobot(path, 2), "run"),

@@ -23,6 +23,7 @@ import pandas as pd
 from drake_tc.config.files import unpacked_gzip
 from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
+from drake_tc.logs.files.series import of_series
 from drake_tc.logs.inspection.names import meaning
 from drake_tc.logs.units import TIME, is_known, is_unit
 
@@ -314,19 +315,13 @@ def _with_repeated_times(names: Sequence[str]) -> _Pairs | None:
 
 
 def _of_pairs(cells: pd.DataFrame, pairs: _Pairs) -> pd.DataFrame:
-    """One row for each time of any channel; where a channel has no value at this time, there is NaN."""
+    """One row for each time of any channel."""
     series = []
     for name, x, y in pairs.channels:
         times = pd.to_numeric(cells.iloc[:, x], errors="coerce").to_numpy(dtype=np.float64)
         own = pd.Series(cells.iloc[:, y].to_numpy(), index=times, name=name)
-        own = own[np.isfinite(times)]
-        series.append(own[~own.index.duplicated(keep="last")])
-    if all(each.index.equals(series[0].index) for each in series):
-        table = pd.DataFrame({each.name: each.to_numpy() for each in series})
-        table.insert(0, pairs.time, series[0].index.to_numpy())
-    else:
-        joined = pd.concat(series, axis=1, sort=True)
-        table = joined.reset_index(names=pairs.time)
+        series.append(own[np.isfinite(times)])
+    table = of_series(series, pairs.time)
     if pairs.units:
         table.attrs["units"] = dict(pairs.units)
     table.attrs["notes"] = [

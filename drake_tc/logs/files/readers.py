@@ -16,11 +16,13 @@ from drake_tc.errors import LogError
 from drake_tc.logs.bags.reader import SUFFIXES, is_bag, read_bag
 from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times, with_whole_stamps
 from drake_tc.logs.episodes import Source, source_of, with_episodes_apart
-from drake_tc.logs.files.array_files import read_arrays, read_mat
+from drake_tc.logs.files.array_files import read_array, read_arrays, read_mat
 from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.files.json_log import read_json, read_json_lines
 from drake_tc.logs.files.lerobot import is_data_set, read_data_set, without_lists
-from drake_tc.logs.inspection.names import meaning
+from drake_tc.logs.files.long_tables import with_channels_apart
+from drake_tc.logs.files.series import with_common_times, with_index
+from drake_tc.logs.inspection.names import meaning, names_joints
 
 Reader = Callable[[Path], pd.DataFrame]
 
@@ -84,7 +86,7 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
         about = pyarrow.parquet.read_metadata(file)
         check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
         file.seek(0)
-        return with_texts(without_lists(pd.read_parquet(file), Source(path, episode)))
+        return with_texts(without_lists(with_index(pd.read_parquet(file)), Source(path, episode)))
 
 
 def _columns_of(name: str, value: np.ndarray, rows: int, joints: Sequence[str]) -> dict[str, np.ndarray]:
@@ -100,7 +102,7 @@ def _columns_of(name: str, value: np.ndarray, rows: int, joints: Sequence[str]) 
         if len(joints) == array.shape[1] and meaning(name) is not None:
             return {f"{joint}/{name}": array[:, i] for i, joint in enumerate(joints)}
         return {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
-    if value.size == 0:
+    if value.size == 0 and value.dtype.kind != "U":
         return {name: np.empty(0)}
     return {}
 
@@ -118,13 +120,9 @@ def _rows_of(arrays: Mapping[str, np.ndarray]) -> int:
 
 def _joints_of(arrays: Mapping[str, np.ndarray]) -> tuple[str, ...]:
     """The texts of an array `joint_names` or `joints`; none where there is none, or a name is there twice."""
-    found = [value.ravel().tolist() for name, value in arrays.items() if _names_joints(name)]
+    found = [value.ravel().tolist() for name, value in arrays.items() if names_joints(name)]
     names = tuple(map(str, found[0])) if found and all(isinstance(each, str) for each in found[0]) else ()
     return names if len(set(names)) == len(names) else ()
-
-
-def _names_joints(array: str) -> bool:
-    return array.rpartition("/")[2].lower() in ("joint_names", "joints", "names", "joint_name", "jointnames")
 
 
 SHOWN = 8
@@ -136,6 +134,11 @@ def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
     The fields of a structured array are arrays of their own.
     """
+    unread = [name for name, value in arrays.items() if value.dtype.kind == "O"]
+    arrays, notes = with_common_times({name: value for name, value in arrays.items() if name not in unread})
+    if unread:
+        kinds = "objects, cells, sparse matrices" if path.suffix.lower() == ".mat" else "Python objects"
+        notes.append(f"What cannot be read ({kinds}) was left out: {', '.join(unread[:SHOWN])}.")
     fields = {name: value.dtype.names or () for name, value in arrays.items()}
     arrays = {name: value for name, value in arrays.items() if not fields[name]} | {
         field: arrays[name][field] for name, of in fields.items() for field in of
@@ -144,7 +147,7 @@ def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
     columns: dict[str, np.ndarray] = {}
     left_out = []
     for name, value in arrays.items():
-        if joints and _names_joints(name):
+        if joints and names_joints(name):
             continue
         own = _columns_of(name, value, rows, joints)
         columns |= own
@@ -152,12 +155,12 @@ def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
             left_out.append(f"{name} {np.squeeze(value).shape}".replace(",)", ")"))
     table = _table(path, columns)
     if left_out:
-        note = f"Arrays that have neither {rows} rows nor {rows} columns were left out: {', '.join(left_out)}."
-        table.attrs["notes"] = [*table.attrs.get("notes", ()), note]
+        notes.append(f"Arrays that have neither {rows} rows nor {rows} columns were left out: {', '.join(left_out)}.")
     single = {name: value.item() for name, value in arrays.items() if value.size == 1}
     if single:
         told = ", ".join(f"{name} = {quoted(value)}" for name, value in list(single.items())[:SHOWN])
-        table.attrs["notes"] = [*table.attrs.get("notes", ()), f"Single values are no columns: {told}."]
+        notes.append(f"Single values are no columns: {told}.")
+    table.attrs["notes"] = [*table.attrs.get("notes", ()), *notes]
     values = {name: each for name, each in single.items() if type(each) in (int, float)}
     return with_times(table, stated_period(values))
 
@@ -188,6 +191,10 @@ def _read_npz(path: Path) -> pd.DataFrame:
     return _of_arrays(path, read_arrays(path))
 
 
+def _read_npy(path: Path) -> pd.DataFrame:
+    return _of_arrays(path, read_array(path))
+
+
 def _read_mat(path: Path) -> pd.DataFrame:
     """As `read_mat`; a double underscore in a name stands for a slash."""
     return _of_arrays(path, {name.replace("__", "/"): value for name, value in read_mat(path).items()})
@@ -200,6 +207,7 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         ".tsv": read_csv,
         ".parquet": _read_parquet,
         ".npz": _read_npz,
+        ".npy": _read_npy,
         ".mat": _read_mat,
         ".json": read_json,
         ".json.gz": read_json,
@@ -233,7 +241,7 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     """Read a log as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A log in memory, or a .csv, .csv.gz, .tsv, .parquet, .npz, .mat, .json, .json.gz or .jsonl file, a ROS bag
+        path: A log in memory, or a .csv, .csv.gz, .tsv, .parquet, .npz, .npy, .mat, .json, .json.gz or .jsonl file, a ROS bag
             (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ and MAT
             every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
             `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
@@ -245,7 +253,7 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     """
     if isinstance(path, LogTable):
         where = Path(path.name)
-        table = path.table.reset_index(drop=True)
+        table = with_index(path.table)
         table.attrs = {}  # those of the owner are not those of the readers
     else:
         source = source_of(Path(path))
@@ -255,7 +263,7 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
-    return with_whole_stamps(table)
+    return with_channels_apart(with_whole_stamps(table))
 
 
 def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:
