@@ -2,7 +2,8 @@
 
 Types: `sensor_msgs/JointState`, `sensor_msgs/Imu`, `geometry_msgs/WrenchStamped`, `std_msgs/Float64MultiArray`,
 `std_msgs/Float64`, `std_msgs/Float32`, `sensor_msgs/Temperature`,
-`trajectory_msgs/JointTrajectory`, `control_msgs/JointTrajectoryControllerState`. Units are those of REP 103: rad,
+`trajectory_msgs/JointTrajectory`, `control_msgs/JointTrajectoryControllerState`, `control_msgs/DynamicJointState`, and
+every other type that names its joints in a list beside vectors. Units are those of REP 103: rad,
 rad/s, N, N m, m/s^2. A row is numbers with the sender's and the receiver's time stamps.
 """
 
@@ -15,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from drake_tc.logs.inspection.names import COMMANDS, meaning, names_joints
 from drake_tc.types import FloatArray
 
 COMMAND_WORDS = ("command", "cmd", "desired", "reference", "target", "setpoint", "goal")
@@ -304,16 +306,19 @@ def _temperature(topic: str, message: Any) -> Iterator[Row]:
 
 
 def _controller_state(topic: str, message: Any) -> Iterator[Row]:
-    """Reference and feedback of a joint trajectory controller; older distributions say desired and actual."""
+    """Reference and feedback of a joint trajectory controller; older distributions fill desired and actual."""
     joints = list(message.joint_names)
-    for fields, kind, suffix in (
-        (("reference", "desired"), Kind.commanded, "position_command"),
-        (("feedback", "actual"), Kind.feedback, "position"),
+    for fields, kind, suffixes in (
+        (("reference", "desired"), Kind.commanded, ("position_command",)),
+        (("feedback", "actual"), Kind.feedback, STATE),
     ):
-        point = next((getattr(message, name) for name in fields if hasattr(message, name)), None)
-        if point is not None and len(point.positions) == len(joints):
-            names = tuple(f"{joint}/{suffix}" for joint in joints)
-            yield Row(kind, names, _stamp(message), [float(value) for value in point.positions])
+        points = [getattr(message, name) for name in fields if hasattr(message, name)]
+        point = next((each for each in points if len(each.positions) == len(joints)), None)
+        if point is not None:
+            values = zip(suffixes, (point.positions, point.velocities, point.effort), strict=False)
+            columns = [(suffix, own) for suffix, own in values if len(own) == len(joints)]
+            names = tuple(f"{joint}/{suffix}" for suffix, _ in columns for joint in joints)
+            yield Row(kind, names, _stamp(message), [float(value) for _, own in columns for value in own])
 
 
 def _trajectory(topic: str, message: Any) -> Iterator[Row]:
@@ -326,6 +331,38 @@ def _trajectory(topic: str, message: Any) -> Iterator[Row]:
             yield Row(Kind.planned, names, _stamp(message), values, after, first=number == 0)
 
 
+def names_its_joints(fields: Sequence[tuple[str, Any]]) -> bool:
+    """Whether a type of message has a list of the joints' names, by its fields as rosbags defines them."""
+    return any(names_joints(name) and _is_list_of_texts(kind) for name, kind in fields)
+
+
+def _is_list_of_texts(kind: Any) -> bool:
+    """Of a definition such as (4, ((1, ("string", 0)), 0)): a sequence (4) or an array (3) of a base type."""
+    return len(kind) == 2 and kind[0] in (3, 4) and kind[1][0][1][0] == "string"
+
+
+def named_vectors(topic: str, message: Any) -> Iterator[Row]:
+    """The vectors of any message that names its joints: each field by what its name says, others as they are called."""
+    fields = {name: getattr(message, name) for name in message.__dataclass_fields__ if not name.startswith("_")}
+    joints = next((each for name, each in fields.items() if names_joints(name) and isinstance(each, list)), [])
+    rows: dict[Kind, list[tuple[str, float]]] = {Kind.measured: [], Kind.commanded: []}
+    for name, values in fields.items():
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in "iuf" or values.shape != (len(joints),):
+            continue
+        told = meaning(name)
+        commanded = _is_command(topic) or (told is not None and told.by not in EFFORTS and "command" in told.quantity)
+        suffix = name if told is None or told.joint or told.by in EFFORTS else told.quantity
+        suffix = COMMANDS.get(suffix, suffix) if commanded else suffix
+        own = zip((f"{joint}/{suffix}" for joint in joints), map(float, values), strict=True)
+        rows[Kind.commanded if commanded else Kind.measured] += own
+    for kind, pairs in rows.items():
+        if joints and pairs:
+            stamp = _stamp(message) if hasattr(message, "header") else 0
+            yield Row(kind, tuple(name for name, _ in pairs), stamp, [value for _, value in pairs])
+
+
+EFFORTS = ("effort", "eff")
+"""Names of a field that is no canonical column; see `STATE`."""
 Extract = Callable[[str, Any], Iterator[Row]]
 EXTRACT: Mapping[str, Extract] = MappingProxyType(
     {

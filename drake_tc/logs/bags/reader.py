@@ -23,7 +23,17 @@ import pandas as pd
 from drake_tc.config.files import is_folder
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.joined import joined
-from drake_tc.logs.bags.messages import EXTRACT, SENDER, Kind, Row, Stream, complete
+from drake_tc.logs.bags.messages import (
+    EXTRACT,
+    SENDER,
+    Extract,
+    Kind,
+    Row,
+    Stream,
+    complete,
+    named_vectors,
+    names_its_joints,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 SCHEMA, CHANNEL, MESSAGE, CHUNK, DATA_END, FOOTER = 0x03, 0x04, 0x05, 0x06, 0x0F, 0x02
@@ -207,6 +217,8 @@ def read_bag(path: Path, needed: Collection[str] = ()) -> pd.DataFrame:
     try:
         table = joined(streams, path, needed)
     except LogError as error:
+        unread = [f"{each.name} ({each.kind})" for each in topics(path) if not each.read]
+        told += [f"Topics of other types: {', '.join(unread[:20])}."] if unread else []
         raise LogError(f"{error} ({' '.join(told)})" if told else str(error)) from None
     table.attrs["hints"] = [*told, *table.attrs["hints"]]
     return table
@@ -220,15 +232,25 @@ def _read_streams(path: Path) -> tuple[dict[tuple[str, tuple[str, ...]], Stream]
     """
     found: dict[tuple[str, tuple[str, ...]], Stream] = {}
     with _opened(path) as reader:
-        known = [connection for connection in reader.connections if connection.msgtype in EXTRACT]
+        readers = {
+            kind: extract for kind in {c.msgtype for c in reader.connections} if (extract := _extract(reader, kind))
+        }
+        known = [connection for connection in reader.connections if connection.msgtype in readers]
         requested = [each for each in known if _is_defined(reader, each.msgtype)]
         undefined = {each.topic: each.msgtype for each in known if each not in requested}
         if requested:
             for connection, received, raw in reader.messages(connections=requested):
                 message = reader.deserialize(raw, connection.msgtype)
-                for row in EXTRACT[connection.msgtype](connection.topic, message):
+                for row in readers[connection.msgtype](connection.topic, message):
                     _add(found, connection.topic, int(received), row)
     return found, undefined
+
+
+def _extract(reader: Any, kind: str) -> Extract | None:
+    """What reads the messages of a type; None for a type without numbers of joints."""
+    if kind in EXTRACT or not _is_defined(reader, kind):
+        return EXTRACT.get(kind)
+    return named_vectors if names_its_joints(reader.typestore.fielddefs[kind][1]) else None
 
 
 def _is_defined(reader: Any, kind: str) -> bool:
@@ -272,7 +294,7 @@ def topics(path: Path) -> tuple[Topic, ...]:
                 str(info.msgtype),
                 int(info.msgcount),
                 (info.msgcount - 1) / seconds if info.msgcount > 1 and seconds > 0.0 else math.nan,
-                info.msgtype in EXTRACT and _is_defined(reader, info.msgtype),
+                _extract(reader, str(info.msgtype)) is not None and _is_defined(reader, info.msgtype),
             )
             for name, info in sorted(reader.topics.items())
         )

@@ -242,8 +242,8 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
 
     Args:
         path: A log in memory, or a .csv, .csv.gz, .tsv, .parquet, .npz, .npy, .mat, .json, .json.gz or .jsonl file, a
-            ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ and
-            MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
+            ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ
+            and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
             `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
             a JSON log.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from rosbags.typesys import get_types_from_msg
 
+from drake_tc.errors import LogError
 from drake_tc.logs.files.readers import read_table
 
 from .recorded import STORE, T, arrays, bag, header, joint_states, nanoseconds
@@ -170,3 +171,68 @@ def test_a_topic_whose_messages_the_bag_does_not_define_is_named_and_the_others_
     table = read_table(path)
     assert_allclose(table["knee/position"], np.sin(time), atol=1e-12)
     assert any(hint.startswith("/dynamic_joint_states was not read") for hint in table.attrs["hints"])
+
+
+OWN = {
+    "own_msgs/msg/Motors": "std_msgs/Header header\nstring[] name\nfloat64[] q\nfloat32[] q_des\nfloat64[] tau_meas",
+    "own_msgs/msg/Blobs": "std_msgs/Header header\nfloat64[] data",
+    "control_msgs/msg/JointTrajectoryControllerState": "std_msgs/Header header\nstring[] joint_names\n"
+    + "\n".join(
+        f"trajectory_msgs/JointTrajectoryPoint {name}"
+        for name in ("desired", "actual", "error", "reference", "feedback")
+    ),
+}
+"""Messages of a driver, and those of a controller in a distribution that has old and new names of the fields."""
+
+
+def own_type(name):
+    if name not in STORE.fielddefs:
+        STORE.register(get_types_from_msg(OWN[name], name))
+    return STORE.types[name]
+
+
+def test_vectors_beside_a_list_of_names_are_columns_whatever_the_type(tmp_path):
+    motors, time = own_type("own_msgs/msg/Motors"), np.arange(300) / 100.0
+    q = np.stack([np.sin(time), np.cos(time)], 1)
+    messages = [
+        (
+            "/motors",
+            motors.__msgtype__,
+            nanoseconds(t),
+            motors(header(nanoseconds(t)), ["hip", "knee"], row, g, 3.0 * row),
+        )
+        for t, row, g in zip(time, q, (q + 0.5).astype(np.float32), strict=True)
+    ]
+    table = read_table(bag(tmp_path / "bag", messages))
+    assert_allclose(table["knee/position"], np.cos(time), rtol=0, atol=1e-12)
+    assert_allclose(table["hip/position_command"], np.sin(time) + 0.5, rtol=0, atol=1e-6)
+    assert_allclose(table["hip/torque"], 3.0 * np.sin(time), rtol=0, atol=1e-12)
+
+
+def test_a_controller_that_fills_the_old_fields_is_read(tmp_path):
+    kind, time = own_type("control_msgs/msg/JointTrajectoryControllerState"), np.arange(300) / 100.0
+    point, duration = T["trajectory_msgs/msg/JointTrajectoryPoint"], T["builtin_interfaces/msg/Duration"](0, 0)
+
+    def at(*values):
+        return point(*(np.array([v] if v is not None else [], dtype=float) for v in (*values, None, None)), duration)
+
+    nothing = at(None, None)
+    messages = [
+        (
+            *("/arm/state", kind.__msgtype__, nanoseconds(t)),
+            kind(header(nanoseconds(t)), ["knee"], at(t + 0.1, None), at(t, 1.0), nothing, nothing, nothing),
+        )
+        for t in time
+    ]
+    table = read_table(bag(tmp_path / "bag", messages))
+    assert_allclose(table["knee/position"], time, rtol=0, atol=1e-12)
+    assert_allclose(table["knee/position_command"], time + 0.1, rtol=0, atol=1e-12)
+    assert_allclose(table["knee/velocity"], 1.0, rtol=0)
+
+
+def test_a_bag_of_unknown_types_alone_lists_them(tmp_path):
+    blobs = own_type("own_msgs/msg/Blobs")
+    message = blobs(header(nanoseconds(0.0)), np.zeros(3))
+    path = bag(tmp_path / "bag", [("/blobs", blobs.__msgtype__, nanoseconds(0.0), message)])
+    with pytest.raises(LogError, match=r"Topics of other types: /blobs \(own_msgs/msg/Blobs\)"):
+        read_table(path)
