@@ -116,7 +116,7 @@ def close_loop_command(
         tell_declared("close-loop", rig, declared)
     read = [rig, declared, *(log or []), *(holdout or [])]
     with (
-        result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
+        result_folder(out, "--out", names=FILES, inputs=read, force=force) as folder,
         progress_bar("close-loop", quiet=as_json) as progress,
         processes(2, preload=LOADED_BY_WORKERS) as pool,
     ):
@@ -217,7 +217,7 @@ def _demo(
     from drake_tc.cli.demo import record_demo
 
     progress("recording a demo bench", 0.0)
-    with result_folder(folder, "--out", force=force, error=LogError) as place:
+    with result_folder(folder, "--out", force=force) as place:
         rig, log, holdout = record_demo(place, seed)
     return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
 

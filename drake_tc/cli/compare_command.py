@@ -55,7 +55,7 @@ def compare_command(
         raise LogError(f"{'--serial' if serial else '--time'} belongs to --history FOLDER, which is missing")
     read = [model, rig, *log, *(holdout or [])]
     with (
-        result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder,
+        result_folder(out, "--out", names=FILES, inputs=read, force=force) as folder,
         progress_bar("compare", quiet=as_json) as progress,
     ):
         from drake_tc.diagnosis.options import DiagnosisOptions

@@ -21,7 +21,7 @@ from rich.table import Table
 from drake_tc.cli.out_files import Force, print_or_write, result_file, result_folder
 from drake_tc.cli.terminal import UnusedSeed, progress_bar
 from drake_tc.cli.usage import LARGEST_SEED
-from drake_tc.errors import LogError, ParamsError
+from drake_tc.errors import ParamsError
 
 if TYPE_CHECKING:
     from drake_tc.loops.simulated import Simulated
@@ -74,9 +74,7 @@ def simulate_command(
     scenario = entry.scenario(scenario_name, scenario_file, scenario_text).changed(duration=duration, seed=seed)
     names = (f"log.{log_format}", "rig.yaml")
     place = (
-        nullcontext()
-        if out is None
-        else result_folder(out, "--out", names=names, inputs=[scenario_file], force=force, error=LogError)
+        nullcontext() if out is None else result_folder(out, "--out", names=names, inputs=[scenario_file], force=force)
     )
     notes: list[str] = []
     with place as folder, progress_bar(f"simulate {diagram}", quiet=as_json) as progress:

@@ -17,7 +17,7 @@ import typer
 from drake_tc.cli.out_files import Force, result_folder
 from drake_tc.cli.terminal import UnusedSeed, print_wide, progress_bar
 from drake_tc.config.quoted import json_value
-from drake_tc.errors import LogError, RigError
+from drake_tc.errors import RigError
 
 if TYPE_CHECKING:
     from drake_tc.estimation.base.evaluate import BaseResult
@@ -59,7 +59,7 @@ def estimate_torque_command(
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    place = result_folder(out, "--out", inputs=[rig, *log], force=force, error=LogError)
+    place = result_folder(out, "--out", inputs=[rig, *log], force=force)
     with place as folder, progress_bar("estimate-torque", quiet=as_json) as progress:
         progress("reading", 0.0)
         runs = load_runs(log, what)
@@ -139,11 +139,7 @@ def estimate_base_command(
     from drake_tc.estimation.base.rig import load_base_rig
 
     what = load_base_rig(rig)
-    place = (
-        nullcontext()
-        if out is None
-        else result_folder(out, "--out", names=FILES, inputs=[rig, log], force=force, error=LogError)
-    )
+    place = nullcontext() if out is None else result_folder(out, "--out", names=FILES, inputs=[rig, log], force=force)
     with place as folder, progress_bar("estimate-base", quiet=as_json) as progress:
         result = evaluate_log(what, log, progress)
         document = json_value({"name": "estimate-base", "rig": str(rig), "log": str(log), **result.to_json()})

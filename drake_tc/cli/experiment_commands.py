@@ -110,7 +110,7 @@ def design_command(
     }
     read = [rig, *(log or []), *(path for path in (declared, model, after, scene) if path is not None)]
     with (
-        result_folder(out, "--out", names=(*FILES, *LOAD_FILES), inputs=read, force=force, error=ParamsError) as folder,
+        result_folder(out, "--out", names=(*FILES, *LOAD_FILES), inputs=read, force=force) as folder,
         progress_bar("design", quiet=as_json) as progress,
     ):
         from drake_tc.experiments.design.loads import parse_loads
@@ -242,7 +242,7 @@ def rehearse_command(
     if not fitted:
         raise LogError(f"expected at least two runs, one --log RUN to fit and one to test, got {len(log)}")
     with (
-        result_folder(out, "--out", names=FILES, inputs=[rig, *log, *tested], force=force, error=ParamsError) as folder,
+        result_folder(out, "--out", names=FILES, inputs=[rig, *log, *tested], force=force) as folder,
         progress_bar("rehearse", quiet=as_json) as progress,
         processes(jobs) if jobs > 1 else nullcontext() as pool,
     ):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from drake_tc.diagnosis.result.applications import ExportErrors
     from drake_tc.exchange.actuator_configs import ServoSettings
     from drake_tc.exchange.projection import Projection
+    from drake_tc.exchange.trial import Exported
 
 
 class Target(StrEnum):
@@ -148,7 +149,7 @@ def export_command(
     from drake_tc.exchange.links import with_links
     from drake_tc.exchange.mjcf import with_torque_constant
     from drake_tc.exchange.projection import TARGETS, project, vocabulary
-    from drake_tc.exchange.trial import RUNS, changes, export_page, sentences
+    from drake_tc.exchange.trial import RUNS, Exported, changes, export_page, sentences
     from drake_tc.report.sections import cells, headings
 
     if (log or holdout) and rig is None:
@@ -214,7 +215,9 @@ def export_command(
     errors: list[ExportErrors] = []
     notes: list[str] = []
     if holdout and rig is not None:
-        errors, notes = _errors(models, projections, to, rig, holdout, into, text)
+        errors, notes = _errors(
+            models, Exported(projections, to.value, into, None if into is None else text), rig, holdout
+        )
     notes += _file_notes(to, text, projections, into)
     if into is not None and to is not Target.bam:
         notes += changes(text, projections, into)
@@ -366,23 +369,15 @@ def _file_notes(to: Target, text: str, projections: "Sequence[Projection]", into
 
 
 def _errors(
-    models: "dict[str, ActuatorModel]",
-    projections: "Sequence[Projection]",
-    to: Target,
-    rig: Path,
-    runs: Sequence[Path],
-    into: Path | None,
-    text: str,
+    models: "dict[str, ActuatorModel]", exported: "Exported", rig: Path, runs: Sequence[Path]
 ) -> "tuple[list[ExportErrors], list[str]]":
     """Errors of the runs, and sentences on them."""
-    from drake_tc.exchange.trial import Exported, run_errors, run_notes
+    from drake_tc.exchange.trial import run_errors, run_notes
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
     what = load_rig(rig)
-    written = None if into is None else text
     problems: list[str] = []
-    exported = Exported(projections, to.value, into, written)
     rows = run_errors(models, exported, what, load_runs(runs, what), problems)
     return rows, [*problems, *run_notes(exported, what)]
 

@@ -144,7 +144,7 @@ def identify_command(
         raise IdentificationError(f"no joint {joint!r} in {rig}; joints there: {', '.join(read_rig.joints)}")
     names = read_rig.joints if joint is None else (joint,)
     fit = _fitting(read_rig, method, sheet, names)
-    place = result_file(out, "--out", inputs=[rig, sheet, *log], force=force, error=LogError)
+    place = result_file(out, "--out", inputs=[rig, sheet, *log], force=force)
     with place as model, progress_bar("identify", quiet=as_json) as progress:
         progress("reading", 0.0)
         runs = load_runs(log, read_rig)

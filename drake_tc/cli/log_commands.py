@@ -45,7 +45,7 @@ def inspect_command(
     found = inspect_log(log)
     problem = trial(found)
     if rig is not None and found.rig:
-        with result_file(rig, "--rig", inputs=[log], force=force, error=LogError) as path:
+        with result_file(rig, "--rig", inputs=[log], force=force) as path:
             path.write_text(_rig_text(found), encoding="utf-8")
     if as_json:
         print(json.dumps(json_value(_document(found, problem, rig if found.rig else None)), indent=1))
@@ -154,7 +154,7 @@ def import_logs(
 
     typer.echo(f"reading {src} ...", err=True)
     inputs = src.rglob("*") if is_folder(src) else ()
-    with result_folder(out, "--out", inputs=inputs, force=force, error=LogError) as folder:
+    with result_folder(out, "--out", inputs=inputs, force=force) as folder:
         rigs = [out / path.relative_to(folder) for path in convert(src, folder)]
     if as_json:
         typer.echo(json.dumps({"name": "import", "rigs": [str(rig) for rig in rigs]}, indent=1))
@@ -191,7 +191,7 @@ def check_command(
         if out is None:
             result = check_rig(rig, log, progress, declared)
         else:
-            with result_folder(out, "--out", names=FILES, inputs=read, force=force, error=LogError) as folder:
+            with result_folder(out, "--out", names=FILES, inputs=read, force=force) as folder:
                 result = check_rig(rig, log, progress, declared)
                 write_check(result, folder)
     if as_json:

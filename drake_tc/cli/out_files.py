@@ -46,7 +46,6 @@ def result_folder(
     names: Iterable[str] = (),
     inputs: Iterable[Path | None] = (),
     force: bool = False,
-    error: type[DrakeTcError] = ParamsError,
 ) -> Iterator[Path]:
     """Yield a scratch folder for results; what is in it moves to `folder` when the block ends without an error.
 
@@ -57,21 +56,20 @@ def result_folder(
             One that an earlier call wrote and this one does not is removed with the same move.
         inputs: Files that the command reads; no result takes the place of one, with `force` neither.
         force: Overwrite what drake-tc did not write.
-        error: What to raise.
 
     Raises:
-        DrakeTcError: of the kind `error`; a folder that cannot be written, in which another command writes, or that
+        ParamsError: a folder that cannot be written, in which another command writes, or that
             holds files of the same names that are not drake-tc's.
     """
-    with _opened(folder, folder, option, error) as place, _locked(place, option, error, wait=False) as manifest:
+    with _opened(folder, folder, option) as place, _locked(place, option, wait=False) as manifest:
         names = tuple(names)
         earlier = _read(manifest)
         readable = [path for path in inputs if path is not None]
-        _check(place, option, names, readable, None if force else earlier, error)
-        with _staging(place, option, error) as staging:
+        _check(place, option, names, readable, None if force else earlier)
+        with _staging(place, option) as staging:
             yield staging
             written = sorted(str(path.relative_to(staging)) for path in staging.rglob("*") if path.is_file())
-            _check(place, option, written, readable, None if force else earlier, error)
+            _check(place, option, written, readable, None if force else earlier)
             digests = {name: _digest(staging / name) for name in written}
             for name in written:
                 (place / name).parent.mkdir(parents=True, exist_ok=True)
@@ -89,7 +87,6 @@ def result_file(
     *,
     inputs: Iterable[Path | None] = (),
     force: bool = False,
-    error: type[DrakeTcError] = ParamsError,
 ) -> Iterator[Path]:
     """Yield a scratch file for a result; it takes the place of `path` when the block ends without an error.
 
@@ -100,26 +97,25 @@ def result_file(
         option: Of the command, for the message.
         inputs: Files that the command reads; the result takes the place of none of them, with `force` neither.
         force: Overwrite a file that drake-tc did not write.
-        error: What to raise.
 
     Raises:
-        DrakeTcError: of the kind `error`; as `result_folder`.
+        ParamsError: as `result_folder`.
     """
-    with _told(path, option, error):
+    with _told(path, option):
         device = _is_device(path)
     if device:
-        with _told(path, option, error):
+        with _told(path, option):
             yield path
         return
-    with _opened(path.parent, path, option, error) as place:
+    with _opened(path.parent, path, option) as place:
         readable = [each for each in inputs if each is not None]
-        with _locked(place, option, error, wait=True) as manifest:
-            _check(place, option, [path.name], readable, None if force else _read(manifest), error)
-        with _staging(place, option, error) as staging:
+        with _locked(place, option, wait=True) as manifest:
+            _check(place, option, [path.name], readable, None if force else _read(manifest))
+        with _staging(place, option) as staging:
             yield staging / path.name
-            with _locked(place, option, error, wait=True) as manifest:
+            with _locked(place, option, wait=True) as manifest:
                 written = _read(manifest)
-                _check(place, option, [path.name], readable, None if force else written, error)
+                _check(place, option, [path.name], readable, None if force else written)
                 digest = _digest(staging / path.name)
                 (staging / path.name).replace((place / path.name).resolve())
                 _write(manifest, written | {path.name: digest})
@@ -146,15 +142,15 @@ def print_or_write(text: Callable[[], str], out: Path | None, inputs: Iterable[P
 
 
 @contextmanager
-def _opened(folder: Path, shown: Path, option: str, error: type[DrakeTcError]) -> Iterator[Path]:
+def _opened(folder: Path, shown: Path, option: str) -> Iterator[Path]:
     """The folder, made and tried; made folders that stay empty are removed again. `shown` stands in messages."""
-    with _told(shown, option, error):
+    with _told(shown, option):
         made = [each for each in (folder, *folder.parents) if not each.exists()]
         file = next((each for each in (folder, *folder.parents) if each.exists() and not each.is_dir()), None)
     if file is not None:
-        raise error(f"{option} {shown}: cannot be written: {file} is a file; expected the name of a folder")
+        raise ParamsError(f"{option} {shown}: cannot be written: {file} is a file; expected the name of a folder")
     try:
-        with _told(shown, option, error):
+        with _told(shown, option):
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder) as tried:
                 tried.write(b"\0" * TRIED)
@@ -165,25 +161,25 @@ def _opened(folder: Path, shown: Path, option: str, error: type[DrakeTcError]) -
 
 
 @contextmanager
-def _told(place: Path, option: str, error: type[DrakeTcError]) -> Iterator[None]:
-    """Whatever the system says against writing at `place`, as the one line of `error`."""
+def _told(place: Path, option: str) -> Iterator[None]:
+    """Whatever the system says against writing at `place`, as the one line of a ParamsError."""
     try:
         yield
     except OSError as found:
-        raise error(f"{option} {place}: cannot be written: {found.strerror or found}") from None
+        raise ParamsError(f"{option} {place}: cannot be written: {found.strerror or found}") from None
 
 
 @contextmanager
-def _locked(folder: Path, option: str, error: type[DrakeTcError], *, wait: bool) -> Iterator[IO[str]]:
+def _locked(folder: Path, option: str, *, wait: bool) -> Iterator[IO[str]]:
     """The folder's manifest, locked for this process; a lock ends with its process. An empty one is removed again."""
     path = folder / MANIFEST
-    with _told(folder, option, error):
+    with _told(folder, option):
         manifest = path.open("a+", encoding="utf-8")
     with manifest:
         try:
             fcntl.flock(manifest, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            raise error(
+            raise ParamsError(
                 f"{option} {folder}: another drake-tc command is writing there; wait until it has ended, or choose"
                 " another folder"
             ) from None
@@ -196,13 +192,13 @@ def _locked(folder: Path, option: str, error: type[DrakeTcError], *, wait: bool)
 
 
 @contextmanager
-def _staging(place: Path, option: str, error: type[DrakeTcError]) -> Iterator[Path]:
+def _staging(place: Path, option: str) -> Iterator[Path]:
     """A hidden folder beside the results' place, removed on the way out.
 
     An OSError of the block is told as one of writing if it concerns a file in there, or if there is no room; others,
     such as an input that cannot be read, pass as they are.
     """
-    with _told(place, option, error):
+    with _told(place, option):
         staging = Path(tempfile.mkdtemp(prefix=STAGING, dir=place))
         staging.chmod(stat.S_IMODE(place.stat().st_mode) | stat.S_IRWXU)
     try:
@@ -213,7 +209,7 @@ def _staging(place: Path, option: str, error: type[DrakeTcError]) -> Iterator[Pa
         raise type(found)(str(found).replace(str(staging), str(place))) from None
     except OSError as found:
         if found.errno in NO_ROOM or str(found.filename or "").startswith(str(staging)):
-            raise error(f"{option} {place}: cannot be written: {found.strerror or found}") from None
+            raise ParamsError(f"{option} {place}: cannot be written: {found.strerror or found}") from None
         raise
     finally:
         shutil.rmtree(staging, ignore_errors=True)
@@ -225,21 +221,22 @@ def _check(
     names: Iterable[str],
     inputs: Iterable[Path],
     written: dict[str, str] | None,
-    error: type[DrakeTcError],
 ) -> None:
     """Refuse results that would take the place of an input, a folder, or (with `written`) of a file of the user's."""
     read = {path.resolve() for path in inputs}
     for name in names:
         path = place / name
         if path.resolve() in read:
-            raise error(f"{option} {path}: this file is an input of the command; expected a name that it does not read")
+            raise ParamsError(
+                f"{option} {path}: this file is an input of the command; expected a name that it does not read"
+            )
         if path.is_dir():
-            raise error(f"{option} {path}: cannot be written: a folder is there; expected the name of a file")
+            raise ParamsError(f"{option} {path}: cannot be written: a folder is there; expected the name of a file")
         if path.exists() and not os.access(path, os.W_OK):
-            raise error(f"{option} {path}: cannot be written: no permission")
+            raise ParamsError(f"{option} {path}: cannot be written: no permission")
         if written is None or not path.exists() or path.stat().st_size == 0 or written.get(name) == _digest(path):
             continue
-        raise error(
+        raise ParamsError(
             f"{option} {path}: this file exists, and drake-tc did not write it or it was changed since;"
             " --force overwrites it, or choose another name"
         )

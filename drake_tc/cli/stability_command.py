@@ -40,13 +40,17 @@ KICK = 1e-3
 
 @dataclass(frozen=True)
 class _Found:
-    """What was computed."""
+    """What was computed; `channel` is the one that was asked for."""
 
     system: "SampledSystem"
-    margins: "Margins | None"
+    channel: str
     channels: "Mapping[str, Margins]"
     release: "Release"
     radius: float
+
+    @property
+    def margins(self) -> "Margins | None":
+        return self.channels.get(self.channel)
 
     @property
     def verdict(self) -> str:
@@ -93,6 +97,9 @@ def stability_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Print eigenvalues, margins and stability of a diagram's loop at one time of a scenario, with perfect sensors."""
+    from drake_tc.analysis.release import settled_at
+    from drake_tc.analysis.sampled import loop_margins
+    from drake_tc.control.stability_margins import frequency_grid
     from drake_tc.loops.entries import naming_errors
     from drake_tc.registry import runnable
 
@@ -112,7 +119,19 @@ def stability_command(
         if entry.kind == "torque":
             scenario = replace(scenario, sensors="perfect")
         with naming_errors(f"stability {diagram}"):
-            channel, found = _analyse(entry, scenario, (open_at, relative_to), joint, at, seed, progress)
+            progress("to the operating point", 0.0)
+            loop, context = settled_at(entry, scenario, at)
+            progress("linearising", 0.15)
+            cut, channel = _cut(loop, context, open_at, relative_to, joint)
+            progress("eigenvalues", 0.6)
+            closed = cut.closed()
+            radius = closed.radius_but_for_drift()
+            progress("margins", 0.7)
+            grid = frequency_grid(loop.period, 0.5, 400)
+            channels = loop_margins(cut, grid=grid) if radius < 1.0 else {}
+            progress("simulating the verdict", 0.8)
+            found = _Found(closed, channel, channels, _released(loop, context, seed), radius)
+            progress("done", 1.0)
     if as_json:
         where = {"diagram": diagram, "at": at, "friction": friction, "open_at": channel, "relative_to": relative_to}
         print(json.dumps({**where, **_to_json(found)}))
@@ -135,25 +154,18 @@ def _in_sliding(entry: "DiagramEntry[Any, Any]", scenario: Any, folder: Path, di
     return scenario if entry.sliding is None else entry.sliding(scenario, folder)
 
 
-def _analyse(
-    entry: "DiagramEntry[Any, Any]",
-    scenario: Any,
-    cut_at: tuple[str, str | None],
-    joint: str | None,
-    at: float,
-    seed: int,
-    progress: Any,
-) -> tuple[str, _Found]:
-    from drake_tc.analysis.frequency_response import channel
-    from drake_tc.analysis.release import release, settled_at, speed_states
-    from drake_tc.analysis.sampled import loop_margins, open_loop
-    from drake_tc.control.stability_margins import frequency_grid
+def _cut(
+    loop: Any, context: Any, open_at: str, relative_to: str | None, joint: str | None
+) -> "tuple[SampledSystem, str]":
+    """The loop cut open at a port, and the name of the channel that is asked for.
 
-    open_at, relative_to = cut_at
-    progress("to the operating point", 0.0)
-    loop, context = settled_at(entry, scenario, at)
+    Raises:
+        ParamsError: no such joint or channel, or a joint and an index.
+    """
+    from drake_tc.analysis.frequency_response import channel
+    from drake_tc.analysis.sampled import open_loop
+
     place = _channel(loop, joint)
-    progress("linearising", 0.15)
     requested = channel(open_at)
     if joint is not None and open_at != requested.port:
         raise ParamsError(
@@ -164,20 +176,17 @@ def _analyse(
     if index >= len(cut.inputs):
         which = f"element {index}" if joint is None else f"joint {joint!r}"
         raise ParamsError(f"--open-at: {requested.port} has {len(cut.inputs)} channels, none of {which}")
-    progress("eigenvalues", 0.6)
-    closed = cut.closed()
-    radius = closed.radius_but_for_drift()
-    progress("margins", 0.7)
-    grid = frequency_grid(loop.period, 0.5, 400)
-    found = loop_margins(cut, grid=grid) if radius < 1.0 else {}
-    progress("simulating the verdict", 0.8)
+    return cut, cut.inputs[index]
+
+
+def _released(loop: Any, context: Any, seed: int) -> "Release":
+    """The loop after a kick of every joint's speed, to either side at random."""
+    from drake_tc.analysis.release import release, speed_states
+
     kicked = speed_states(loop, context)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(kicked))
     kick = {state: KICK * float(sign) for state, sign in zip(kicked, signs, strict=True)}
-    freed = release(loop.diagram, context, loop.period, kick, tuple(kick), 1.0)
-    progress("done", 1.0)
-    name = cut.inputs[index]
-    return name, _Found(closed, found.get(name), found, freed, radius)
+    return release(loop.diagram, context, loop.period, kick, tuple(kick), 1.0)
 
 
 def _channel(loop: Any, joint: str | None) -> int:

@@ -92,7 +92,7 @@ def chosen_filter(log: SensorLog) -> OffLineFilter:
 
 
 Row = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""The arguments of `TorqueModel.estimate` at one instant, or with a first axis of T instants."""
+"""A MeasuredMotion's five arrays and the wrenches at one instant, or with a first axis of T instants."""
 
 
 def estimate_log(
@@ -153,7 +153,7 @@ def wrench_bias(
 
 
 def smoothed(model: TorqueModel, log: SensorLog, filters: OffLineFilter | None, bias: FloatArray | None) -> Row:
-    """The arguments of `TorqueModel.estimate` at all samples; arguments and errors as `estimate_log`."""
+    """The six arrays of `Row` at all samples; arguments and errors as `estimate_log`."""
     spec = OffLineFilter.of() if filters is None else filters
     samples = log.position.shape[0]
     if samples < spec.longest:

@@ -164,30 +164,19 @@ class TorqueModel:
             np.ascontiguousarray(tree.frames[first:]),
         )
 
-    def estimate(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        vdot: FloatArray,
-        imu: FloatArray,
-        gyro_dot: FloatArray,
-        wrenches: FloatArray,
-    ) -> Estimate:
+    def estimate(self, motion: MeasuredMotion, wrenches: FloatArray) -> Estimate:
         """Torques and wrenches at one instant; NaN where an argument is not finite.
 
         Args:
-            q: (n,) joint positions [rad or m].
-            v: (n,) joint velocities [1/s].
-            vdot: (n,) joint accelerations [1/s^2].
-            imu: (6,) [gyro; accel] in the IMU's frame [rad/s, m/s^2]; not looked at with a "fixed" base.
-            gyro_dot: (3,) derivative of the gyro [rad/s^2]; used with angular_acceleration "gyro" only.
+            motion: Of the joints and the base. Its `imu` is not looked at with a "fixed" base, its `gyro_dot` with
+                angular_acceleration "gyro" only.
             wrenches: (6k,) readings W = [f; t] of the F/T sensors, in their frames [N, N m].
         """
-        out = self.estimate_log(*(np.asarray(each)[None] for each in (q, v, vdot, imu, gyro_dot, wrenches)))[0]
+        out = self.estimate_log(*(np.asarray(each)[None] for each in (*motion, wrenches)))[0]
         return Estimate(*np.split(out, [self.size, self.size + 6]))
 
     def estimate_log(self, *arguments: FloatArray) -> FloatArray:
-        """(T, n + 6 + 6k) [tau_hat, f_u, E] at T instants; `arguments` of `estimate`, each with a first axis of T."""
+        """(T, n + 6 + 6k) [tau_hat, f_u, E] of T instants: a MeasuredMotion and wrenches, of first axis T."""
         *motion, imu, gyro_dot, wrenches = arguments
         joint = np.concatenate(motion, axis=1)
         inertial = np.zeros((joint.shape[0], 9))
@@ -220,20 +209,19 @@ class TorqueModel:
 
     def motion_forces(self, context: Any, motion: MeasuredMotion) -> FloatArray:
         """M vdot + h over all velocities of the estimation plant (nv,)."""
-        acceleration = self.acceleration(context, *motion)
+        acceleration = self.acceleration(context, motion)
         return np.asarray(self._plant.CalcInverseDynamics(context, acceleration, self._forces))
 
     def joint_torques(self, forces: FloatArray) -> FloatArray:
         """(..., n) torques of the joints, which move those that follow them, from `motion_forces` (..., nv)."""
         return np.asarray(forces @ self.model.moves)
 
-    def acceleration(
-        self, context: Any, q: FloatArray, v: FloatArray, vdot: FloatArray, imu: FloatArray, gyro_dot: FloatArray
-    ) -> FloatArray:
-        """(nv,) accelerations of the estimation plant, the base's against free fall; arguments as `estimate`.
+    def acceleration(self, context: Any, motion: MeasuredMotion) -> FloatArray:
+        """(nv,) accelerations of the estimation plant, the base's against free fall.
 
         The context leaves with the positions and velocities that go with them.
         """
+        q, v, vdot, imu, gyro_dot = motion
         state = self.model.state_of(q, v)
         acceleration = self.model.moves @ vdot
         if self._motion is None:

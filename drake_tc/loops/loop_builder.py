@@ -117,8 +117,7 @@ class LoopBuilder(Generic[ScenarioT]):
         period: Of control, sensors and log [s].
         signals: Name to port, of what is recorded.
         flag_names: Of the signal "flags", in order.
-        stages: Stage to the user's own system in its place.
-        between: "stage.port" to the user's own system behind this output port.
+        stages: Stage to the user's own system in its place, and "stage.port" to one behind this output port.
         systems: Stage to the system that was added.
     """
 
@@ -129,7 +128,6 @@ class LoopBuilder(Generic[ScenarioT]):
     signals: dict[str, OutputPort] = field(default_factory=dict)
     flag_names: tuple[str, ...] = ()
     stages: Mapping[str, System] = field(default_factory=dict)
-    between: Mapping[str, System] = field(default_factory=dict)
     systems: dict[str, System] = field(default_factory=dict)
     _behind: dict[str, OutputPort] = field(default_factory=dict)
     _places: set[str] = field(default_factory=set)
@@ -195,18 +193,18 @@ class LoopBuilder(Generic[ScenarioT]):
             ParamsError: a system whose first ports are not of the port's size.
         """
         self._places.add(place)
-        own = self.between.get(place)
+        own = self.stages.get(place)
         if own is None:
             return port
         if place not in self._behind:
             if not (isinstance(own, System) and own.num_input_ports() and own.num_output_ports()):
                 raise ParamsError(
-                    f"between: {place!r}: expected a system with an input and an output port, got {type(own).__name__}"
+                    f"stages: {place!r}: expected a system with an input and an output port, got {type(own).__name__}"
                 )
             sizes = [p.size() for p in (own.get_input_port(0), own.get_output_port(0))]
             if sizes != [port.size()] * 2:
                 raise ParamsError(
-                    f"between: {place!r}: expected a system whose input and output have size {port.size()},"
+                    f"stages: {place!r}: expected a system whose input and output have size {port.size()},"
                     f" got sizes {sizes[0]} and {sizes[1]}"
                 )
             self.builder.AddNamedSystem(own.get_name() or place.replace(".", "_"), own)
@@ -218,15 +216,13 @@ class LoopBuilder(Generic[ScenarioT]):
         """Every system of the user's own has found its place.
 
         Raises:
-            ParamsError: a stage or a place between stages that this loop does not have.
+            ParamsError: a stage or a port that this loop does not have.
         """
         for name in self.stages:
-            if name not in self.systems:
-                raise ParamsError(f"stages: no stage {name!r} in this loop; stages: {', '.join(self.systems)}")
-        for place in self.between:
-            if place not in self._behind:
+            if name not in self.systems and name not in self._behind:
                 raise ParamsError(
-                    f"between: no place {place!r} in this loop; places: {', '.join(sorted(self._places))}"
+                    f"stages: no stage or port {name!r} in this loop; stages: {', '.join(self.systems)}; ports:"
+                    f" {', '.join(sorted(self._places))}"
                 )
 
     def join(self, name: str, ports: Sequence[OutputPort]) -> OutputPort:

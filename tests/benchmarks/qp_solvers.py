@@ -39,7 +39,11 @@ def solver(name: str = choose.DEFAULT) -> QpSolver:
 def unavailable(name: str) -> str | None:
     """Why a solver cannot be used here; None if it can."""
     if name not in COMPARED:
-        return choose.unavailable(name)
+        try:
+            choose.solver(name)
+        except choose.SolverUnavailableError as error:
+            return str(error)
+        return None
     lacking = piqp is None if name == "piqp" else proxqp is None
     return f"solver {name!r} is not available: pip install 'drake-tc[test]'" if lacking else None
 

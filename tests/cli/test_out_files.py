@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from drake_tc.cli.out_files import MANIFEST, result_file, result_folder
-from drake_tc.errors import LogError, ParamsError
+from drake_tc.errors import ParamsError
 
 
 def seen(folder: Path) -> list[str]:
@@ -81,8 +81,8 @@ def test_an_input_is_never_overwritten(tmp_path, force):
     link.symlink_to(run)
     for place in (run, link):
         with (
-            pytest.raises(LogError, match="is an input"),
-            result_file(place, "--out", inputs=[run], force=force, error=LogError),
+            pytest.raises(ParamsError, match="is an input"),
+            result_file(place, "--out", inputs=[run], force=force),
         ):
             pass
     assert run.read_text() == "data"

@@ -10,7 +10,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from drake_tc.diagrams.papers.delprete2016.error_budget import Filters, Run, error_budget, imperfections
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.filtering.savitzky_golay import savgol_weights
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import Robot
@@ -38,7 +38,9 @@ def run_of(model: TorqueModel, speed: float) -> Run:
     size = np.array([0.3, 0.4])
     q, v, a = size * np.sin(w * time), size * w * np.cos(w * time), -size * w**2 * np.sin(w * time)
     nothing = np.zeros(6)
-    torque = [model.estimate(*x, nothing, nothing[:3], nothing[:0]).torque for x in zip(q, v, a, strict=True)]
+    torque = [
+        model.estimate(MeasuredMotion(*x, nothing, nothing[:3]), nothing[:0]).torque for x in zip(q, v, a, strict=True)
+    ]
     return Run(q, np.zeros((1500, 6)), np.zeros((1500, 0)), np.array(torque), DT)
 
 
@@ -109,7 +111,7 @@ def test_a_force_bias_at_rest_is_taken_for_a_push_at_the_sensor(tmp_path):
     plant, (mount,) = make_plant(tree, 0.0), tree.force_torque
     context = plant.CreateDefaultContext()
     zero = np.zeros((3, model.size))
-    still = model.estimate(*zero, np.zeros(6), np.zeros(3), np.zeros(6)).torque
+    still = model.estimate(MeasuredMotion(*zero, np.zeros(6), np.zeros(3)), np.zeros(6)).torque
     samples = 200
     nothing = np.zeros((samples, 6))
     run = Run(np.zeros((samples, model.size)), nothing, nothing, np.tile(still, (samples, 1)), DT)

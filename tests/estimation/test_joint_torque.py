@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.estimation.joint_torque import JointTorqueEstimator
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 
 from .machines import Truth, random_robot
 
@@ -44,7 +44,7 @@ def test_the_ports_are_the_kernel(rig):
     context = system.CreateDefaultContext()
     fix(system, context, inputs(instant))
     seen = outputs(system, context)
-    kernel = model.estimate(instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings)
+    kernel = model.estimate(MeasuredMotion(*instant[:5]), instant.readings)
     for name, value in zip(OUTPUTS, kernel, strict=True):
         assert_array_equal(seen[name], value)
     assert_allclose(seen["estimated_torque"], instant.torque, rtol=1e-8, atol=1e-8)

@@ -10,7 +10,7 @@ from optional import skip_without_robots
 
 import drake_tc.models
 from drake_tc.estimation.plant import skew
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.robot.robot import load_robot
 
 from .machines import Push, Truth
@@ -29,7 +29,7 @@ def test_torques_and_wrenches_to_round_off(file, caplog):
     pushes = [Push(mount.contact, rng.uniform(-50.0, 50.0, 6)) for mount in robot.force_torque]
     instant = Truth(robot).instant(rng, pushes)
     model = TorqueModel(robot)
-    result = model.estimate(instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings)
+    result = model.estimate(MeasuredMotion(*instant[:5]), instant.readings)
     # light fingers accelerate at up to 1e7 rad/s^2 under these torques; round-off is relative to that
     close = {"rtol": 0.0, "atol": 1e-14 * max(1e3, float(np.abs(instant.vdot).max()))}
     assert_allclose(result.torque, instant.torque, **close)

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import LogError, ParamsError
 from drake_tc.estimation.off_line import OffLineFilter, SensorLog, estimate_log, torques_of_motion, wrench_bias
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.loops.torque.running import TorqueRecording, simulate_scenario
 from drake_tc.registry import diagram_entry
 
@@ -42,14 +42,9 @@ def test_every_sample_is_the_kernel_at_its_own_time(tree):
     scale = max(np.abs(instant.readings).max(), np.abs(instant.torque).max())
     for k in (0, 17, 30, 60):  # the ends too, where windows are one-sided
         t = DT * (k - 30)
-        wanted = model.estimate(
-            log.position[k],
-            instant.v + instant.vdot * t,
-            instant.vdot,
-            log.imu[k],
-            instant.gyro_dot,
-            log.wrench[k],
-        )
+        velocity = instant.v + instant.vdot * t
+        motion = MeasuredMotion(log.position[k], velocity, instant.vdot, log.imu[k], instant.gyro_dot)
+        wanted = model.estimate(motion, log.wrench[k])
         for name in ("torque", "unknown_wrench", "contact_wrench"):
             # round-off of second derivatives over 1 ms: 1e-16 / 1e-6 of the numbers, once more at the ends
             assert_allclose(getattr(found, name)[k], getattr(wanted, name), rtol=1e-6, atol=1e-6 * scale)

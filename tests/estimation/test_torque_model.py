@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.robot.robot import Mount, Pose, Robot
 
 from .machines import Push, Truth, joint_xml, random_robot
@@ -19,7 +19,7 @@ ROUND_OFF = {"rtol": 1e-8, "atol": 1e-8}
 
 
 def estimate(model, instant):
-    return model.estimate(instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings)
+    return model.estimate(MeasuredMotion(*instant[:5]), instant.readings)
 
 
 def contact_pushes(robot, rng):
@@ -128,7 +128,7 @@ def test_double_pendulum_in_closed_form(tmp_path):
         + inner * np.sin(q[1]) * v[0] ** 2
         + m2 * g * l2 * np.sin(both),
     ]
-    result = model.estimate(q, v, a, np.zeros(6), np.zeros(3), np.zeros(0))
+    result = model.estimate(MeasuredMotion(q, v, a, np.zeros(6), np.zeros(3)), np.zeros(0))
     assert_allclose(result.torque, expected, rtol=1e-7)  # the tip's inertia of 1e-9 kg m^2 stands for a point
 
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drake_tc.control.references import PointToPoint, Slerp, Swing, smooth_step
-from drake_tc.control.rotation import cross, quaternion_of, rotation_matrix
+from drake_tc.control.rotation import quaternion_of, rotation_matrix
 from drake_tc.kernels.calls import sequences
 from drake_tc.kernels.compiling import interpreted
 from drake_tc.kernels.instant import step_at, turned, unit
@@ -48,12 +48,6 @@ def test_a_turned_quaternion_is_that_of_the_turned_matrix():
         turn = np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * np.array(axis))])
         matrix = rotation_matrix(turn) @ rotation_matrix(np.array(first))
         assert_allclose(turned(axis, angle, first), quaternion_of(matrix), atol=1e-14)
-
-
-def test_the_cross_product_is_numpys_own_to_the_bit():
-    rng = np.random.default_rng(3)
-    for a, b in rng.standard_normal((20, 2, 3)):
-        assert_allclose(cross(a, b), np.cross(a, b), rtol=0, atol=0)
 
 
 def test_a_compiled_swing_is_its_row_bit_by_bit_and_ends_where_it_is_told():

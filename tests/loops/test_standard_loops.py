@@ -103,7 +103,7 @@ def test_a_system_between_two_stages_changes_what_passes():
     spec = TorqueLoopSpec(sensors="perfect", tare=0.0)
     torques = []
     for between in ({}, {"inverse_dynamics.desired_torque": scaled(N, 0.5)}):
-        _, diagram, _ = leg_loop(None, spec, gains=free, between=between)
+        _, diagram, _ = leg_loop(None, spec, gains=free, stages=between)
         context = diagram.CreateDefaultContext()
         place = diagram.GetSubsystemByName("torque_control").GetInputPort("desired_torque")
         torques.append(place.Eval(place.get_system().GetMyContextFromRoot(context)))
@@ -114,9 +114,9 @@ def test_a_system_between_two_stages_changes_what_passes():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"stages": {"guards": Pusher(1.0)}}, r"stages: no stage 'guards' in this loop; stages: filter, "),
-        ({"between": {"guard.comand": scaled(N, 1.0)}}, r"between: no place 'guard.comand' in this loop; places: "),
-        ({"between": {"guard.command": scaled(2, 1.0)}}, r"'guard.command': expected a system .* size 6, got sizes 2"),
+        ({"stages": {"guards": Pusher(1.0)}}, r"stages: no stage or port 'guards' in this loop; stages: filter, "),
+        ({"stages": {"guard.comand": scaled(N, 1.0)}}, r"no stage or port 'guard.comand' .*; ports: .*guard.command"),
+        ({"stages": {"guard.command": scaled(2, 1.0)}}, r"'guard.command': expected a system .* size 6, got sizes 2"),
         ({"stages": {"guard": scaled(N, 1.0)}}, r"stages: 'guard': expected a system with an output port 'command'"),
         ({"controller_models": {}}, "models is empty"),
         ({"spec": TorqueLoopSpec(sensors="noisy")}, "noisy"),
@@ -182,7 +182,7 @@ def test_the_whole_body_loop_holds_the_robot_in_its_springless_drives():
     builder = DiagramBuilder()
     plant = add_robot_plant(builder, law.model.robot)
     half = scaled(law.model.n, 0.5)
-    loop = add_whole_body_loop(builder, plant, law, between={"tsid.torque": half})
+    loop = add_whole_body_loop(builder, plant, law, stages={"tsid.torque": half})
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     tsid, actuation = loop.systems["tsid"], plant.get_actuation_input_port()

@@ -53,7 +53,7 @@ CASES = {
     ),
     "stage": (lambda arm: loop(arm, stages={"guard": 3}), "stages: 'guard': expected a Drake system, got int"),
     "between": (
-        lambda arm: loop(arm, between={"torque_control.command": ConstantVectorSource(np.zeros(2))}),
+        lambda arm: loop(arm, stages={"torque_control.command": ConstantVectorSource(np.zeros(2))}),
         "expected a system with an input and an output port, got ConstantVectorSource",
     ),
     "window": (lambda arm: FilterSpec(window=10.5), "window: expected a whole number of samples"),
@@ -103,7 +103,7 @@ def test_a_force_reference_of_another_size_is_told(arm):
 
 
 def test_a_system_in_between_that_fits_is_taken(arm):
-    assert "torque_control" in loop(arm, between={"torque_control.command": PassThrough(2)}).systems
+    assert "torque_control" in loop(arm, stages={"torque_control.command": PassThrough(2)}).systems
 
 
 @pytest.mark.parametrize("step", [7e-4, 3e-3])

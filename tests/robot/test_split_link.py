@@ -49,7 +49,7 @@ def test_torques_and_contacts_are_right_with_the_reading_of_drakes_reaction(tmp_
     push = Push(mount.contact, rng.uniform(-50.0, 50.0, 6))
     instant = Truth(robot).instant(rng, [push])
     model = TorqueModel(robot)
-    found = model.estimate(instant.q, instant.v, instant.vdot, instant.imu, instant.gyro_dot, instant.readings)
+    found = model.estimate(MeasuredMotion(*instant[:5]), instant.readings)
     assert_allclose(found.torque, instant.torque, rtol=1e-8, atol=1e-8)
     assert_allclose(found.contact_wrench, push.wrench, rtol=1e-8, atol=1e-8)
 

@@ -183,7 +183,6 @@ def test_a_solver_that_lacks_a_system_library_names_the_package(monkeypatch):
     monkeypatch.setattr(choose, "import_module", without_openmp)
     with pytest.raises(SolverUnavailableError, match=r"is not available: .*libgomp\.so\.1.*install libgomp1"):
         solver("quadprog")
-    assert "libgomp1" in choose.unavailable("quadprog")
 
 
 @pytest.mark.parametrize("name", ["gurobi", "mosek"])

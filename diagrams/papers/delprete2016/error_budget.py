@@ -220,19 +220,8 @@ def _read(truth: FloatArray, spec: SensorSpec, drawn: FloatArray) -> FloatArray:
 def _torques(case: _Case, logs: tuple[Smoothed, Smoothed, Smoothed], rows: Any) -> FloatArray:
     """(len(rows), n) estimated torques."""
     joint, imu, wrench = logs
-    return np.array(
-        [
-            case.model.estimate(
-                joint.value[t],
-                joint.first_derivative[t],
-                joint.second_derivative[t],
-                imu.value[t],
-                imu.first_derivative[t, :3],
-                wrench.value[t],
-            ).torque
-            for t in rows
-        ]
-    )
+    motion = (joint.value, joint.first_derivative, joint.second_derivative, imu.value, imu.first_derivative[:, :3])
+    return case.model.estimate_log(*(each[rows] for each in (*motion, wrench.value)))[:, : case.model.size]
 
 
 def _wrong_masses(model: TorqueModel, fraction: float, rng: np.random.Generator) -> TorqueModel:

@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_tc.estimation.off_line import Row
 from drake_tc.estimation.plant import CUT_SUFFIX
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.robot.tree import joint_axes
 from drake_tc.types import BoolArray, FloatArray
 
@@ -97,7 +97,7 @@ def _beyond(plant: Any, joint: str) -> set[Any]:
 
 
 def body_motion(model: TorqueModel, structure: Structure, rows: Iterable[Row]) -> BodyMotion:
-    """The motion at `rows` (the arguments of `TorqueModel.estimate`, one tuple an instant)."""
+    """The motion at `rows` (each a `Row`)."""
     plant: Any = model.model.plant
     robot, context = model.robot, model.create_context()
     bodies = [plant.GetBodyByName(link.name) for link in structure.links]
@@ -109,8 +109,8 @@ def body_motion(model: TorqueModel, structure: Structure, rows: Iterable[Row]) -
     imu = plant.GetFrameByName(f"{robot.imu[0].name}_imu") if robot.imu else None
     indices = [int(body.index()) for body in bodies]
     out: list[list[FloatArray]] = [[] for _ in range(10)]
-    for q, v, vdot, reading, rate, _ in rows:
-        acceleration = model.acceleration(context, q, v, vdot, reading, rate)
+    for row in rows:
+        acceleration = model.acceleration(context, MeasuredMotion(*row[:5]))
         everywhere = plant.CalcSpatialAccelerationsFromVdot(context, acceleration)
         poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
         accelerations = np.array([everywhere[i].get_coeffs() for i in indices])

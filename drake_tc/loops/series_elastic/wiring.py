@@ -59,7 +59,6 @@ def add_series_elastic_loop(
     controller_models: Models | None = None,
     reference_acceleration: OutputPort | None = None,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
 ) -> SeriesElasticLoop:
     """Add motors, springs, sensors and torque control to a plant whose joints are all actuated, and connect them.
 
@@ -72,7 +71,7 @@ def add_series_elastic_loop(
         controller_models: What the controller takes the drives for; None: what they are.
         reference_acceleration: (n) of the links [rad/s^2]; None: as `reference_torque`, or 0.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
-        between: "stage.port" to a system of your own behind that output port.
+
 
     Raises:
         ParamsError: a plant that is not finalized or whose ports are sampled, a model without spring, or a stage or
@@ -90,7 +89,7 @@ def add_series_elastic_loop(
     require_fitting_plant(plant, spec.dt)
     joints = actuated_joints(plant)
     assumed = list(model_list(models if controller_models is None else controller_models, joints))
-    loop = LoopBuilder(builder, spec, plant, spec.dt, stages=stages or {}, between=between or {})
+    loop = LoopBuilder(builder, spec, plant, spec.dt, stages=stages or {})
     simulated = dict(zip(joints, model_list(models, joints), strict=True))
     actuators = add_actuators(builder, plant, simulated, plant.time_step() or spec.dt)
     loop.systems["actuators"] = actuators
@@ -192,7 +191,6 @@ def series_elastic_controller(
     *,
     accelerated: bool = False,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
     fused: bool = False,
 ) -> Controller:
     """The torque control of voltage-driven series-elastic joints as a Diagram from readings to commands.
@@ -215,7 +213,6 @@ def series_elastic_controller(
             are not used.
         accelerated: Whether there is an input port for the accelerations of the links.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
-        between: "stage.port" to a system of your own behind that output port.
         fused: Run the stages in one system, which gives the same numbers in less time.
 
     Raises:
@@ -229,7 +226,7 @@ def series_elastic_controller(
     """
     spec, builder, n = SeriesElasticLoopSpec() if spec is None else spec, DiagramBuilder(), len(joints)
     assumed = list(model_list(models, tuple(joints)))
-    loop = LoopBuilder(builder, spec, None, spec.dt, stages=stages or {}, between=between or {})
+    loop = LoopBuilder(builder, spec, None, spec.dt, stages=stages or {})
     read = ("motor_encoder", "torque_sensor" if spec.torque_from == "gauge" else "link_encoder")
     loop.signals |= {name: add_input(builder, INPUTS[name], n) for name in read}
     left_out = [*read, *(("reference_torque",) if torque == "input" else ()), "reference_acceleration"]

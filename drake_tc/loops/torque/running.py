@@ -94,7 +94,6 @@ def build_loop(scenario: Scenario, *, meshcat: bool = False, fused: bool = False
         LoopDesign.of_scenario(scenario),
         source.get_output_port(),
         forces if asked else None,
-        free=not (scenario.objects or scenario.pushes),
     )
     left_out = {"joint_estimate", "unknown_wrench", "fault", *(() if scenario.log_truth else ("joint_torque",))}
     if forces is not None:

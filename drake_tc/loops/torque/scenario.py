@@ -67,6 +67,7 @@ class TorqueLoopSpec:
             controller's model.
         faults: Faults of the sensors "encoder", "imu" or "force_torque", by sensor.
         log_components: Also record the six components of the command.
+        untouched: Whether nothing may touch the robot; a contact wrench then counts as a fault.
 
     Raises:
         ParamsError: a choice or a sensor that there is not, or a period that is not positive.
@@ -94,6 +95,7 @@ class TorqueLoopSpec:
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     faults: Mapping[str, tuple[SensorFault, ...]] = field(default_factory=dict)
     log_components: bool = False
+    untouched: bool = False
 
     def __post_init__(self) -> None:
         check_choices(self)
@@ -105,6 +107,11 @@ class TorqueLoopSpec:
         for name in self.faults:
             if name not in SENSORS:
                 raise ParamsError(f"faults: no sensor {name!r}; possible: {', '.join(SENSORS)}")
+
+
+def loop_spec(scenario: "Scenario") -> "Scenario":
+    """How a scenario's loop is controlled: without objects and pushes, nothing may touch the robot."""
+    return scenario if scenario.objects or scenario.pushes else replace(scenario, untouched=True)
 
 
 def base_source(spec: TorqueLoopSpec, robot: Robot) -> BaseSource:

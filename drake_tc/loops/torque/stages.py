@@ -39,7 +39,7 @@ from drake_tc.filtering.savitzky_golay import SavitzkyGolayFilter
 from drake_tc.loops.loop_builder import LoopBuilder, first_imu, picked, product, total
 from drake_tc.loops.scenarios import ModelFactors
 from drake_tc.loops.torque.references import posture
-from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source, sensor_suite
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, base_source, loop_spec, sensor_suite
 from drake_tc.robot.link_changes import link_changes
 from drake_tc.robot.plant import check_joint_types, joint_limits
 from drake_tc.robot.robot import Robot, load_robot
@@ -58,7 +58,6 @@ class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
         models: The drives as the controller takes them, in the order of the joints.
         gains: Feedback gains.
         force_reference: (6k) f_d at the contacts; None: no contact force is commanded.
-        free: Whether nothing may touch the robot: a contact wrench is then a fault.
     """
 
     robot: Robot = field(kw_only=True)
@@ -66,7 +65,6 @@ class TorqueLoopBuilder(LoopBuilder[TorqueLoopSpec]):
     models: list[ActuatorModel] = field(kw_only=True)
     gains: TorqueGains = field(kw_only=True)
     force_reference: OutputPort | None = None
-    free: bool = False
 
     @property
     def base_from(self) -> BaseSource:
@@ -311,7 +309,7 @@ def _estimation(parts: TorqueLoopBuilder) -> tuple[dict[str, OutputPort], dict[s
 def _monitor(parts: TorqueLoopBuilder, estimates: Mapping[str, OutputPort], reference: OutputPort) -> OutputPort:
     """The fault monitor's port `any_fault`; where nothing may touch the robot, a contact wrench is a fault."""
     robot, scenario, readings = parts.robot, parts.scenario, parts.readings
-    free = tuple(mount.name for mount in robot.force_torque) if parts.free else ()
+    free = tuple(mount.name for mount in robot.force_torque) if scenario.untouched else ()
     n = len(robot.joints)
     rate = parts.builder.AddNamedSystem("reference_velocity", Demultiplexer([n, n, n]))
     parts.builder.Connect(reference, rate.get_input_port())
@@ -466,7 +464,7 @@ class LoopDesign:
         return cls(
             robot=robot,
             plant_robot=loop_robot(scenario),
-            spec=scenario,
+            spec=loop_spec(scenario),
             actuators=tuple(actuator_models(scenario, robot).values()),
             models=tuple(actuator_models(scenario, robot, controller=True).values()),
             gains=torque_gains(scenario, robot),

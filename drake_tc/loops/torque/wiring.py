@@ -37,7 +37,7 @@ from drake_tc.loops.built_loop import ControlledJoints, Controller, Watched, Wir
 from drake_tc.loops.plant import require_fitting_plant
 from drake_tc.loops.torque.default_gains import torque_design, warn_of_weak_joints
 from drake_tc.loops.torque.references import check_range, references, table_source
-from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, sensor_suite
+from drake_tc.loops.torque.scenario import Scenario, TorqueLoopSpec, loop_spec, sensor_suite
 from drake_tc.loops.torque.stages import (
     LoopDesign,
     TorqueLoopBuilder,
@@ -90,9 +90,7 @@ def add_torque_loop(
     gains: TorqueGains | None = None,
     controller_models: Models | None = None,
     force_reference: OutputPort | None = None,
-    free: bool = False,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
 ) -> TorqueLoop:
     """Add sensors, estimation, control and drives to a plant, and connect all of them.
 
@@ -111,11 +109,11 @@ def add_torque_loop(
         controller_models: What the controller takes the drives for; None: what they are.
         force_reference: (6k) forces and torques at the F/T sensors' contacts [N, N m]; None: no force is commanded, or
             0 where the gains feed forces back.
-        free: Whether nothing may touch the robot; a contact wrench then counts as a fault.
         stages: Stage to a system of your own in its place. It needs the stage's output ports that others read; of its
-            input ports those are connected whose names the stage's inputs or the loop's signals have.
-        between: "stage.port" to a system of your own behind that output port, for example a low pass behind
-            "torque_control.command"; its first input and output have the port's size.
+            input ports those are connected whose names the stage's inputs or the loop's signals have. "stage.port" to a
+            system of your own behind that output port, for example a low pass behind "torque_control.command"; its
+            first input and output have the port's size.
+
 
     Raises:
         ParamsError: a plant that is not finalized or whose ports are sampled, models or gains that do not fit the
@@ -134,10 +132,8 @@ def add_torque_loop(
         model_list(each, robot.joints) for each in (models, models if controller_models is None else controller_models)
     )
     design = torque_design(robot, spec, actuators, assumed, gains)
-    warn_of_weak_joints(design, (*(stages or {}), *(between or {})))
-    return wire_torque_loop(
-        builder, plant, design, reference, force_reference, free=free, stages=stages, between=between
-    )
+    warn_of_weak_joints(design, stages or ())
+    return wire_torque_loop(builder, plant, design, reference, force_reference, stages=stages)
 
 
 def wire_torque_loop(
@@ -147,9 +143,7 @@ def wire_torque_loop(
     reference: Reference = None,
     force_reference: OutputPort | None = None,
     *,
-    free: bool = False,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
 ) -> TorqueLoop:
     """Add the loop of a design, which says drives, gains and window, without a look at its margins.
 
@@ -159,9 +153,8 @@ def wire_torque_loop(
         design: What to wire.
         reference: What the joints shall do.
         force_reference: (6k) of the contacts at the F/T sensors [N, N m].
-        free: Whether nothing may touch the robot.
-        stages: Stage to a system in its place.
-        between: "stage.port" to a system behind that port.
+        stages: Stage, or "stage.port", to a system in its place or behind that port.
+
 
     Raises:
         ParamsError: as `add_torque_loop`.
@@ -187,13 +180,11 @@ def wire_torque_loop(
             "acceleration": plant.get_generalized_acceleration_output_port(),
         },
         stages=stages or {},
-        between=between or {},
         robot=robot,
         readings=sensors.readings,
         models=list(design.models),
         gains=design.gains,
         force_reference=force_reference,
-        free=free,
     )
     command = add_torque_controller(parts, reference)
     simulated = dict(zip(robot.joints, design.actuators, strict=True))
@@ -272,9 +263,7 @@ def torque_controller(
     spec: TorqueLoopSpec | None = None,
     *,
     gains: TorqueGains | None = None,
-    free: bool = False,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
     fused: bool = False,
 ) -> Controller:
     """The torque control of a robot as a Diagram from readings to commands, without a plant.
@@ -299,9 +288,7 @@ def torque_controller(
         spec: How the joints are controlled; None: the defaults, as in `add_torque_loop`. Its `sensors` say what noise
             the fault monitor expects, its `faults` are those of simulated sensors and are not used.
         gains: Feedback gains; None: those that leave each joint its margins, as in `add_torque_loop`.
-        free: Whether nothing may touch the robot; a contact wrench then counts as a fault.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
-        between: "stage.port" to a system of your own behind that output port.
         fused: Run the stages in one system, which gives the same numbers in less time.
 
     Raises:
@@ -316,7 +303,7 @@ def torque_controller(
     """
     assumed = model_list(models, robot.joints)
     design = torque_design(robot, spec, assumed, assumed, gains)
-    warn_of_weak_joints(design, (*(stages or {}), *(between or {})))
+    warn_of_weak_joints(design, stages or ())
     spec, gains = design.spec, design.gains
     if spec.monitor.encoder_timing == 0.0:
         spec = replace(spec, monitor=replace(spec.monitor, encoder_timing=LATE))
@@ -339,13 +326,11 @@ def torque_controller(
         None,
         spec.dt,
         stages=stages or {},
-        between=between or {},
         robot=robot,
         readings=Readings(**ports),
         models=list(assumed),
         gains=gains,
         force_reference=add_input(builder, "force_reference", sizes["force_torque"]) if forced else None,
-        free=free,
     )
     add_torque_controller(parts, reference)
     servo = tuple(model.drive.kind == "position_servo" for model in assumed)
@@ -380,8 +365,7 @@ def scenario_controller(scenario: Scenario) -> Controller:
         robot,
         actuator_models(scenario, robot, controller=True),
         table_source(path.time, path.motion),
-        scenario,
+        loop_spec(scenario),
         gains=torque_gains(scenario, robot),
-        free=not (scenario.objects or scenario.pushes),
         fused=True,
     )

@@ -88,7 +88,6 @@ def add_whole_body_loop(
     references: Mapping[str, System | Trajectory] | None = None,
     contacts: OutputPort | None = None,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
 ) -> WholeBodyLoop:
     """Add controller, and as `spec` says sensors, estimation and drives, to a plant, and connect all of them.
 
@@ -103,7 +102,7 @@ def add_whole_body_loop(
         contacts: (contacts) 1 where the controller stands on one, else 0; None: it stands on all of them.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`; `tsid` needs the input
             `estimated_state` and the outputs of `OUTPUTS`.
-        between: "stage.port" to a system of your own behind that output port.
+
 
     Raises:
         ParamsError: a plant that is not finalized or whose ports are sampled, models that are missing or whose rotors
@@ -136,7 +135,6 @@ def add_whole_body_loop(
         law.period,
         {"state": state, "contact": touched},
         stages=stages or {},
-        between=between or {},
         law=law,
         models=named[0],
         controller_models=named[1],
@@ -214,7 +212,6 @@ def whole_body_controller(
     *,
     contacts: System | Literal["input"] | None = None,
     stages: Mapping[str, System] | None = None,
-    between: Mapping[str, System] | None = None,
     fused: bool = False,
 ) -> Controller:
     """The whole-body control of a legged robot as a Diagram from readings to commands, without a plant.
@@ -241,7 +238,6 @@ def whole_body_controller(
         contacts: Which contacts carry: a system with one output (contacts), "input" for the input port
             `active_contacts`; None: all of them.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
-        between: "stage.port" to a system of your own behind that output port.
         fused: Run the stages in one system, which gives the same numbers in less time.
 
     Raises:
@@ -264,7 +260,6 @@ def whole_body_controller(
         None,
         law.period,
         stages=stages or {},
-        between=between or {},
         law=law,
         models=given,
         controller_models=given,

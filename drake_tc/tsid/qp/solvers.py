@@ -214,12 +214,3 @@ def solver(name: str = DEFAULT) -> QpSolver:
         library = missing_library(error)
         reason = how_to_install(library) if library else f"{error}; pip install 'drake-tc[solvers]'"
         raise SolverUnavailableError(f"solver {name!r} is not available: {reason}; or take {DEFAULT!r}") from None
-
-
-def unavailable(name: str) -> str | None:
-    """Why a solver cannot be used here; None if it can."""
-    try:
-        solver(name)
-    except SolverUnavailableError as error:
-        return str(error)
-    return None

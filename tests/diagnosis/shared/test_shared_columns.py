@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from drake_tc.diagnosis.shared import cause_columns as cc
 from drake_tc.diagnosis.shared.body_motion import body_motion, joint_is_prismatic, structure_of
 from drake_tc.estimation.plant import skew
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.robot.plant import make_plant
 from drake_tc.robot.robot import load_robot
 
@@ -41,7 +41,7 @@ def rows():
 def torque(path, rows):
     """(T, n) by Drake's inverse dynamics, through the torque estimator."""
     model = TorqueModel(load_robot(path))
-    return np.array([model.estimate(*row).torque for row in rows])
+    return np.array([model.estimate(MeasuredMotion(*row[:5]), row[5]).torque for row in rows])
 
 
 @pytest.fixture(scope="module")
@@ -177,5 +177,7 @@ def test_encoder_columns_at_a_known_offset_are_exact(tmp_path, rows):
     bare, offsets = [(*row[:5], row[5][:0]) for row in rows], np.array([0.0, 0.14, 0.0])
     columns = cc.encoder_columns(model, bare, offsets)
     right = [(row[0] - offsets, *row[1:]) for row in bare]
-    loads = [np.array([model.estimate(*row).torque for row in each]) for each in (bare, right)]
+    loads = [
+        np.array([model.estimate(MeasuredMotion(*row[:5]), row[5]).torque for row in each]) for each in (bare, right)
+    ]
     assert_allclose(columns[:, :, 1] * 0.14, loads[0] - loads[1], rtol=0, atol=1e-10)  # torques of some 10 N m

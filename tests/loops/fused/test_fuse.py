@@ -112,7 +112,7 @@ def test_a_system_of_the_users_own_stays_between_the_stages():
     logs = []
     for fused in (True, False):
         gain = Gain(0.9, 6)
-        builder, loop = wired(between={"inverse_dynamics.desired_torque": gain})
+        builder, loop = wired(stages={"inverse_dynamics.desired_torque": gain})
         log = loop.add_log(builder, "command", "desired_torque", "actuation")
         if fused:
             system = fuse(builder)

@@ -143,7 +143,7 @@ def test_a_system_of_the_users_own_stays_between_the_stages():
     logs = []
     for fused in (True, False):
         gain = Gain(0.95, 23)
-        builder, loop = wired(between={"tsid.torque": gain})
+        builder, loop = wired(stages={"tsid.torque": gain})
         log = loop.add_log(builder, "torque", "voltage", "applied_torque", "estimated_state")
         stages = fuse(builder) if fused else None
         assert gain in builder.GetSystems()

@@ -90,12 +90,12 @@ def test_commands_are_those_of_the_simulated_loop(name, fused):
 
 def test_a_stage_of_ones_own_and_one_between_stand_in_the_controller_as_in_the_loop():
     between = "inverse_dynamics.desired_torque"
-    robot, models, gains, signals = simulated(TorqueLoopSpec(), 0.0, between={between: scaled(0.5)})
-    controller = torque_controller(robot, models, swing(robot), gains=gains, between={between: scaled(0.5)})
+    robot, models, gains, signals = simulated(TorqueLoopSpec(), 0.0, stages={between: scaled(0.5)})
+    controller = torque_controller(robot, models, swing(robot), gains=gains, stages={between: scaled(0.5)})
     assert_array_equal(commands(controller, signals), signals["command"])
     plain = torque_controller(robot, models, swing(robot), gains=gains)
     assert np.abs(commands(plain, signals) - signals["command"]).max() > 1e-3
-    with pytest.raises(ParamsError, match="no stage 'guards' in this loop"):
+    with pytest.raises(ParamsError, match="no stage or port 'guards' in this loop"):
         torque_controller(robot, models, stages={"guards": scaled(1.0)})
 
 
