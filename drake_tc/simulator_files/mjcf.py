@@ -281,6 +281,9 @@ def _with_drive(read: ReadJoint, actuator: Actuator, made: Any) -> ReadJoint:
         if made is None:
             unused.append(f"dampratio of {actuator.name}, {BY_MUJOCO}")
     unused += [f"the constant force of {actuator.name}"] if bias else []
+    unused += (
+        [f"that the command of {actuator.name} is {gear:g} times the joint's (gear)"] if servo and gear != 1.0 else []
+    )
     at_joint = (gear**2 if servo else gear) * kp
     limits, told = _limits(actuator, servo=servo, kp=at_joint)
     terms = replace(
