@@ -440,12 +440,17 @@ def _add_bench(root: minidom.Element, projections: Sequence[Projection]) -> None
         put(append(body, "inertial"), pos="0 0 0", mass=1e-3, diaginertia="1e-6 1e-6 1e-6")
 
 
+IMPEDANCE = "0.9 0.95 0.001 0.5 2"
+"""Of the constraint that is dry friction: MuJoCo's default. A smaller one lets the joint creep."""
+
+
 def _joint(element: minidom.Element, terms: Terms, numbers: int, step: float, *, degrees: bool) -> None:
     """The passive terms; a spring or a limit that a class hands on, and that the model lacks, is written as 0."""
     damping = _damping(terms.damping, terms.quadratic, numbers=numbers)
     put(element, armature=terms.armature, damping=damping, frictionloss=terms.frictionloss)
     if terms.frictionloss:
-        put(element, solreffriction=f"{number(2.0 * step)} 1")
+        soft = any(each.hasAttribute("solimpfriction") for each in _defaults_of_joints(element))
+        put(element, solreffriction=f"{number(2.0 * step)} 1", solimpfriction=IMPEDANCE if soft else None)
     springs = [each for each in _defaults_of_joints(element) if each.hasAttribute("stiffness")]
     longest = max((len(each.getAttribute("stiffness").split()) for each in springs), default=1)
     put(element, stiffness=_damping(terms.stiffness, numbers=longest) if terms.stiffness or springs else None)

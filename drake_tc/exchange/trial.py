@@ -240,7 +240,9 @@ def changes(text: str, projections: Sequence[Projection], into: Path) -> list[st
             if getattr(was.terms, name) and not getattr(now.terms, name) and not getattr(each.terms, name)
         ]
         words, still = ([_LINE.sub("", told) for told in found.unused] for found in (was, now))
-        gone += [told for told in words if told not in still and told.startswith(("its actuator", "the command of"))]
+        gone += [told for told in words if told not in still and told.startswith(DRIVING)]
+        if was.driven and now.driven and was.terms.drive != now.terms.drive:
+            gone.append(f"a drive whose command is a {was.terms.drive.removesuffix('_servo')}")
         more = now.with_servo_damping().damping - each.terms.damping
         left += [f"a damping of {more:.4g} N m s/rad beside the model's"] if more > SAME * each.terms.damping else []
         more = now.terms.frictionloss - each.terms.frictionloss
@@ -274,6 +276,8 @@ LEFTOVERS: Mapping[str, str] = MappingProxyType(
 )
 """Terms that a file may have and a model lack, in words."""
 _INCLUDE = re.compile(r"<include\s+file=[\"']([^\"']+)")
+DRIVING = ("its actuator", "the command of", "the constant force of")
+"""Begins of what is not used of a file and drives a joint."""
 DISABLED = "which <flag> disables"
 _LINE = re.compile(r" in line \d+")
 

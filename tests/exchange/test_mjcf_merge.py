@@ -227,6 +227,12 @@ LEFT = {
         "<general joint='knee' gainprm='5' biastype='affine' biasprm='0 -5 0' dyntype='filter' dynprm='0.1'/>",
         "a filter of the command of 0.1 s",
     ),
+    "constant force": (
+        "",
+        "<general joint='knee' gainprm='5' biastype='affine' biasprm='0.5 -5 0'/>",
+        "the constant force of <general>",
+    ),
+    "another drive": ("", "<motor joint='knee' gear='3'/>", "a drive whose command is a torque"),
     "integral": ("", "<pid joint='knee' kp='5' ki='10'/>", "integral action of 2 1/s"),
     "cogging": (
         "",
@@ -234,6 +240,25 @@ LEFT = {
         "a torque ripple",
     ),
 }
+
+
+@pytest.mark.parametrize(
+    ("own", "handed_on"), [('solimpfriction="0.1 0.2 0.5"', ""), ("", 'solimpfriction="0.1 0.2 0.5"')]
+)
+def test_dry_friction_holds_although_the_file_had_made_it_soft(tmp_path, own, handed_on):
+    """Under four fifths of its friction the joint creeps no further than in a file that says nothing of it."""
+    crept = []
+    for soft in (True, False):
+        path = own_file(tmp_path, "<motor name='a' joint='knee'/>")
+        text = path.read_text().replace("<joint name", f"<joint {own if soft else ''} name")
+        path.write_text(text.replace("<joint damping", f"<joint {handed_on if soft else ''} damping"))
+        model = mujoco.MjModel.from_xml_string(to_mjcf(SERVO_OF_THE_KNEE, path))
+        model.opt.gravity[:], model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0, 0.0
+        data = mujoco.MjData(model)
+        data.qfrc_applied[0] = 5.0
+        mujoco.mj_step(model, data, 1000)
+        crept.append(data.qpos[0])
+    assert 0.0 < crept[1] < 0.01 and crept[0] == pytest.approx(crept[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", LEFT)
