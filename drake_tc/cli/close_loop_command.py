@@ -1,6 +1,7 @@
 """`drake-tc close-loop`: residual, missing effect, better model, error before and after; `drake-tc demo`."""
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -12,11 +13,13 @@ import typer
 
 from drake_tc.analysis.sweep import processes
 from drake_tc.cli.out_files import Force, result_folder
-from drake_tc.cli.terminal import progress_bar
+from drake_tc.cli.terminal import print_wide, progress_bar
 from drake_tc.cli.usage import LARGEST_SEED, Declared, tell_declared
 from drake_tc.errors import LogError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 
 FILES = (
@@ -121,7 +124,6 @@ def close_loop_command(
         processes(2, preload=LOADED_BY_WORKERS) as pool,
     ):
         from drake_tc.analysis.before_after.comparison import compare_loops
-        from drake_tc.cli.close_loop_summary import print_summary
         from drake_tc.diagnosis.options import DiagnosisOptions
         from drake_tc.diagnosis.run import close_loop
         from drake_tc.loops.joint_bench import rig_free_run
@@ -155,6 +157,38 @@ def close_loop_command(
         print(json.dumps(result_json(result), indent=1))
     else:
         print_summary(result, out)
+
+
+def print_summary(result: "CloseLoopResult", out: Path) -> None:
+    """Verdict, one table a joint, the trial of an export, and where the report is, on stdout."""
+    from rich.console import Console
+
+    from drake_tc.report.summary import say_result
+
+    console = Console(file=sys.stdout, highlight=False)
+    say_result(console, result)
+    _print_export(console, result)
+    console.print(f"{result.seconds:.1f} s; report: {out / 'report.html'}")
+
+
+def _print_export(console: "Console", result: "CloseLoopResult") -> None:
+    """Errors of the exported model beside those of the model, and what its simulator lacks."""
+    from rich.markup import escape
+
+    from drake_tc.report.sections import cells, headings
+    from drake_tc.report.summary import say
+
+    if result.export is None:
+        return
+    trial = result.export
+    print_wide(
+        headings(trial.rows, trial.runner),
+        cells(trial.rows, {name: joint.units for name, joint in result.joints.items()}),
+        left=("joint", "run"),
+        title=f"RMS position error of free runs, {trial.model_file}",
+    )
+    for loss in trial.losses:
+        say(console, f"  {escape(loss)}")
 
 
 def demo_command(

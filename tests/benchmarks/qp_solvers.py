@@ -7,8 +7,16 @@ PIQP is a proximal interior-point method (Schwan et al., CDC 2023), ProxQP a pri
 import numpy as np
 
 from drake_tc.tsid.qp import solvers as choose
-from drake_tc.tsid.qp.common import refused, scaled, unsolved, usable_start
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
+from drake_tc.tsid.qp.problem import (
+    Outcome,
+    QpSolution,
+    QpSolver,
+    QuadraticProgram,
+    refused,
+    scaled,
+    unsolved,
+    usable_start,
+)
 
 try:
     import piqp

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model_file import load_models
-from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.cli.demo import JOINT, ROTOR_INERTIA
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult
 

@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import drake_tc
-from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.result.models import models_of
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_tc.actuation.model import ActuatorModel, Drive
-from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.diagnosis.notes import FreeRunDiverges, NoFreeRun
 from drake_tc.diagnosis.result.errors import with_free_runs
 from drake_tc.diagnosis.result.joint_result import JointResult, RefinedParameter, Refinement

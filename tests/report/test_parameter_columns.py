@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from numpy.testing import assert_allclose
 
-from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.diagnosis.problem.parameters import PlausibleRange, plausible_ranges
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.rig_result import CloseLoopResult

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,

@@ -25,8 +25,19 @@ from pydrake.solvers import (
 
 from drake_tc.errors import ParamsError
 from drake_tc.system_libraries import how_to_install, missing_library
-from drake_tc.tsid.qp.common import is_usable, keeps_rows, refused, scaled, solve_scaled, unsolved, usable_start
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
+from drake_tc.tsid.qp.problem import (
+    Outcome,
+    QpSolution,
+    QpSolver,
+    QuadraticProgram,
+    is_usable,
+    keeps_rows,
+    refused,
+    scaled,
+    solve_scaled,
+    unsolved,
+    usable_start,
+)
 
 _SENSE = np.array([0, 1, 3], dtype=np.int32)
 """DAQP's `sense` of rows that do not push, push from above, and (last, so at -1) from below."""

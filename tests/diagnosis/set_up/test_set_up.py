@@ -10,7 +10,7 @@ from fitted_arm import JOINTS, ROTOR, URDF, record, rig_file, torques
 from numpy.testing import assert_allclose
 from robot_files import joint_tag, link_tag, urdf, write_robot
 
-from drake_tc.cli.close_loop_summary import print_summary
+from drake_tc.cli.close_loop_command import print_summary
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.run import close_loop
 from drake_tc.diagnosis.set_up import balance, changes
