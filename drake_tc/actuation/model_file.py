@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
@@ -258,6 +259,14 @@ class ModelDocument(Keys):
     )
 
 
+OF_LINKS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "link_mass": ("mass",),
+        "link_com": ("com_x", "com_y", "com_z"),
+        "payload": ("mass", "com_x", "com_y", "com_z"),
+    }
+)
+"""Shared causes that change a link, and their numbers in SI units."""
 TORQUE_AS_EFFORT = "torques_in_unit_of_effort"
 """Entry of the provenance: joints whose torques are in the unit of the effort, because nothing fixed their scale."""
 HINT = "`drake-tc schema actuator --page` explains every key"
@@ -301,6 +310,8 @@ def load_model_file(path: Path | str) -> ModelFile:
     if odd is not None:
         raise ParamsError(f"{path}: joints: expected names of printable characters; got {quoted(odd)}")
     models = {joint: entry.model(joint) for joint, entry in read.joints.items()}
+    for cause in read.shared or ():
+        _check_link(cause, path)
     remainders = {}
     for joint, entry in read.joints.items():
         if entry.remainder is not None:
@@ -309,6 +320,24 @@ def load_model_file(path: Path | str) -> ModelFile:
             except ParamsError as error:
                 raise ParamsError(f"{path}: joints.{joint}.{error}") from None
     return ModelFile(models, read.provenance or {}, tuple(read.shared or ()), read.links or {}, remainders)
+
+
+def _check_link(cause: Mapping[str, Any], path: Path | str) -> None:
+    """Refuse a change of a link without its numbers.
+
+    Raises:
+        ParamsError: names the cause, its link, and the keys that are there in place of the numbers.
+    """
+    wanted = OF_LINKS.get(str(cause.get("effect")), ())
+    missing = [
+        name for name in wanted if isinstance(cause.get(name), bool) or not isinstance(cause.get(name), int | float)
+    ]
+    if missing:
+        there = [f"{name}: {quoted(value)}" for name, value in cause.items() if name not in ("effect", "where", "ci95")]
+        raise ParamsError(
+            f"{path}: shared: {cause['effect']} of {quoted(cause.get('where'))}: expected the numbers"
+            f" {', '.join(wanted)}, got {', '.join(there) or 'none'}; missing: {', '.join(missing)}"
+        )
 
 
 def load_models(path: Path | str) -> dict[str, ActuatorModel]:

@@ -23,14 +23,12 @@ import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
-from drake_tc.actuation.model_file import load_model_file
+from drake_tc.actuation.model_file import OF_LINKS, load_model_file
 from drake_tc.config.quoted import did_you_mean
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-OF_LINKS = ("link_mass", "link_com", "payload")
-"""Causes of a model file that change a link."""
 SMALLEST = 1e-6
 """Least eigenvalue of a pseudo-inertia over its largest one."""
 
@@ -62,16 +60,13 @@ class LinkChanges:
             whole: (10,) as the robot's file has them.
 
         Raises:
-            ParamsError: a cause without its numbers, or a mass that would be negative.
+            ParamsError: a mass that would be negative.
         """
         fitted = self.fitted.get(link, {})
         pi = np.array([float(fitted.get(name, value)) for name, value in zip(NAMES, whole, strict=True)])
         for cause in self.causes:
             if cause.get("where") == link:
-                try:
-                    found = changed(pi, cause)
-                except (KeyError, TypeError, ValueError):
-                    raise ParamsError(f"{self.source}: shared: {dict(cause)}: its numbers are missing") from None
+                found = changed(pi, cause)
                 if found is None or found[0] < 0.0:
                     raise ParamsError(
                         f"{self.source}: shared: link {link!r} of {pi[0]:g} kg cannot be changed by {dict(cause)}"
@@ -92,11 +87,7 @@ def link_changes(path: Path) -> LinkChanges:
 
 
 def changed(whole: FloatArray, cause: Mapping[str, Any]) -> FloatArray | None:
-    """(10,) parameters with one cause; None for one that is no change of them.
-
-    Raises:
-        KeyError: a number of the cause is missing.
-    """
+    """(10,) parameters with one cause of `OF_LINKS` and its numbers; None for one that is no change of them."""
     kind = cause.get("effect")
     if kind == "link_mass" and whole[0] > 0.0:
         return np.asarray(whole * (1.0 + float(cause["mass"]) / whole[0]))
@@ -107,7 +98,7 @@ def changed(whole: FloatArray, cause: Mapping[str, Any]) -> FloatArray | None:
         moved[1:4] = whole[0] * new
         moved[4:] += whole[0] * (_points(new) - _points(centre))
         return moved
-    if kind == "payload" and "mass" in cause:
+    if kind == "payload":
         mass, place = float(cause["mass"]), _centre(cause)
         return np.asarray(whole + mass * np.array([1.0, *place, *_points(place)]))
     return None

@@ -72,10 +72,10 @@ def test_fitted_parameters_are_those_of_the_plant(tmp_path):
     [
         ({"effect": "link_mass", "where": "nowhere", "mass": 1.0}, "no link 'nowhere' in the robot"),
         ({"effect": "link_mass", "where": "hand", "mass": -0.7}, r"link 'hand' of 0\.5 kg cannot be changed by"),
-        ({"effect": "payload", "where": "hand", "mass": 1.0}, "its numbers are missing"),
+        ({"effect": "payload", "where": "hand", "mass": 1.0}, "missing: com_x, com_y, com_z"),
+        ({"effect": "link_mass", "where": "hand", "mas": 0.2}, "expected the numbers mass, got mas: 0.2"),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_file(tmp_path, cause, says):
-    robot = load_robot(written(tmp_path, [cause]))
     with pytest.raises(ParamsError, match=rf"model_after\.yaml.*{says}"):
-        make_plant(robot, 0.0)
+        make_plant(load_robot(written(tmp_path, [cause])), 0.0)
