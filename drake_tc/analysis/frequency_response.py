@@ -311,16 +311,20 @@ def _lock_in(y: FloatArray, frequency: float, dt: float, first: int, amplitude: 
     return h / amplitude, left, float(abs(turned[half:].mean() - turned[:half].mean()) / size)
 
 
-def bandwidth(found: FrequencyResponse, drop_db: float = 3.0) -> Bandwidth | None:
-    """Lowest frequency at which |H| has dropped by `drop_db` from 0 dB, between measured ones by their dB.
+DROP_DB = 3.0
+"""Of |H| at the end of the bandwidth [dB]."""
 
-    None where |H| is not within `drop_db` of 0 dB at the lowest frequency: H then is not about 1.
+
+def bandwidth(found: FrequencyResponse) -> Bandwidth | None:
+    """Lowest frequency at which |H| has dropped by `DROP_DB` from 0 dB, between measured ones by their dB.
+
+    None where |H| is not within `DROP_DB` of 0 dB at the lowest frequency: H then is not about 1.
     """
-    if abs(found.magnitude_db[0]) > drop_db:
+    if abs(found.magnitude_db[0]) > DROP_DB:
         return None
-    below = np.flatnonzero(found.magnitude_db < -drop_db)
+    below = np.flatnonzero(found.magnitude_db < -DROP_DB)
     if not below.size:
         return Bandwidth(float(found.frequency_hz[-1]), at_least=True)
     i = int(below[0])
     f, m = np.log(found.frequency_hz[i - 1 : i + 1]), np.maximum(found.magnitude_db[i - 1 : i + 1], -1e3)
-    return Bandwidth(float(np.exp(f[0] + (f[1] - f[0]) * (m[0] + drop_db) / (m[0] - m[1]))), at_least=False)
+    return Bandwidth(float(np.exp(f[0] + (f[1] - f[0]) * (m[0] + DROP_DB) / (m[0] - m[1]))), at_least=False)

@@ -59,17 +59,14 @@ class Release:
         return self.growth < 1.0
 
 
-def release(
-    diagram: Diagram, context: Context, dt: float, kick: dict[str, float], watch: Sequence[str], duration: float = 2.0
-) -> Release:
-    """Kick some states, and follow the difference to the run without.
+def release(diagram: Diagram, context: Context, dt: float, kick: dict[str, float], duration: float = 2.0) -> Release:
+    """Kick some states, and follow their difference to the run without.
 
     Args:
         diagram: Whose loop.
         context: Of it, at a tick; not changed.
         dt: Control period [s].
-        kick: State, named as in `StateCoordinates.names`, to what is added to it.
-        watch: States whose difference is looked at.
+        kick: State, named as in `StateCoordinates.names`, to what is added to it; 0 for one that is followed only.
         duration: [s].
 
     Raises:
@@ -78,16 +75,16 @@ def release(
     """
     coordinates = StateCoordinates(diagram, context)
     places = {name: i for i, name in enumerate(coordinates.names)}
-    for name in (*kick, *watch):
+    for name in kick:
         if name not in places:
             raise ParamsError(f"release: no state {name!r}; states are named like {coordinates.names[0]!r}")
-    seen = [places[name] for name in watch]
+    seen = [places[name] for name in kick]
     rows = []
     for moved in (False, True):
         own: Any = context.Clone()
         if moved:
             x = coordinates.read(own)
-            x[[places[name] for name in kick]] += list(kick.values())
+            x[seen] += list(kick.values())
             coordinates.write(own, x)
         ticks = round(own.get_time() / dt) + np.arange(1, round(duration / dt) + 1)
         rows.append(_run(diagram, own, coordinates, seen, ticks * dt))

@@ -36,9 +36,12 @@ ROUNDING = 1e-13
 class SamplingPeriod:
     """F and the outputs, as one function of state and inputs."""
 
-    def __init__(
-        self, diagram: Diagram, context: Context, dt: float, tick: int, cuts: list[Cut], ports: list[Any]
-    ) -> None:
+    def __init__(self, diagram: Diagram, context: Context, dt: float, cuts: list[Cut], ports: list[Any]) -> None:
+        tick = round(context.get_time() / dt)
+        if abs(context.get_time() / dt - tick) > 1e-6:
+            raise ParamsError(
+                f"linearise: expected a time that is a multiple of dt = {dt:g} s, got {context.get_time():g} s"
+            )
         self._diagram, self._cuts, self._ports = diagram, cuts, ports
         self._start, self._end = tick * dt, (tick + 1) * dt
         self.base: Any = context.Clone()
@@ -298,14 +301,9 @@ def linearise(
     """
     if not 0.0 < dt < np.inf:
         raise ParamsError(f"linearise: expected a positive period dt [s], got {dt!r}")
-    tick = round(context.get_time() / dt)
-    if abs(context.get_time() / dt - tick) > 1e-6:
-        raise ParamsError(
-            f"linearise: expected a time that is a multiple of dt = {dt:g} s, got {context.get_time():g} s"
-        )
     cuts = [cut_at(diagram, context, name) for name in inputs]
     ports = [output_named(diagram, name) for name in outputs]
-    period = SamplingPeriod(diagram, context, dt, tick, cuts, ports)
+    period = SamplingPeriod(diagram, context, dt, cuts, ports)
     x, u = period.coordinates.read(period.base), np.concatenate([np.zeros(0), *(cut.value for cut in cuts)])
     table, rough = differences(period, x, u, step)
     n, m = x.size, u.size
@@ -326,7 +324,7 @@ def linearise(
 
 
 def open_loop(
-    diagram: Diagram, context: Context, dt: float, port: str, step: float = STEP, *, relative_to: str | None = None
+    diagram: Diagram, context: Context, dt: float, port: str, *, relative_to: str | None = None
 ) -> SampledSystem:
     """The loop cut open at a port: u goes in there, y is what would have come; closed again it is u = y.
 
@@ -334,10 +332,9 @@ def open_loop(
     r. A position servo's effort q_d - q is "torque_control:command" relative to "torque_control:position".
 
     Args:
-        diagram: As `linearise`; so are `context`, `dt` and `step`.
+        diagram: As `linearise`; so are `context` and `dt`.
         context: See there.
         dt: See there.
-        step: See there.
         port: "system:port", an output port (all that it feeds is cut) or an input port (that one wire).
         relative_to: "system:port" of the same size, whose connections stay.
 
@@ -351,8 +348,8 @@ def open_loop(
         ('gain:y0[0]',)
     """
     if relative_to is None:
-        return linearise(diagram, context, dt, inputs=(port,), outputs=(port,), step=step)
-    found = linearise(diagram, context, dt, inputs=(port,), outputs=(port, relative_to), step=step)
+        return linearise(diagram, context, dt, inputs=(port,), outputs=(port,))
+    found = linearise(diagram, context, dt, inputs=(port,), outputs=(port, relative_to))
     m = len(found.inputs)
     if len(found.outputs) != 2 * m:
         raise ParamsError(

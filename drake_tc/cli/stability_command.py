@@ -186,7 +186,7 @@ def _released(loop: Any, context: Any, seed: int) -> "Release":
     kicked = speed_states(loop, context)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(kicked))
     kick = {state: KICK * float(sign) for state, sign in zip(kicked, signs, strict=True)}
-    return release(loop.diagram, context, loop.period, kick, tuple(kick), 1.0)
+    return release(loop.diagram, context, loop.period, kick, 1.0)
 
 
 def _channel(loop: Any, joint: str | None) -> int:

@@ -226,7 +226,8 @@ class JointLoop:
         Raises:
             ParamsError: as `savgol_weights`.
         """
-        return _late_weights(self.window, order, self.at, derivative, self.dt, 1 + int(self.extra_delay))
+        weights = _kept_weights(self.window, order, self.at, derivative, self.dt)
+        return np.concatenate((np.zeros(1 + int(self.extra_delay)), weights[::-1]))
 
     def _felt(self) -> FloatArray:
         """What the filtered force sensor says of q."""
@@ -236,12 +237,8 @@ class JointLoop:
         return _sum(felt, self.sensed_inertia * acceleration)
 
 
-@lru_cache(maxsize=512)
-def _late_weights(window: int, order: int, at: float | None, derivative: int, dt: float, ticks: int) -> FloatArray:
-    """Kept: a map asks for the same ones again and again."""
-    weights = np.append(np.zeros(ticks), savgol_weights(window, order, at, derivative, dt)[::-1])
-    weights.setflags(write=False)
-    return weights
+_kept_weights = lru_cache(maxsize=512)(savgol_weights)
+"""Kept: a map asks for the same ones again and again."""
 
 
 def _sum(*polynomials: FloatArray) -> FloatArray:

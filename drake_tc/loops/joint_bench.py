@@ -410,14 +410,14 @@ LONGEST_STEP = 1.5e-3
 
 
 def rig_free_run(
-    model: ActuatorModel, rig: Rig, joint: str, run: Run, longest: float = LONGEST
+    model: ActuatorModel, rig: Rig, joint: str, run: Run
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """(time, recorded, simulated position), (T,) each, over the longest usable stretch of `run` up to `longest` [s].
+    """(time, recorded, simulated position), (T,) each, over the longest usable stretch of `run` up to `LONGEST` [s].
 
     None where the model has no inertia that a free run could move, or where a load that is a curve over the position
     meets an effect that depends on the load (`in_plant`). A diverged run is NaN from there on.
     """
-    stretch = longest_stretch(run, longest)
+    stretch = longest_stretch(run, LONGEST)
     if stretch is None:
         return None
     placed = in_plant(model, recording_of(rig, joint, run, stretch))

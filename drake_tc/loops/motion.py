@@ -69,13 +69,8 @@ def tsid_motion(recording: TsidRecording) -> Motion:
     )
 
 
-def motion_html(motion: Motion, frames_per_second: float = FRAMES_PER_SECOND) -> str:
-    """The text of an HTML file that plays the motion; it loads nothing from elsewhere.
-
-    Args:
-        motion: What to show.
-        frames_per_second: Of the recording, at the speed of the simulated time.
-    """
+def motion_html(motion: Motion) -> str:
+    """The text of an HTML file that plays the motion; it loads nothing from elsewhere."""
     builder = DiagramBuilder()
     plant: Any
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, STEP)
@@ -88,8 +83,8 @@ def motion_html(motion: Motion, frames_per_second: float = FRAMES_PER_SECOND) ->
     context = diagram.CreateDefaultContext()
     own = plant.GetMyMutableContextFromRoot(context)
     places = [plant.GetJointByName(name).position_start() for name in motion.robot.joints]
-    meshcat.StartRecording(frames_per_second=frames_per_second, set_visualizations_while_recording=False)
-    for row in _frames(motion.time, frames_per_second):
+    meshcat.StartRecording(frames_per_second=FRAMES_PER_SECOND, set_visualizations_while_recording=False)
+    for row in _frames(motion.time):
         positions = plant.GetPositions(own)
         positions[places] = motion.joints[row]
         for name, law in motion.robot.followers.items():
@@ -220,9 +215,9 @@ def _frustums(plant: Any) -> Iterator[tuple[Any, Picture]]:
         yield bodies[name], each
 
 
-def _frames(time: FloatArray, frames_per_second: float) -> list[int]:
+def _frames(time: FloatArray) -> list[int]:
     """Rows of the frames."""
-    count = max(2, int(np.ceil((time[-1] - time[0]) * frames_per_second)) + 1)
+    count = max(2, int(np.ceil((time[-1] - time[0]) * FRAMES_PER_SECOND)) + 1)
     requested = np.linspace(time[0], time[-1], count)
     rows = np.clip(np.searchsorted(time, requested), 0, time.size - 1)
     return sorted({int(row) for row in rows})

@@ -134,20 +134,20 @@ def names(where: str, value: object) -> tuple[str, ...]:
     return listed
 
 
-def number(where: str, value: object, *, infinite: bool = False) -> float:
+def number(where: str, value: object) -> float:
     """A finite float; text such as 1e-4, which YAML 1.1 does not take for a number, is read as one.
 
     Raises:
-        ParamsError: something else, or infinite where that is not allowed.
+        ParamsError: something else.
     """
     if isinstance(value, (int, float, str)) and not isinstance(value, bool):
         try:
             result = float(value)
         except ValueError:
             result = math.nan
-        if math.isfinite(result) or (infinite and math.isinf(result)):
+        if math.isfinite(result):
             return result
-    raise ParamsError(f"{where}: expected a {'' if infinite else 'finite '}number, got {value!r}")
+    raise ParamsError(f"{where}: expected a finite number, got {value!r}")
 
 
 def number_list(where: str, value: object) -> list[float]:

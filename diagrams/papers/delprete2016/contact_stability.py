@@ -137,4 +137,4 @@ def dies_away(loop: Loop, context: Any, kf: float) -> bool:
     scenario = replace(loop.scenario, gains=replace(loop.scenario.gains, kf=kf))
     dynamics.set_gains(dynamics.GetMyMutableContextFromRoot(own), torque_gains(scenario, loop.robot))
     speeds = speed_states(loop, own)
-    return release(loop.diagram, own, scenario.dt, dict.fromkeys(speeds, KICK), speeds, LASTS).stable
+    return release(loop.diagram, own, scenario.dt, dict.fromkeys(speeds, KICK), LASTS).stable

@@ -20,6 +20,7 @@ import numpy as np
 import yaml
 
 from drake_tc.actuation.model import ActuatorModel
+from drake_tc.actuation.model_file import OF_LINKS
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.diagnosis.data.samples import Samples, one_clock
 from drake_tc.diagnosis.result.joint_result import JointResult
@@ -29,7 +30,6 @@ from drake_tc.errors import ParamsError
 from drake_tc.logs.loads import Pendulum
 from drake_tc.logs.rig import Rig, load_rig
 from drake_tc.loops.scenarios import MotionSpec
-from drake_tc.robot.link_changes import OF_LINKS
 from drake_tc.robot.robot import Robot
 from drake_tc.types import GRAVITY, FloatArray
 

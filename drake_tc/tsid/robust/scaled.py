@@ -123,12 +123,12 @@ def p_ind(polytope: Polytope, torque: FloatArray, error: TorqueError) -> float:
     return float(_EVALUATED(torque / problem.scale, problem.scale, problem.rows, tuple(problem.cost))[2])
 
 
-def certain_miss(rows: ScaledRows, certain: IntArray, x: FloatArray, tolerance: float = FEASIBLE) -> bool:
+def certain_miss(rows: ScaledRows, certain: IntArray, x: FloatArray) -> bool:
     """Whether a row that does not err (1 in certain) is missed at x."""
     if not certain.any():
         return False
     sure = certain > 0
-    return ScaledRows(rows.matrix[sure], rows.lower[sure], rows.upper[sure]).miss(x) > tolerance
+    return ScaledRows(rows.matrix[sure], rows.lower[sure], rows.upper[sure]).miss(x) > FEASIBLE
 
 
 _HAS_ONE_MINIMISER = Kernel("tsid.problem", "has_one_minimiser")
@@ -136,16 +136,16 @@ RANK = 1e-10
 """Relative to the longest: a row of D, less what the rows before it span, that is shorter adds no direction."""
 
 
-def null_basis(matrix: FloatArray, tolerance: float = RANK) -> FloatArray:
+def null_basis(matrix: FloatArray) -> FloatArray:
     """(n, n - rank) orthonormal basis of {x: D x = 0}, by QR of D^T with column pivoting."""
     rows, n = matrix.shape
     if rows == 0:
         return np.eye(n)
-    if tolerance <= RANK and _HAS_ONE_MINIMISER(np.ascontiguousarray(matrix)):
+    if _HAS_ONE_MINIMISER(np.ascontiguousarray(matrix)):
         return np.zeros((n, 0))
     factors, _, tau, _, _ = dgeqp3(matrix.T)
     pivots = np.abs(np.diagonal(factors))
-    rank = int(np.count_nonzero(pivots > tolerance * pivots.max(initial=0.0)))
+    rank = int(np.count_nonzero(pivots > RANK * pivots.max(initial=0.0)))
     square = np.zeros((n, n), order="F")
     square[:, : len(pivots)] = factors[:, : len(pivots)]
     basis: FloatArray = dorgqr(square, tau)[0][:, rank:]
