@@ -26,6 +26,7 @@ _ANGLE = {
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 _ANGULAR_SPEED = {
     "rad/s": 1.0,
+    "mrad/s": 1e-3,
     "deg/s": math.pi / 180.0,
     "rpm": 2.0 * math.pi / 60.0,
     "rev/s": 2.0 * math.pi,
@@ -189,6 +190,7 @@ SPELLINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "turn": ("turns",),
         "deg/s": ("degs", "deg_s", "degs_s", "deg_per_s", "dps", "°/s", "deg/sec"),
         "rad/s": ("rads", "rad_s", "rads_s", "rad_per_s", "rad/sec"),
+        "mrad/s": ("mrad_s", "mrad_per_s"),
         "rpm": ("1/min", "min-1", "rev/min", "u/min", "r/min"),
         "rev/s": ("rev_s", "revs_s", "rev_per_s", "rps", "1/s", "hz"),
         "N*m": ("nm", "n_m"),
@@ -268,8 +270,14 @@ def _spelled(quantity: str) -> Mapping[str, str]:
     return named
 
 
+_SOME_OF = re.compile(r"(?:\d+(?:[.,]\d+)?(?:e-?\d+)?|1/\d+)\s*[*x]?\s*([^\W\d].*|[°%µ].*)", re.IGNORECASE)
+"""A number of units, as a register counts them: `0.1 deg`, `1/100 A`."""
+
+
 def is_unit(text: str) -> bool:
     """Whether a text looks like a unit of any quantity. A single letter may as well be the name of an axis."""
+    if found := _SOME_OF.fullmatch(text.strip()):
+        return is_known(found[1]) or is_unit(found[1])
     if re.search(r"[\^°%²³*·µ]", text) or text.lower() in COUNTS:
         return True
     whole, *per = re.split(r"[/]", text.strip())

@@ -86,6 +86,41 @@ def check_angles(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig,
                 )
         if servo:
             _check_command_scale(columns, usable, rig, joint, path)
+        if {f"{joint}/position", f"{joint}/motor_position"} <= set(columns):
+            _check_motor_scale(columns, usable, rig, joint, path)
+
+
+def turns_of_motor(position: FloatArray, motor: FloatArray) -> float:
+    """How far the motor moves per motion of the joint, by least squares; 1 where they move alike or not together.
+
+    Args:
+        position: (T,) of the joint.
+        motor: (T,) in the same unit; NaN is left out of both.
+    """
+    known = np.isfinite(position) & np.isfinite(motor)
+    q, m = position[known] - np.mean(position[known]), motor[known] - np.mean(motor[known])
+    if q @ q == 0.0 or m @ m == 0.0 or (q @ m) ** 2 < TOGETHER * (q @ q) * (m @ m):
+        return 1.0
+    ratio = float(q @ m / (q @ q))
+    return 1.0 if 1.0 / GEARED < ratio < GEARED else ratio
+
+
+TOGETHER, GEARED = 0.95, 2.0
+"""Share of the motor's motion that goes with the joint's, and their ratio from which on a gear lies between them: play
+and elasticity of a gear change neither as much."""
+
+
+def _check_motor_scale(columns: Mapping[str, FloatArray], usable: BoolArray, rig: Rig, joint: str, path: Path) -> None:
+    """Refuse positions of a motor that are not divided by the gear ratio, or turn the other way."""
+    name = f"{joint}/motor_position"
+    ratio = turns_of_motor(columns[f"{joint}/position"][usable], columns[name][usable])
+    if ratio != 1.0:
+        factor = scale_of(name, rig.units).factor / ratio
+        raise LogError(
+            f"{path}: column {rig.columns.get(name, name)!r} ({name}) moves {ratio:.4g} times as far as"
+            f" {joint}/position, and is expected to be divided by the gear ratio; set units: {{{name}: {factor:.6g}}}"
+            " in the rig file"
+        )
 
 
 def _check_length(span: float, speed: float, rig: Rig, name: str, path: Path) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 from drake_tc.errors import DrakeTcError, LogError
 from drake_tc.logs.bags.joined import LEADERS, OTHERS
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
+from drake_tc.logs.checks.plausible import turns_of_motor
 from drake_tc.logs.files.readers import read_table
 from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.inspection.suggestion import NAMELESS, Column, describe, suggested_rig
@@ -53,11 +54,39 @@ def _with_units_of_rates(
     return tuple(out)
 
 
+def _with_gears(
+    columns: Sequence[Column], meanings: Mapping[str, Meaning], numbers: Mapping[str, FloatArray | None]
+) -> tuple[Column, ...]:
+    """The columns, where the position of a motor that moves farther than the joint's is divided by the gear ratio."""
+    positions = {m.joint: name for name, m in meanings.items() if m.quantity == "position"}
+    units = {column.name: column.unit for column in columns}
+    out = []
+    for column in columns:
+        told = meanings.get(column.name)
+        position = positions.get(told.joint, "") if told is not None and told.quantity == "motor_position" else ""
+        q, motor = numbers.get(position), numbers.get(column.name)
+        factors = [_factor(units[position]), _factor(column.unit)] if position else [0.0]
+        if told is not None and q is not None and motor is not None and all(factors):
+            ratio = turns_of_motor(factors[0] * q, factors[1] * motor)
+            if ratio != 1.0:
+                why = f"alias {told.by}; moves {ratio:.4g} times as far as {position!r}"
+                column = replace(column, unit=f"{factors[1] / ratio:.10g}", why=why)
+        out.append(column)
+    return tuple(out)
+
+
+def _factor(unit: str) -> float:
+    """The factor to SI of a unit of a position; 0 where none is known."""
+    try:
+        return allowed_units("position").get(unit) or float(unit)
+    except ValueError:
+        return 0.0
+
+
 def _unit_of_rate(position: FloatArray, velocity: FloatArray, time: FloatArray, unit: str) -> str:
     """The unit in which a velocity (T,) is the rate of a position (T,) in `unit`; empty where none fits."""
-    try:
-        factor = allowed_units("position").get(unit) or float(unit)
-    except ValueError:
+    factor = _factor(unit)
+    if not factor:
         return ""
     kind = joint_type_of_unit(unit) or "revolute"
     good = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(time)
@@ -161,6 +190,7 @@ def inspect_log(path: Path) -> Inspection:
     columns = _in_units_of_their_joints(columns, meanings)
     if time_name is not None and (time := numbers[time_name]) is not None:
         columns = _with_units_of_rates(columns, meanings, numbers, time * dict(SECONDS)[unit])
+    columns = _with_gears(columns, meanings, numbers)
     if time_name is None:
         notes.append("No column was recognised as the time; name it under `columns: {time: ...}`.")
     rig, comment = suggested_rig(columns, meanings, notes)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from types import MappingProxyType
 
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, TIME, at_the_end, is_known, is_unit, unit_named
@@ -66,7 +67,10 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "qd_des",
             "dq_d",
         ),
-        "motor_position": ("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position"),
+        "motor_position": (
+            *("motor_position", "motor_pos", "motor_angle", "q_motor", "theta_m", "rotor_position", "theta_motor"),
+            *("motor_theta", "phi_motor", "motor_encoder", "encoder_motor", "rotor_angle", "rotor_pos"),
+        ),
         "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature", "temperatur"),
         "supply_voltage": (
             *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
@@ -75,7 +79,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "time": (
             *("time", "t", "timestamp", "stamp", "time_s", "secs", "seconds", "time_ms", "t_s", "time_stamp", "ts"),
-            *("zeit", "tout"),
+            *("zeit", "tout", "micros", "millis"),
         ),
     }
 )
@@ -342,6 +346,7 @@ def _owner_words(owner: str) -> list[str]:
 
 def _of_words(said: Sequence[str]) -> Meaning | None:
     """What the words of a name seem to mean."""
+    said = [word for word, after in pairwise([*said, ""]) if not (word.lower() == "id" and after.isdigit())]
     parts = [each for part in said for each in _split(part)]
     lower = [_singular(part.lower()) for part in parts]
     if any(word in _NO_JOINT for word in lower) or _is_other(lower):
