@@ -301,8 +301,8 @@ def test_a_first_row_without_a_date(tmp_path):
     assert inspect_log(tmp_path / "run.parquet").duration == pytest.approx(mine()["time"].iloc[-1] - 1e-3)
 
 
-def test_a_time_of_day_is_refused_with_what_is_possible(tmp_path):
-    texts = [f"10:11:{12.0 + t:09.6f}" for t in mine()["time"]]
+def test_a_time_in_words_is_refused_with_what_is_possible(tmp_path):
+    texts = [f"10h 11min {12.0 + t:09.6f}" for t in mine()["time"]]
     mine().assign(time=texts).to_csv(tmp_path / "run.csv", index=False)
     document = {"joint": "joint", "drive": "position_servo", "load": "unknown"}
     document["columns"] = {"joint/position": "angle", "joint/position_command": "target"}

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.diagnosis.problem.prepared import prepare_joint
+from drake_tc.errors import LogError
 from drake_tc.experiments.check.run import check_rig
 from drake_tc.logs.inspection.inspect import inspect_log, trial
 from drake_tc.logs.prepare import load_run
@@ -26,7 +27,14 @@ TORQUE = 1.5 * np.sin(POSITION) + 0.02 * NOISE.normal(size=TIME.size)
 CURRENT = 0.8 * TORQUE + 0.3 * np.tanh(20.0 * RATE) + 0.4 * RATE + 0.01 * NOISE.normal(size=TIME.size)
 COMMAND = POSITION + 0.2 * CURRENT
 """A pendulum behind a gear with friction, [s], [rad], [rad/s], [N m], [A]."""
-SIGNALS = {"position": POSITION, "position_command": COMMAND, "velocity": RATE, "torque": TORQUE, "current": CURRENT}
+SIGNALS = {
+    "position": POSITION,
+    "motor_position": POSITION,
+    "position_command": COMMAND,
+    "velocity": RATE,
+    "torque": TORQUE,
+    "current": CURRENT,
+}
 DEG = 180.0 / np.pi
 
 
@@ -269,6 +277,68 @@ def sensor_data(path: Path) -> Path:
     return path
 
 
+def one_row_a_motor(path: Path) -> Path:
+    """Two motors of a bus that answer after each other."""
+    own = table(position="pos_deg", current="iq", torque="torque") * [1, DEG, 1, 1]
+    rows = pd.concat([own.assign(motor_id=3), (-own).assign(motor_id=7, time=TIME + 0.001)])
+    rows.sort_values("time").to_csv(path, index=False)
+    return path
+
+
+def one_row_a_signal(path: Path) -> Path:
+    own = table(position="knee/position", current="knee/current", torque="knee/torque")
+    own.melt("time", var_name="signal", value_name="value").sort_values("time", kind="stable").to_csv(path, index=False)
+    return path
+
+
+def dates_with_a_comma(path: Path) -> Path:
+    """As Python's logging writes them."""
+    stamps = pd.to_datetime(1.7e18 + 1e9 * TIME).strftime("%Y-%m-%d %H:%M:%S,%f").str[:-3]
+    table(time="t", position="position", position_command="target", torque="torque").assign(t=stamps).rename(
+        columns={"t": "asctime"}
+    ).to_csv(path, index=False)
+    return path
+
+
+def time_of_day(path: Path) -> Path:
+    """Across midnight."""
+    stamps = pd.to_datetime(1.7e9 // 86400 * 86400e9 - 5e9 + 1e9 * TIME).strftime("%H:%M:%S.%f")
+    own = table(position="position", position_command="target", torque="torque")
+    own.assign(time=stamps).to_csv(path, index=False)
+    return path
+
+
+def motor_behind_a_gear(path: Path) -> Path:
+    own = table(position="link_encoder_deg", current="motor_current_A", torque="link_torque_Nm") * [1, DEG, 1, 1]
+    own.assign(motor_encoder_deg=100.0 * DEG * POSITION).to_csv(path, index=False)
+    return path
+
+
+def servos_by_number(path: Path) -> Path:
+    own = table(
+        position="Present Position (ID 1)", position_command="Goal Position (ID 1)", torque="Torque (ID 1) [mNm]"
+    )
+    own["Torque (ID 1) [mNm]"] *= 1e3
+    own.to_csv(path, index=False)
+    return path
+
+
+def structs(path: Path) -> Path:
+    state = [{"position": q, "torque": tau} for q, tau in zip(POSITION, TORQUE, strict=True)]
+    pd.DataFrame({"time": TIME, "state": state, "command": [{"position": q} for q in COMMAND]}).to_parquet(path)
+    return path
+
+
+def joints_with_names(path: Path) -> Path:
+    own = table(position="pos", position_command="target", torque="tau").to_dict("records")
+    lines = [
+        {"t": row.pop("time"), "joints": [{"name": "knee", **row}, {"name": "hip", **{k: -v for k, v in row.items()}}]}
+        for row in own
+    ]
+    path.write_text("\n".join(map(json.dumps, lines)))
+    return path
+
+
 CSV = (
     *(comments, savetxt, pairs, clocks, named_times, units_of_pairs, device_above, decimal_commas),
     *(two_units_of_angles, units_below, units_in_names, units_at_the_end, actual_and_desired, dotted),
@@ -277,6 +347,14 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "npz": (arrays, "run.npz"),
     "mat": (arrays, "run.mat"),
     "plotjuggler": (goal_topic, "run.csv"),
+    "one row a motor": (one_row_a_motor, "run.csv"),
+    "one row a signal": (one_row_a_signal, "run.csv"),
+    "dates with a comma": (dates_with_a_comma, "run.csv"),
+    "time of day": (time_of_day, "run.csv"),
+    "motor behind a gear": (motor_behind_a_gear, "run.csv"),
+    "servos by number": (servos_by_number, "run.csv"),
+    "structs": (structs, "run.parquet"),
+    "joints with names": (joints_with_names, "run.jsonl"),
     "one row a joint": (one_row_a_joint, "run.csv"),
     "index of times": (index_of_times, "run.parquet"),
     "structured": (structured, "run.npy"),
@@ -298,7 +376,7 @@ CHECKED = "savetxt"
 
 def same_signals(run, joint: str) -> None:
     """What the run has of the joint is what was written; a channel of another clock is off by its interpolation."""
-    assert_allclose(run.time, TIME[: len(run)], rtol=0, atol=1e-6)
+    assert_allclose(run.time - run.time[0], TIME[: len(run)], rtol=0, atol=1e-6)
     told = {name: values for name, values in run.columns.items() if name.startswith(f"{joint}/")}
     assert f"{joint}/position" in told and len(told) >= 3
     for name, values in told.items():
@@ -430,3 +508,22 @@ def test_counts_in_brackets_are_no_joint_and_no_degrees(tmp_path):
         pd.DataFrame({"time": TIME, "Position [inc]": values, "Current [mA]": CURRENT * 1e3}).to_csv(path, index=False)
         found = next(each for each in inspect_log(path).columns if each.name == "Position [inc]")
         assert found.canonical == "joint/position" and found.unit != "deg"
+
+
+def test_a_number_of_units_is_no_guess(tmp_path):
+    """Tenths of a degree in radians would be a motion of many turns, and in degrees one of ten times the range."""
+    path = tmp_path / "run.csv"
+    own = table(position="Position [0.1 deg]", position_command="Setpoint [0.1 deg]", torque="Torque [Nm]")
+    (own * [1, 10 * DEG, 10 * DEG, 1]).to_csv(path, index=False)
+    found = inspect_log(path)
+    assert "states the unit '0.1 deg'" in trial(found) and found.rig["joint"] == "joint"
+    rig = dict(found.rig) | {"units": {"position": 0.1 / DEG, "position_command": 0.1 / DEG}}
+    same_signals(load_run(path, parse_rig(rig)), "joint")
+
+
+def test_a_motor_that_is_not_divided_by_its_gear_is_refused_with_the_factor(tmp_path):
+    path = motor_behind_a_gear(tmp_path / "run.csv")
+    rig = dict(inspect_log(path).rig)
+    rig["units"] = {"position": "deg"}
+    with pytest.raises(LogError, match=r"moves 100 times as far as link/position.*motor_position: 0\.000174533"):
+        load_run(path, parse_rig(rig))

@@ -40,7 +40,7 @@ def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
         LogError: Not JSON, none of the forms, a name twice in one mapping, columns of different lengths, or no such
             episode.
     """
-    document = _parsed(_text(path), path)
+    document = _by_joint(_parsed(_text(path), path))
     records = document if isinstance(document, list) else _records_inside(document)
     period = stated_period(_numbers(document))
     if records and all(map(_is_episode, records)):
@@ -72,6 +72,31 @@ def _numbers(document: Any) -> dict[str, float]:
 def _lists(document: Any) -> dict[str, list[Any]]:
     """The lists of samples in nested mappings, by name."""
     return {name: values for name, values in _leaves("", document) if isinstance(values, list)}
+
+
+MOST_JOINTS = 128
+
+
+def _by_joint(value: Any) -> Any:
+    """Nested values, where a list of mappings that each have a name of their own is a mapping of these names.
+
+    `{"joints": [{"name": "hip", "q": 0.1}, {"name": "knee", "q": 0.2}]}` is `{"joints": {"hip": {"q": 0.1}, ...}}`.
+    """
+    if not isinstance(value, dict):
+        return value
+    out = {}
+    for name, inner in value.items():
+        if isinstance(inner, list) and 0 < len(inner) <= MOST_JOINTS and all(isinstance(each, dict) for each in inner):
+            keys = [key for key in inner[0] if names_joints(key) or key.lower() in ("joint", "id")]
+            called = next(
+                ([each.get(key) for each in inner] for key in keys if _are_names([e.get(key) for e in inner])), None
+            )
+            if called is not None:
+                inner = dict(
+                    zip(called, ({k: v for k, v in each.items() if k not in keys} for each in inner), strict=True)
+                )
+        out[name] = _by_joint(inner)
+    return out
 
 
 def _joints(document: Any) -> list[str]:
@@ -164,7 +189,7 @@ def _of_records(records: Sequence[Any], path: Path, joints: Sequence[str] = ()) 
     for number, record in enumerate(records, start=1):
         if not isinstance(record, dict):
             raise LogError(f"{path}: row {number} is {_kind(record)}; expected a mapping {{name: value}} a sample")
-        rows.append(dict(_values("", record, joints)))
+        rows.append(dict(_values("", _by_joint(record), joints)))
     return pd.DataFrame.from_records(rows)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from drake_tc.logs.checks.clock import MIN_ROWS
-from drake_tc.logs.files.series import of_series
 from drake_tc.logs.inspection.names import meaning, words
 
 OWNERS = (
@@ -34,26 +33,56 @@ def with_channels_apart(table: pd.DataFrame) -> pd.DataFrame:
     if not time or not keys or len(table) < 2 * MIN_ROWS:
         return table
     stamps = table[time]
-    texts = table[keys].astype("string").agg("/".join, axis=1)
+    texts = pd.DataFrame({name: _names_of(table[name]) for name in keys}).agg("/".join, axis=1)
     owners = list(dict.fromkeys(texts.dropna()))
     if len(owners) < 2 or texts.value_counts().min() < MIN_ROWS:
         return table
     if not (stamps[texts == owners[0]].is_monotonic_increasing and stamps[texts == owners[1]].is_monotonic_increasing):
         return table
     rest = [name for name in table.columns if name not in (time, *keys)]
-    series = []
-    for owner in owners:
-        rows = table[texts == owner].set_index(time)
-        whole = len(rest) == 1 and rest[0].lower() in VALUES
-        series += [rows[name].rename(owner if whole else f"{owner}/{name}") for name in rest]
-    apart = of_series(series, time).dropna(axis=1, how="all")
+    rows = [table[texts == owner] for owner in owners]
+    rows = [each[~each[time].duplicated(keep="last")] for each in rows]
+    whole = len(rest) == 1 and rest[0].lower() in VALUES
+    columns: dict[str, np.ndarray] = {time: rows[0][time].to_numpy()}
+    for owner, own in zip(owners, rows, strict=True):
+        for name in rest:
+            columns[owner if whole else f"{owner}/{name}"] = _at(columns[time], own[time].to_numpy(), own[name])
+    apart = pd.DataFrame(columns).dropna(axis=1, how="all")
     apart.attrs = dict(table.attrs)
+    same = all(np.array_equal(each[time], rows[0][time]) for each in rows)
     note = (
         f"Each row of the file is of one of {len(owners)} owners ({', '.join(owners[:8])}), which"
-        f" {' and '.join(map(repr, keys))} names; they were put beside each other, at the times of all of them."
+        f" {' and '.join(map(repr, keys))} names; they were put beside each other"
+        + (
+            ", at the same times."
+            if same
+            else f", at the times of {owners[0]}: commands were held, others interpolated."
+        )
     )
     apart.attrs["notes"] = [*table.attrs.get("notes", ()), note]
     return apart
+
+
+def _at(times: np.ndarray, own: np.ndarray, values: pd.Series) -> np.ndarray:
+    """(T,) values (S,) of the times `own` at other times: the last one of a command or a text, else interpolated."""
+    if np.array_equal(times, own):
+        return values.to_numpy()
+    told = meaning(str(values.name))
+    numbers = pd.to_numeric(values, errors="coerce").to_numpy(dtype=np.float64)
+    wanted, known = (each.astype("int64" if each.dtype.kind == "M" else np.float64) for each in (times, own))
+    inside = (wanted >= known[0]) & (wanted <= known[-1])
+    if not np.isfinite(numbers).all() or (told is not None and "command" in told.quantity):
+        held = values.to_numpy()[np.maximum(np.searchsorted(known, wanted, side="right") - 1, 0)]
+        return np.asarray(pd.Series(held).where(inside))
+    return np.where(inside, np.interp(wanted, known, numbers), np.nan)
+
+
+def _names_of(values: pd.Series) -> pd.Series:
+    """The texts of a column; `motor_1` for the number 1 in `motor_id`."""
+    texts = values.astype("string")
+    if not pd.api.types.is_integer_dtype(values):
+        return texts
+    return f"{words(str(values.name))[-2].lower()}_" + texts
 
 
 def _is_owner(name: str, values: pd.Series) -> bool:

@@ -21,7 +21,7 @@ from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.files.json_log import read_json, read_json_lines
 from drake_tc.logs.files.lerobot import is_data_set, read_data_set, without_lists
 from drake_tc.logs.files.long_tables import with_channels_apart
-from drake_tc.logs.files.series import with_common_times, with_index
+from drake_tc.logs.files.series import with_common_times, with_dates, with_index, without_structs
 from drake_tc.logs.inspection.names import meaning, names_joints
 
 Reader = Callable[[Path], pd.DataFrame]
@@ -86,7 +86,7 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
         about = pyarrow.parquet.read_metadata(file)
         check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
         file.seek(0)
-        return with_texts(without_lists(with_index(pd.read_parquet(file)), Source(path, episode)))
+        return with_texts(without_lists(without_structs(with_index(pd.read_parquet(file))), Source(path, episode)))
 
 
 def _columns_of(name: str, value: np.ndarray, rows: int, joints: Sequence[str]) -> dict[str, np.ndarray]:
@@ -263,7 +263,7 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
-    return with_channels_apart(with_whole_stamps(table))
+    return with_channels_apart(with_whole_stamps(with_dates(table)))
 
 
 def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:

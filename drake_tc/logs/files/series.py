@@ -1,5 +1,6 @@
 """Tables and arrays whose times are not a column: an index of times, and series that have times of their own."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -28,6 +29,54 @@ def with_index(table: pd.DataFrame) -> pd.DataFrame:
     for name in table.columns[[pd.api.types.is_timedelta64_dtype(kind) for kind in table.dtypes]]:
         table[name] = table[name].dt.total_seconds()
     return table
+
+
+def without_structs(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with `state/position` in place of a column `state` of mappings."""
+    parts = []
+    for name in table.columns:
+        cells = table[name]
+        if pd.api.types.is_object_dtype(cells) and len(cells) and cells.map(lambda cell: isinstance(cell, dict)).all():
+            parts.append(pd.json_normalize(cells.tolist(), sep="/").add_prefix(f"{name}/").set_axis(table.index))
+        else:
+            parts.append(table[[name]])
+    return pd.concat(parts, axis=1) if parts else table
+
+
+CLOCK = re.compile(
+    r"(.*[\sT_-])?(\d{1,2}:\d{2}:\d{2}([.,]\d+)?)(\s*[ap]m)?(\s*(Z|UTC|[+-]\d{2}:?\d{2}))?", re.IGNORECASE
+)
+"""A time of day, perhaps behind a date."""
+DAY = 86400.0
+
+
+def with_dates(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with dates in place of their texts, whatever their form; a time of day alone is in seconds.
+
+    After midnight a time of day goes on.
+    """
+    for name in table.columns[[pd.api.types.is_string_dtype(kind) for kind in table.dtypes]]:
+        first = next((cell for cell in table[name].head(MOST_EMPTY) if isinstance(cell, str) and cell.strip()), "")
+        found = CLOCK.fullmatch(first.strip())
+        if found is None or (found[1] is None and (found[4] or found[5])):
+            continue
+        texts = table[name].astype("string").str.strip().str.replace(",", ".")
+        if found[1] is None:
+            seconds = pd.to_timedelta(texts, errors="coerce").dt.total_seconds().to_numpy(dtype=np.float64)
+            days = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * DAY)
+            read: pd.Series = pd.Series(seconds + DAY * days, index=table.index)
+        else:
+            read = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
+            if not read.notna().any():
+                read = pd.to_datetime(texts, errors="coerce", utc=True, format="mixed")
+            read = read.dt.tz_localize(None)
+        if read.notna().equals(texts.notna()):
+            table[name] = read
+    return table
+
+
+MOST_EMPTY = 1000
+"""Rows at the beginning among which a first text is looked for."""
 
 
 def of_series(series: Sequence[pd.Series], time: str) -> pd.DataFrame:
