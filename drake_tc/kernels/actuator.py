@@ -311,7 +311,7 @@ def positions(
 
     Args:
         samples: (T, 4) command, load [N m], its change in a step, and temperature [deg C].
-        constants: `actuator.Tables` of the joint, whose effects all have a compiled equation.
+        constants: `Tables` of the joint, whose effects all have a compiled equation.
         plant: h, steps in a sample, inertia that is moved, moment of the pendulum's weight and where it hangs, 1 where
             the load is all that the gear transmits, position and velocity at the start, middle and half of the range.
         memory: (m,) of the joint, which has started; updated.

@@ -1,6 +1,6 @@
 """How functions on arrays are compiled, and where the machine code is kept.
 
-Modules of compiled functions import Numba, so nobody imports them but through `lazy.Kernel`, at the first call: a
+Modules of compiled functions import Numba, so nobody imports them but through `calls.Kernel`, at the first call: a
 command that needs none of them does not pay for Numba's import. Rules for a compiled function:
 
 - An entry has an explicit signature of read-only C-contiguous inputs (`kernel`), so that no array compiles it again.

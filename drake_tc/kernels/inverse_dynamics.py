@@ -54,7 +54,7 @@ def motion_torque(given: tuple[FloatArray, ...], tree: tuple[Any, ...], base: Fl
         given: (3n,) estimate [q; qdot; qddot] and reference; (n,) q to take in e, empty for that of the estimate;
             inputs of which only is asked whether they are finite; (2n,) or more, [Ks; Kd]; (2n,) or more, [q; qdot]
             where M and h are taken.
-        tree: See `joint_forces.TREE`.
+        tree: See `TREE`.
         base: See `joint_forces`.
         out: (4n,) written.
 

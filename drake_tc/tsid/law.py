@@ -220,7 +220,7 @@ class Status(IntEnum):
     LIMIT: Which of `Law.constraints` gave way first (misses most), counted from 0; -1 for none.
     MISSED: By how much, in that row's unit.
     RELAXED: How many joints' limits gave way before any program saw them, as their position, velocity and acceleration
-        contradict each other at this state (`limits.viability`); 0 for none, and where the state is lost.
+        contradict each other at this state (`limits.joints.Viability`); 0 for none, and where the state is lost.
     CONVERGED: 1 where the formulation reached its accuracy, 0 where its budget was spent before or with a fallback.
     FALLING: From 0 to 1, how long ticks have had no solution; at 1 the joints are damped alone
         (`drake_tc.tsid.fallbacks`).

@@ -8,8 +8,8 @@ A tick always has an answer, and `Tick.status` says which it is:
 
     solved        the formulation's torque
     risky         every limit can be kept but not R <= R_min: the formulation's safest torque
-    infeasible    no torque keeps all limits: the one that misses least (`infeasible.diagnose`), near the safe one
-    failed        no answer of the programs: the safe torque, weight and damping (`infeasible.safe_torque`)
+    infeasible    no torque keeps all limits: the one that misses least (`fallbacks.diagnose`), near the safe one
+    failed        no answer of the programs: the safe torque, weight and damping (`fallbacks.safe_torque`)
     falling       ticks without a solution have lasted: the torque above gives way to damping (`falling`)
     lost          an input is not finite, or a task or limit raised an exception: the torque before, faded out,
                   tau[n] = exp(-period/fade) tau[n-1]; `Tick.error` holds the exception

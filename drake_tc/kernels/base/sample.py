@@ -34,8 +34,8 @@ class Estimator(NamedTuple):
     Attributes:
         settings: (27,) see `Options`.
         soles: (k, w) rows of the contacts, see `FLAT` and what follows it.
-        tables: (k, m m) see `base_contacts.shape_of`.
-        between: (k, 54) see `base_kinematics.external_wrench`.
+        tables: (k, m m) see `base.contacts.shape_of`.
+        between: (k, 54) see `external_wrench`.
         places, constants: (n, 4) and (n, 26) of the robot's tree, see `dynamics`.
         frames, frame_bodies: (k + 1, 12) and (k + 1,) of the contacts and the IMU, and rows of their bodies.
     """
@@ -130,7 +130,7 @@ class Given(NamedTuple):
 
     Attributes:
         soles: (k, w) rows of the contacts.
-        tables: (k, m m) see `base_contacts.shape_of`.
+        tables: (k, m m) see `base.contacts.shape_of`.
         before: The state before the tick.
         options: Of the estimator.
     """
@@ -221,7 +221,7 @@ def posture_of(q: FloatArray, qd: FloatArray, tree: tuple[Any, ...]) -> Posture:
     Args:
         q: (n,) encoders [rad], in the robot's order.
         qd: (n,) their speeds [rad/s].
-        tree: From `places` to `frame_bodies` of `base_sample.Estimator`.
+        tree: From `places` to `frame_bodies` of `Estimator`.
     """
     places, constants, frames, frame_bodies = tree
     count = frame_bodies.size

@@ -226,9 +226,11 @@ def _largest(problem: ScaledProblem, x: FloatArray, means: SolverMeans) -> Float
     return np.concatenate((x, beside.inner[0] + beside.x, beside.inner[0] - beside.x))
 
 
-def rectangle_risk(
-    polytope: Polytope, torque: FloatArray, error: TorqueError, qp: QpSolver, accuracy: float = 1e-6
-) -> float:
+RECTANGLE_ACCURACY = 1e-6
+"""Of R_rect at a given torque."""
+
+
+def rectangle_risk(polytope: Polytope, torque: FloatArray, error: TorqueError, qp: QpSolver) -> float:
     """R_rect(tau) = -log p_rect (eq. 15); inf where no box fits."""
     n = error.joints
     problem = scaled(nothing(n), polytope, error)
@@ -239,7 +241,7 @@ def rectangle_risk(
     if problem.sure:
         erring = problem.erring.along(x, np.zeros((n, 0)))
         fixed = fixed._replace(limits=erring, certain=np.zeros_like(problem.certain), sure=0)
-    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), SolverMeans(qp, accuracy, Budget().started()))
+    found = rectangle(fixed, 1.0, Guess(np.zeros(0)), SolverMeans(qp, RECTANGLE_ACCURACY, Budget().started()))
     return found.risk if found.outcome is Outcome.SOLVED else math.inf
 
 
