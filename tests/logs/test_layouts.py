@@ -277,6 +277,36 @@ def sensor_data(path: Path) -> Path:
     return path
 
 
+def echoed_messages(path: Path) -> Path:
+    """As `rostopic echo -p` writes joint states."""
+    own = table(time="%time", position="field.position0", current="field.current0", velocity="field.velocity0")
+    own["%time"] = np.round(1.7e18 + own["%time"] * 1e9).astype(np.int64)
+    for name in ("position", "current", "velocity"):
+        own[f"field.{name}1"] = -own[f"field.{name}0"]
+    own.assign(**{"field.name0": "knee", "field.name1": "hip"}).to_csv(path, index=False)
+    return path
+
+
+def tuples_in_cells(path: Path) -> Path:
+    own = {"position": POSITION, "current": CURRENT, "velocity": RATE}
+    cells = {name: [f"({x:.9f}, {-x:.9f})" for x in values] for name, values in own.items()}
+    pd.DataFrame({"time": TIME, "name": "['knee', 'hip']", **cells}).to_csv(path, index=False)
+    return path
+
+
+def drive_trace(path: Path) -> Path:
+    own = table(time="Zeit", position="Lageistwert", position_command="Lagesollwert", torque="Drehmomentistwert")
+    (own * [1e3, DEG, DEG, 1e3]).rename(
+        columns={
+            "Zeit": "Zeit [ms]",
+            "Lageistwert": "Lageistwert [°]",
+            "Lagesollwert": "Lagesollwert [°]",
+            "Drehmomentistwert": "Drehmomentistwert [mNm]",
+        }
+    ).to_csv(path, index=False, sep="\t")
+    return path
+
+
 def one_row_a_motor(path: Path) -> Path:
     """Two motors of a bus that answer after each other."""
     own = table(position="pos_deg", current="iq", torque="torque") * [1, DEG, 1, 1]
@@ -347,6 +377,9 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "npz": (arrays, "run.npz"),
     "mat": (arrays, "run.mat"),
     "plotjuggler": (goal_topic, "run.csv"),
+    "echoed messages": (echoed_messages, "run.csv"),
+    "tuples in cells": (tuples_in_cells, "run.csv"),
+    "drive trace": (drive_trace, "run.txt"),
     "one row a motor": (one_row_a_motor, "run.csv"),
     "one row a signal": (one_row_a_signal, "run.csv"),
     "dates with a comma": (dates_with_a_comma, "run.csv"),
@@ -527,3 +560,11 @@ def test_a_motor_that_is_not_divided_by_its_gear_is_refused_with_the_factor(tmp_
     rig["units"] = {"position": "deg"}
     with pytest.raises(LogError, match=r"moves 100 times as far as link/position.*motor_position: 0\.000174533"):
         load_run(path, parse_rig(rig))
+
+
+def test_names_that_change_from_row_to_row_are_told(tmp_path):
+    path = echoed_messages(tmp_path / "run.csv")
+    own = pd.read_csv(path)
+    own.loc[1::2, ["field.name0", "field.name1"]] = ["hip", "knee"]
+    own.to_csv(path, index=False)
+    assert any("'field.name0' change from row to row" in note for note in inspect_log(path).notes)

@@ -331,7 +331,7 @@ def _of_pairs(cells: pd.DataFrame, pairs: _Pairs) -> pd.DataFrame:
 
 
 Opener = Callable[[], IO[bytes]]
-ENDINGS = (".csv", ".csv.gz", ".tsv")
+ENDINGS = (".csv", ".csv.gz", ".tsv", ".txt")
 
 
 class _Content(NamedTuple):

@@ -21,6 +21,7 @@ from drake_tc.logs.files.csv_file import read_csv, refuse_repeated, with_texts
 from drake_tc.logs.files.json_log import read_json, read_json_lines
 from drake_tc.logs.files.lerobot import is_data_set, read_data_set, without_lists
 from drake_tc.logs.files.long_tables import with_channels_apart
+from drake_tc.logs.files.named_vectors import with_named_vectors
 from drake_tc.logs.files.series import with_common_times, with_dates, with_index, without_structs
 from drake_tc.logs.inspection.names import meaning, names_joints
 
@@ -205,6 +206,7 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         ".csv": read_csv,
         ".csv.gz": read_csv,
         ".tsv": read_csv,
+        ".txt": read_csv,
         ".parquet": _read_parquet,
         ".npz": _read_npz,
         ".npy": _read_npy,
@@ -241,9 +243,9 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     """Read a log as it is: names, units and gaps untouched; one row a sample.
 
     Args:
-        path: A log in memory, or a .csv, .csv.gz, .tsv, .parquet, .npz, .npy, .mat, .json, .json.gz or .jsonl file, a
-            ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In NPZ
-            and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
+        path: A log in memory, or a .csv, .csv.gz, .tsv, .txt, .parquet, .npz, .npy, .mat, .json, .json.gz or .jsonl
+            file, a ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In
+            NPZ and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
             `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
             a JSON log.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.
@@ -263,7 +265,7 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
     names = [str(name).strip() for name in table.columns]
     refuse_repeated(where, names)
     table.columns = pd.Index(names)
-    return with_channels_apart(with_whole_stamps(with_dates(table)))
+    return with_channels_apart(with_whole_stamps(with_named_vectors(with_dates(table))))
 
 
 def _table_of(source: Source, needed: Collection[str]) -> pd.DataFrame:

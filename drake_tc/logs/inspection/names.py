@@ -15,7 +15,17 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "position": (
             *("position", "pos", "q", "qpos", "angle", "ang", "theta", "actual_q", "present_position", "encoder"),
             *("joint_position", "joint_pos", "q_actual", "q_meas", "measured_position", "state_position", "phi"),
-            *("present_pos", "actual_pos", "enc", "encoder_position", "encoder_pos", "encoder_angle", "posn", "winkel"),
+            *(
+                "present_pos",
+                "actual_pos",
+                "enc",
+                "encoder_position",
+                "encoder_pos",
+                "encoder_angle",
+                "posn",
+                "winkel",
+                "lage",
+            ),
         ),
         "position_command": (
             *("position_command", "position_cmd", "pos_cmd", "pos_command", "cmd_pos", "command", "cmd", "target"),
@@ -41,7 +51,18 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *DUTY_CYCLE,
         ),
         "torque": (
-            *("torque", "tau", "trq", "tq", "joint_torque", "measured_torque", "torque_sensor", "tau_meas", "moment"),
+            *(
+                "torque",
+                "tau",
+                "trq",
+                "tq",
+                "joint_torque",
+                "measured_torque",
+                "torque_sensor",
+                "tau_meas",
+                "moment",
+                "momenten",
+            ),
             *("load_torque", "tau_ext", "torque_meas", "torque_nm", "tor", "torq", "tau_measured", "drehmoment"),
             *("tau_j", "tau_sensor", "sensor_torque", "link_torque"),
             *("force", "load_cell", "loadcell", "force_sensor", "measured_force", "load_force", "axial_force"),
@@ -102,7 +123,7 @@ _BASE = {command: quantity for quantity, command in COMMANDS.items() if command 
 """Commands that are no columns of a rig file, and what they command."""
 _COMMANDED = (
     *("cmd", "command", "commanded", "des", "desired", "ref", "reference", "target", "tgt", "goal", "setpoint"),
-    *("set", "soll", "requested", "demand", "action", "control"),
+    *("set", "soll", "requested", "request", "demand", "dmd", "action", "control", "traj"),
 )
 """Words that turn a quantity into its command, as in `tau_command` and `posDes`."""
 _MEASURED = (
@@ -139,8 +160,8 @@ _AT_THE_END = at_the_end()
 _IN_BRACKETS_BEFORE_A_NUMBER = re.compile(r"(.+?)[\s_]*[\[(]\s*([^\[\]()]+?)\s*[\])][\s_]*[\[(]?(\d+)[\])]?")
 _BEFORE_A_NUMBER = re.compile(rf"{_AT_THE_END.pattern}[\s_]*[\[(]?(\d+)[\])]?", re.IGNORECASE)
 _GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ϑ": "theta", "ω": "omega", "τ": "tau"})
-_GERMAN = re.compile(r"(?<![a-z])(soll|ist)(?=[a-z]{4})", re.IGNORECASE)
-"""Begin of a compound such as `Sollposition`."""
+_GERMAN = re.compile(r"(?<![a-z])(?:soll|ist)(?=[a-z]{4})|(?<=[a-z]{3})(?:soll|ist)(?=wert)", re.IGNORECASE)
+"""In a compound such as `Sollposition` or `Lageistwert`."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +190,7 @@ def words(name: str) -> list[str]:
 
     `q_ref[2]` -> q, ref, 2; `JointPos.hip` -> Joint, Pos, hip; `joint_1/pos` -> joint, 1, pos.
     """
-    apart = _GERMAN.sub(r"\1 ", name.translate(_GREEK))
+    apart = _GERMAN.sub(r" \g<0> ", name.translate(_GREEK))
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", apart)
     return [word for word in re.split(r"[^0-9A-Za-z]+", spaced) if word]
 
