@@ -213,10 +213,6 @@ class BaseState(Memory):
 
     __slots__ = ()
 
-    def scalar(self, name: str) -> float:
-        """One of `SCALARS`."""
-        return float(self.scalars[SCALARS.index(name)])
-
     def flag(self, name: str) -> bool:
         """Whether a flag of `FLAGS` is up."""
         return bool(self.flags[FLAGS.index(name)])

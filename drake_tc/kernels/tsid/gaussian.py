@@ -11,10 +11,7 @@ function of large arguments has the fraction 1 / (sqrt(pi) (x + (1/2) / (x + 1 /
 
 import math
 
-import numpy as np
-
-from drake_tc.kernels.compiling import VECTOR, helper, kernel
-from drake_tc.types import FloatArray
+from drake_tc.kernels.compiling import helper
 
 CEILING = 37.0
 """Above it exp(u^2 / 2) nears the largest double, and hazard and curvature are below 1e-297."""
@@ -99,24 +96,3 @@ def interval_risk(above: float, below: float) -> float:
 def interval_density(end: float, risk: float) -> float:
     """phi(end) / P of an interval that ends there, from -log P."""
     return math.exp(risk - _LOG_ROOT_2_PI - 0.5 * end * end)
-
-
-@kernel(VECTOR)
-def tails(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log Phi, hazard and curvature of each u (m,)."""
-    logs, rates, bends = np.empty(u.size), np.empty(u.size), np.empty(u.size)
-    for i in range(u.size):
-        logs[i], rates[i] = log_cdf(u[i]), hazard(u[i])
-        low = min(u[i], CEILING)
-        bends[i] = curvature_of(low, hazard(low))
-    return logs, rates, bends
-
-
-@kernel(VECTOR, VECTOR)
-def intervals(above: FloatArray, below: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """-log P of each [-below, above] (m,), and phi(above) / P, phi(below) / P."""
-    risks, upper, lower = np.empty(above.size), np.empty(above.size), np.empty(above.size)
-    for i in range(above.size):
-        risks[i] = interval_risk(above[i], below[i])
-        upper[i], lower[i] = interval_density(above[i], risks[i]), interval_density(below[i], risks[i])
-    return risks, upper, lower

@@ -189,11 +189,6 @@ class ConvexProgram(NamedTuple):
     upper: FloatArray
     bounds: int = 0
 
-    @property
-    def bends(self) -> bool:
-        """Whether the Hessian changes with x."""
-        return self.weight > 0.0
-
     def with_risk(self, rows: ScaledRows, weight: float) -> "ConvexProgram":
         """The objective and w R_ind(x) of the limits with sides that may be farther off."""
         return self._replace(risk_lower=rows.lower, risk_upper=rows.upper, weight=weight)

@@ -14,7 +14,7 @@ from drake_tc.estimation.base.read_log import run_log, track_error
 from drake_tc.kernels.base.attitude import corrected_up, filter_times, tilt_correction, turned_up
 from drake_tc.kernels.base.contacts import Slip, shown_vertical, slipping
 from drake_tc.kernels.base.sample import Given, Posture, options_of
-from drake_tc.kernels.base.state import memory_of
+from drake_tc.kernels.base.state import RESTED, memory_of
 
 from .constructed import REAL, Motion, construct, spec, walker
 
@@ -111,8 +111,8 @@ def test_slow_rocking_is_no_rest_and_rest_is():
             state = estimator.step(state, each.sample(i))
         learnt[name] = state
     assert_allclose(learnt["resting"].bias, bias, atol=1e-3)
-    assert learnt["resting"].scalar("rested") > 150
-    assert learnt["rocking"].scalar("rested") < 25
+    assert learnt["resting"].scalars[RESTED] > 150
+    assert learnt["rocking"].scalars[RESTED] < 25
     assert abs(learnt["rocking"].bias[1] - bias[1]) < 0.25 * rate
 
 
