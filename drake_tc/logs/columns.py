@@ -17,7 +17,7 @@ from drake_tc.config.files import is_file
 from drake_tc.errors import LogError
 from drake_tc.logs.bags.joined import undecided_topics
 from drake_tc.logs.files.csv_file import ENDINGS, first_line
-from drake_tc.logs.inspection.names import meaning, stated_unit
+from drake_tc.logs.inspection.names import LINE_BELOW, meaning, stated_unit
 from drake_tc.logs.rig import Rig
 from drake_tc.logs.rig_document.declared import require_own_unit
 from drake_tc.logs.units import JOINT_SUFFIXES, SENSOR_SUFFIXES, is_unit, parse_unit, scale_of, unit_named
@@ -359,9 +359,10 @@ def _unit_of_file(canonical: str, name: str, table: pd.DataFrame, path: Path) ->
         LogError: It states another one: names the column and the unit.
     """
     in_name, below, unit = _stated_in_file(canonical, name, table)
+    by = str(table.attrs.get("units_by", LINE_BELOW))
     told = None if name == canonical else meaning(name)
     unknown = told.unknown_unit if told is not None and not unit else ""
-    where, stated = ("its name", in_name or unknown) if in_name or unknown else ("line 2 of the file", below)
+    where, stated = ("its name", in_name or unknown) if in_name or unknown else (by, below)
     scale = parse_unit(canonical, unit) if unit else None
     if stated and (scale.factor != 1.0 or scale.offset != 0.0 if scale else unknown or is_unit(stated)):
         remedy = f"{{{canonical}: {unit}}}" if unit else f"{{{canonical}: FACTOR}}, the factor to SI units"

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow
+import pyarrow.parquet
 import pytest
 import scipy.io
 from few_effects import experiments_fit
@@ -307,6 +309,62 @@ def drive_trace(path: Path) -> Path:
     return path
 
 
+FACTORS = {"time": 1e3, "q": DEG, "q_cmd": DEG, "tau": 1e3}
+"""Factors to the units ms, deg, deg and mNm, which no range of values tells."""
+
+
+def in_odd_units() -> pd.DataFrame:
+    return table(position="q", position_command="q_cmd", torque="tau") * list(FACTORS.values())
+
+
+def units_above(path: Path) -> Path:
+    path.write_text("[ms],[deg],[deg],[mNm]\n" + in_odd_units().to_csv(index=False))
+    return path
+
+
+def units_in_a_comment(path: Path) -> Path:
+    path.write_text("# bench 7\n# units: ms, deg, deg, mNm\n" + in_odd_units().to_csv(index=False))
+    return path
+
+
+def units_in_comments(path: Path) -> Path:
+    path.write_text("# q: deg\n# q_cmd [deg]\n# tau in mNm\n" + in_odd_units().to_csv(index=False))
+    return path
+
+
+def units_of_long_rows(path: Path) -> Path:
+    own = in_odd_units()
+    rows = pd.concat([own.assign(joint="knee"), own.assign(joint="hip")]).sort_values("time", kind="stable")
+    path.write_text("# units: ms, deg, deg, mNm, -\n" + rows.to_csv(index=False))
+    return path
+
+
+def units_in_json(path: Path) -> Path:
+    units = {"time": "ms", "q": "deg", "q_cmd": "deg", "tau": "mNm"}
+    path.write_text(json.dumps({"units": units, **in_odd_units().to_dict("list")}))
+    return path
+
+
+def units_in_npz(path: Path) -> Path:
+    own = {name: values.to_numpy() for name, values in in_odd_units().items()}
+    np.savez(path, q_unit="deg", q_cmd_unit="deg", tau_unit="mNm", time_unit="ms", **own)
+    return path
+
+
+def units_in_a_struct(path: Path) -> Path:
+    own = {name: values.to_numpy() for name, values in in_odd_units().items()}
+    scipy.io.savemat(path, own | {"units": {"q": "deg", "q_cmd": "deg", "tau": "mNm"}})
+    return path
+
+
+def units_in_metadata(path: Path) -> Path:
+    whole = pyarrow.Table.from_pandas(in_odd_units(), preserve_index=False)
+    units = {"time": "ms", "q": "deg", "q_cmd": "deg", "tau": "mNm"}
+    schema = pyarrow.schema([field.with_metadata({"unit": units[field.name]}) for field in whole.schema])
+    pyarrow.parquet.write_table(whole.cast(schema), path)
+    return path
+
+
 def one_row_a_motor(path: Path) -> Path:
     """Two motors of a bus that answer after each other."""
     own = table(position="pos_deg", current="iq", torque="torque") * [1, DEG, 1, 1]
@@ -377,6 +435,14 @@ LAYOUTS = {write.__name__: (write, "run.csv") for write in CSV} | {
     "npz": (arrays, "run.npz"),
     "mat": (arrays, "run.mat"),
     "plotjuggler": (goal_topic, "run.csv"),
+    "units above": (units_above, "run.csv"),
+    "units in a comment": (units_in_a_comment, "run.csv"),
+    "units in comments": (units_in_comments, "run.csv"),
+    "units of long rows": (units_of_long_rows, "run.csv"),
+    "units in json": (units_in_json, "run.json"),
+    "units in npz": (units_in_npz, "run.npz"),
+    "units in a struct": (units_in_a_struct, "run.mat"),
+    "units in metadata": (units_in_metadata, "run.parquet"),
     "echoed messages": (echoed_messages, "run.csv"),
     "tuples in cells": (tuples_in_cells, "run.csv"),
     "drive trace": (drive_trace, "run.txt"),

@@ -341,11 +341,13 @@ class _Content(NamedTuple):
         opened: Opens it.
         above: Lines above the names.
         notes: What was not read.
+        skipped: The texts of the comments and of the lines above the names.
     """
 
     opened: Opener
     above: int
     notes: tuple[str, ...]
+    skipped: tuple[str, ...] = ()
 
 
 def _content(path: Path) -> _Content:
@@ -369,7 +371,8 @@ def _content(path: Path) -> _Content:
     whole = names.encode() + b"\n" + below if names else below
     left_out = len(above) - bool(names) + sum(1 for line in within if line.strip())
     notes = (f"{left_out} comment lines or empty lines were skipped.",) if left_out else ()
-    return _without_preamble(_Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes))
+    skipped = tuple(_decoded(line).strip() for line in (*above, *within))
+    return _without_preamble(_Content(lambda: io.BytesIO(whole), len(above) - bool(names), notes, skipped))
 
 
 def _without_preamble(content: _Content) -> _Content:
@@ -379,7 +382,25 @@ def _without_preamble(content: _Content) -> _Content:
         return content
     which = f"{lines} lines above the names of the columns were" if lines > 1 else "The line above the names was"
     note = f"{which} skipped."
-    return _Content(_without_lines(content.opened, lines), content.above + lines, (*content.notes, note))
+    with content.opened() as file:
+        texts = [_decoded(file.readline(LONGEST_LINE)).strip() for _ in range(lines)]
+    skipped = (*content.skipped, *texts)
+    return _Content(_without_lines(content.opened, lines), content.above + lines, (*content.notes, note), skipped)
+
+
+def _units_above(skipped: Sequence[str], names: Sequence[str]) -> dict[str, str]:
+    """By column, the units that comments and lines above the names state: one a column, or `tau: mNm` of one alone."""
+    found = {}
+    for line in skipped:
+        text = re.sub(r"^(#|%|//|;)*\s*(units?\s*[:=])?\s*", "", line, flags=re.IGNORECASE)
+        units = [cell.strip().strip("[]()") for cell in re.split("[,;\t]", text)]
+        filled = [unit for unit in units if unit]
+        if len(units) == len(names) and 2 * sum(is_unit(each) or is_known(each) for each in filled) > len(filled) > 1:
+            return dict(zip(names, units, strict=True))
+        name, _, unit = re.sub(r"\s*(:|=|\bin\b|\[)\s*", "\0", text, count=1).partition("\0")
+        if name in names and (is_unit(unit.rstrip("] ")) or is_known(unit.rstrip("] "))):
+            found[name] = unit.rstrip("] ")
+    return found
 
 
 def first_line(path: Path) -> int:
@@ -469,7 +490,7 @@ def read_csv(path: Path) -> pd.DataFrame:
     Raises:
         LogError: no text, no names, or rows of uneven length.
     """
-    opened, above, notes = _content(path)
+    opened, above, notes, skipped = _content(path)
     separator = _separator(opened)
     with opened() as file:
         pairs = _pairs_of(cells(file, separator, FIRST_ROWS))
@@ -479,6 +500,8 @@ def read_csv(path: Path) -> pd.DataFrame:
         body = _without_lines(opened, pairs.lines)
         with body() as file:
             table = _of_pairs(_with_decimal_points(pd.read_csv(file, sep=separator, header=None), separator), pairs)
+    if "units" not in table.attrs and (units := _units_above(skipped, [str(name) for name in table.columns])):
+        table.attrs |= {"units": units, "units_by": "a line above the names"}
     if notes:
         table.attrs["notes"] = [*notes, *table.attrs.get("notes", ())]
     return table

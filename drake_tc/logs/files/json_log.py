@@ -29,6 +29,12 @@ from drake_tc.logs.inspection.names import meaning, names_joints
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 
 
+def _units(document: Any) -> dict[str, str]:
+    """The texts of a mapping `units` beside the samples, by the columns that they are of."""
+    own = document.get("units") if isinstance(document, dict) else None
+    return {name: text for name, text in _leaves("", own) if isinstance(text, str)} if isinstance(own, dict) else {}
+
+
 def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
     """A table of a .json or .json.gz file; see this module for the forms.
 
@@ -41,6 +47,15 @@ def read_json(path: Path, episode: int | None = None) -> pd.DataFrame:
             episode.
     """
     document = _by_joint(_parsed(_text(path), path))
+    table = _table_of(document, Source(path, episode))
+    if units := _units(document):
+        own = {str(name): units.get(str(name), units.get(str(name).rpartition("/")[2], "")) for name in table.columns}
+        table.attrs |= {"units": own, "units_by": "'units'"}
+    return table
+
+
+def _table_of(document: Any, source: Source) -> pd.DataFrame:
+    path, episode = source
     records = document if isinstance(document, list) else _records_inside(document)
     period = stated_period(_numbers(document))
     if records and all(map(_is_episode, records)):

@@ -49,6 +49,8 @@ def with_channels_apart(table: pd.DataFrame) -> pd.DataFrame:
             columns[owner if whole else f"{owner}/{name}"] = _at(columns[time], own[time].to_numpy(), own[name])
     apart = pd.DataFrame(columns).dropna(axis=1, how="all")
     apart.attrs = dict(table.attrs)
+    if units := table.attrs.get("units"):
+        apart.attrs["units"] = {f"{owner}/{name}": unit for owner in owners for name, unit in units.items()} | units
     same = all(np.array_equal(each[time], rows[0][time]) for each in rows)
     note = (
         f"Each row of the file is of one of {len(owners)} owners ({', '.join(owners[:8])}), which"

@@ -53,6 +53,8 @@ def with_named_vectors(table: pd.DataFrame) -> pd.DataFrame:
         return table
     out = pd.DataFrame({named[name]: column for name, column in columns.items()})
     out.attrs = dict(table.attrs)
+    if units := table.attrs.get("units"):
+        out.attrs["units"] = {named.get(name, name): unit for name, unit in units.items()}
     return out
 
 

@@ -1,5 +1,6 @@
 """Logs to tables: files by one reader a suffix, in a registry that a user may extend, and tables in memory."""
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -87,7 +88,13 @@ def _read_parquet(path: Path, episode: int | None = None) -> pd.DataFrame:
         about = pyarrow.parquet.read_metadata(file)
         check_size(path, path.stat().st_size, 8.0 * about.num_rows * about.num_columns)
         file.seek(0)
-        return with_texts(without_lists(without_structs(with_index(pd.read_parquet(file))), Source(path, episode)))
+        table = with_texts(without_lists(without_structs(with_index(pd.read_parquet(file))), Source(path, episode)))
+        file.seek(0)
+        fields = {field.name: field.metadata or {} for field in pyarrow.parquet.read_schema(file)}
+    units = {name: about[key].decode() for name, about in fields.items() for key in (b"unit", b"units") if key in about}
+    if units:
+        table.attrs |= {"units": units, "units_by": "the metadata of the file"}
+    return table
 
 
 def _columns_of(name: str, value: np.ndarray, rows: int, joints: Sequence[str]) -> dict[str, np.ndarray]:
@@ -162,8 +169,23 @@ def _of_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> pd.DataFrame:
         told = ", ".join(f"{name} = {quoted(value)}" for name, value in list(single.items())[:SHOWN])
         notes.append(f"Single values are no columns: {told}.")
     table.attrs["notes"] = [*table.attrs.get("notes", ()), *notes]
+    if units := _units_beside(single, [str(name) for name in table.columns]):
+        table.attrs |= {"units": units, "units_by": "a text of the file"}
     values = {name: each for name, each in single.items() if type(each) in (int, float)}
     return with_times(table, stated_period(values))
+
+
+def _units_beside(single: Mapping[str, object], columns: Sequence[str]) -> dict[str, str]:
+    """By column, the texts of the file that state units: `units/q`, `q/unit` or `q_units` of `q`, `q_0`, `q_1`, ..."""
+    found: dict[str, str] = {}
+    for name, text in single.items():
+        parts = [part for part in re.split("[/_]", name) if part.lower() not in ("unit", "units")]
+        if isinstance(text, str) and len(parts) < len(re.split("[/_]", name)):
+            own = re.compile(rf"(.*/)?{re.escape('_'.join(parts))}(_\d+)?")
+            found |= {
+                column: text for column in columns if own.fullmatch(column.replace("/", "_")) or own.fullmatch(column)
+            }
+    return found
 
 
 def _table(path: Path, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
@@ -244,8 +266,8 @@ def read_table(path: Path | str | LogTable, needed: Collection[str] = ()) -> pd.
 
     Args:
         path: A log in memory, or a .csv, .csv.gz, .tsv, .txt, .parquet, .npz, .npy, .mat, .json, .json.gz or .jsonl
-            file, a ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several. In
-            NPZ and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
+            file, a ROS bag (`bags`), or the folder of a LeRobot data set. `FILE#2` is episode 2 of a file of several.
+            In NPZ and MAT every vector is a column, a matrix (T, n) gives `name_0 ...`; MATLAB cannot write a slash, so
             `knee__position` and the struct field `knee.position` both mean `knee/position`. `json_log` has the forms of
             a JSON log.
         needed: Columns that the caller uses. In a bag, the topic with their positions gives the rows.

@@ -14,7 +14,7 @@ from drake_tc.logs.bags.joined import LEADERS, OTHERS
 from drake_tc.logs.bags.reader import Topic, is_bag, topics
 from drake_tc.logs.checks.plausible import turns_of_motor
 from drake_tc.logs.files.readers import read_table
-from drake_tc.logs.inspection.names import Meaning, meaning, with_unit, without_unit, words
+from drake_tc.logs.inspection.names import LINE_BELOW, Meaning, meaning, with_unit, without_unit, words
 from drake_tc.logs.inspection.suggestion import NAMELESS, Column, describe, suggested_rig
 from drake_tc.logs.inspection.suggestion import numbers as in_numbers
 from drake_tc.logs.prepare import load_run
@@ -170,9 +170,10 @@ def inspect_log(path: Path) -> Inspection:
     notes = [str(note) for key in ("notes", "hints") for note in table.attrs.get(key, ())]
     aside: Mapping[str, str] = table.attrs.get("aside", {})
     numbers = {str(name): in_numbers(table[name]) for name in table.columns}
-    below: Mapping[str, str] = table.attrs.get("units", {})
+    beside: Mapping[str, str] = table.attrs.get("units", {})
+    by = str(table.attrs.get("units_by", LINE_BELOW))
     found = {
-        name: with_unit(meaning(name), below.get(name, ""))
+        name: with_unit(meaning(name), beside.get(name, ""), by)
         for name, values in numbers.items()
         if values is not None and name not in aside
     }

@@ -95,7 +95,18 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "temperature": ("temperature", "temp", "motor_temp", "motor_temperature", "present_temperature", "temperatur"),
         "supply_voltage": (
             *("supply_voltage", "vbus", "bus_voltage", "battery_voltage", "input_voltage", "input_volts", "vbat"),
-            *("v_bat", "v_bus", "v_supply", "vsupply", "u_dc", "v_dc", "vdc", "dc_voltage", "dc_bus_voltage"),
+            *(
+                "vbus_voltage",
+                "v_bat",
+                "v_bus",
+                "v_supply",
+                "vsupply",
+                "u_dc",
+                "v_dc",
+                "vdc",
+                "dc_voltage",
+                "dc_bus_voltage",
+            ),
             "dc_link_voltage",
         ),
         "time": (
@@ -310,13 +321,25 @@ def _is_other(parts: Sequence[str]) -> bool:
     return any(f"_{each}_" in text for each in _OTHERS)
 
 
-def with_unit(told: Meaning | None, stated: str) -> Meaning | None:
-    """A meaning, with the unit that a line below the names states; one in the name itself goes first."""
-    if told is None or told.unit or told.quantity == "time" or not stated:
+LINE_BELOW = "line 2 of the file"
+"""What states units where the reader of a log names nothing else."""
+
+
+def with_unit(told: Meaning | None, stated: str, by: str = LINE_BELOW) -> Meaning | None:
+    """A meaning, with the unit that a file states beside the names; one in the name itself goes first.
+
+    Args:
+        told: Of the name.
+        stated: What the file states; empty for nothing.
+        by: Where it states it.
+    """
+    if told is None or told.unit or not stated:
         return told
     unit = unit_named(stated, told.quantity)
+    if told.quantity == "time":
+        return replace(told, unit=unit, unit_by=by) if unit else told
     other = "" if unit or not is_unit(stated) else stated
-    return replace(told, unit=unit, unknown_unit=other, unit_by="line 2 of the file")
+    return replace(told, unit=unit, unknown_unit=other, unit_by=by)
 
 
 def _meaning(name: str) -> Meaning | None:
@@ -344,7 +367,8 @@ def _of_owner(owner: str, told: Meaning) -> Meaning | None:
     said = [word.lower() for part in parts for word in _owner_words(part)]
     if any(word in _DERIVED for word in said):
         return None
-    commanded = any(word in _COMMANDED for word in said)
+    measured = any(word.lower() in _MEASURED for word in words(told.by))
+    commanded = not measured and any(word in _COMMANDED for word in said)
     named = [_without_roles(part) for part in parts if "/" in owner or part.lower() not in _NOISE]
     joint = "/".join(filter(None, named))
     quantity = COMMANDS.get(told.quantity, told.quantity) if commanded else told.quantity
