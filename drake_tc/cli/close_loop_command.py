@@ -2,9 +2,9 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,6 +54,16 @@ class ExportTarget(StrEnum):
     drake_urdf = "drake-urdf"
     sdf = "sdf"
     bam = "bam"
+
+
+@dataclass(frozen=True)
+class _Files:
+    """What the command reads."""
+
+    rig: Path
+    log: list[Path]
+    holdout: list[Path]
+    declared: Path | None = None
 
 
 def close_loop_command(
@@ -131,24 +141,26 @@ def close_loop_command(
         from drake_tc.report.residual_bag import FILE, require_rosbags, save_residuals
 
         if rig is None:
-            rig, log, holdout = _demo(out / "demo_logs", seed, force, progress)
+            files = _demo(out / "demo_logs", seed, force, progress)
+        else:
+            files = _Files(rig, log or [], holdout or [], declared)
         if try_export is not None:
-            _require_runner(rig, try_export)
+            _require_runner(files.rig, try_export)
         if mcap:
             require_rosbags()
         if check:
             from drake_tc.cli.log_commands import write_check
             from drake_tc.experiments.check.run import check_rig
 
-            write_check(check_rig(rig, log or [], progress, declared), folder)
+            write_check(check_rig(files.rig, files.log, progress, declared), folder)
         options = DiagnosisOptions(seed=seed)
-        result = close_loop(rig, log or [], holdout or [], options, rig_free_run, progress, pool, declared)
+        result = close_loop(files.rig, files.log, files.holdout, options, rig_free_run, progress, pool, declared)
         if closed_loop and not result.has_wrong_set_up:
             found = compare_loops(result, seed, progress, pool)
             result = replace(result, closed_loop=found, seconds=result.seconds + found.seconds)
         if try_export is not None:
             progress(f"running the export to {try_export.value}", 0.0)
-            result = _with_export(result, try_export, rig, log or [], holdout or [], declared)
+            result = _with_export(result, try_export, files)
         progress("writing the report", 0.95)
         result = write_results(result, folder, pool, out)
         if mcap:
@@ -223,37 +235,28 @@ def _require_runner(rig: Path, to: ExportTarget) -> None:
     require_runner(to.value, load_rig(rig))
 
 
-def _with_export(
-    result: "CloseLoopResult",
-    to: ExportTarget,
-    rig: Path,
-    logs: Sequence[Path],
-    holdout: Sequence[Path],
-    declared: Path | None,
-) -> "CloseLoopResult":
+def _with_export(result: "CloseLoopResult", to: ExportTarget, files: _Files) -> "CloseLoopResult":
     """The result with the errors of the exported model, and of what the declared file had, on the held-out runs."""
     from drake_tc.diagnosis.result.models import simulation_models
     from drake_tc.exchange.trial import try_export
     from drake_tc.logs.prepare import load_runs
     from drake_tc.logs.rig import load_rig
 
-    what = load_rig(rig, declared)
-    runs = load_runs([*logs, *holdout], what)
+    what = load_rig(files.rig, files.declared)
+    runs = load_runs([*files.log, *files.holdout], what)
     file, models = simulation_models(result)
-    parts = (runs[: len(logs)], runs[len(logs) :])
-    return replace(result, export=try_export(models, file, to.value, what, parts, declared))
+    parts = (runs[: len(files.log)], runs[len(files.log) :])
+    return replace(result, export=try_export(models, file, to.value, what, parts, files.declared))
 
 
-def _demo(
-    folder: Path, seed: int, force: bool, progress: Callable[[str, float], None]
-) -> tuple[Path, list[Path], list[Path]]:
-    """Rig file, training runs and held-out runs of a simulated bench, recorded into `folder`."""
+def _demo(folder: Path, seed: int, force: bool, progress: Callable[[str, float], None]) -> _Files:
+    """Those of a simulated bench, recorded into `folder`."""
     from drake_tc.cli.demo import record_demo
 
     progress("recording a demo bench", 0.0)
     with result_folder(folder, "--out", force=force) as place:
         rig, log, holdout = record_demo(place, seed)
-    return folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout]
+    return _Files(folder / rig.name, [folder / path.name for path in log], [folder / path.name for path in holdout])
 
 
 def write_results(
