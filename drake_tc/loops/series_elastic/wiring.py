@@ -72,7 +72,6 @@ def add_series_elastic_loop(
         reference_acceleration: (n) of the links [rad/s^2]; None: as `reference_torque`, or 0.
         stages: Stage to a system of your own in its place, as in `add_torque_loop`.
 
-
     Raises:
         ParamsError: a plant that is not finalized or whose ports are sampled, a model without spring, or a stage or
             place that the loop does not have.

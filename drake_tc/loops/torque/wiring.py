@@ -114,7 +114,6 @@ def add_torque_loop(
             system of your own behind that output port, for example a low pass behind "torque_control.command"; its
             first input and output have the port's size.
 
-
     Raises:
         ParamsError: a plant that is not finalized or whose ports are sampled, models or gains that do not fit the
             robot, or a stage or place that the loop does not have.
@@ -154,7 +153,6 @@ def wire_torque_loop(
         reference: What the joints shall do.
         force_reference: (6k) of the contacts at the F/T sensors [N, N m].
         stages: Stage, or "stage.port", to a system in its place or behind that port.
-
 
     Raises:
         ParamsError: as `add_torque_loop`.

@@ -103,7 +103,6 @@ def add_whole_body_loop(
         stages: Stage to a system of your own in its place, as in `add_torque_loop`; `tsid` needs the input
             `estimated_state` and the outputs of `OUTPUTS`.
 
-
     Raises:
         ParamsError: a plant that is not finalized or whose ports are sampled, models that are missing or whose rotors
             are not those of the law, or a stage or place that the loop does not have.
