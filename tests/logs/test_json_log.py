@@ -132,3 +132,9 @@ def test_a_rate_beside_columns_gives_the_times(tmp_path):
 def test_episodes_without_times_are_refused(tmp_path):
     with pytest.raises(LogError, match=r'2 episodes without times; expected .* such as "hz": 100'):
         read_table(_write(tmp_path / "run.json", [{"q": list(range(30))}, {"q": list(range(30))}]))
+
+
+def test_episodes_with_names_are_no_joints(tmp_path):
+    episodes = [{"name": name, "actions": [0.1] * 50, "sensor_data": [0.2] * 50} for name in ("chirp", "sine")]
+    table = read_table(_write(tmp_path / "a.json", {"hz": 50, "runs": episodes}))
+    assert list(table.columns) == ["time", "actions", "sensor_data"] and len(table) == 100

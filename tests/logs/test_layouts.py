@@ -634,3 +634,11 @@ def test_names_that_change_from_row_to_row_are_told(tmp_path):
     own.loc[1::2, ["field.name0", "field.name1"]] = ["hip", "knee"]
     own.to_csv(path, index=False)
     assert any("'field.name0' change from row to row" in note for note in inspect_log(path).notes)
+
+
+def test_phases_with_names_are_one_run(tmp_path):
+    own = table(position="position", position_command="goal", torque="torque")
+    own.assign(phase_name=np.where(TIME < 6.0, "chirp", "sine")).to_csv(tmp_path / "run.csv", index=False)
+    run = load_run(tmp_path / "run.csv", parse_rig(dict(inspect_log(tmp_path / "run.csv").rig)))
+    same_signals(run, "joint")
+    assert len(run) == TIME.size

@@ -90,10 +90,12 @@ def _lists(document: Any) -> dict[str, list[Any]]:
 
 
 MOST_JOINTS = 128
+OF_JOINTS = ("joints", "motors", "servos", "actuators", "axes", "drives", "dofs", "arms", "legs", "limbs")
+"""Keys of lists of joints; the entries of other lists, such as episodes, may have names too."""
 
 
 def _by_joint(value: Any) -> Any:
-    """Nested values, where a list of mappings that each have a name of their own is a mapping of these names.
+    """Nested values, where a list of joints that each have a name of their own is a mapping of these names.
 
     `{"joints": [{"name": "hip", "q": 0.1}, {"name": "knee", "q": 0.2}]}` is `{"joints": {"hip": {"q": 0.1}, ...}}`.
     """
@@ -102,7 +104,8 @@ def _by_joint(value: Any) -> Any:
     out = {}
     for name, inner in value.items():
         if isinstance(inner, list) and 0 < len(inner) <= MOST_JOINTS and all(isinstance(each, dict) for each in inner):
-            keys = [key for key in inner[0] if names_joints(key) or key.lower() in ("joint", "id")]
+            listed = name.lower().endswith(OF_JOINTS)
+            keys = [key for key in inner[0] if key.lower() in ("joint", "joint_name") or (listed and names_joints(key))]
             called = next(
                 ([each.get(key) for each in inner] for key in keys if _are_names([e.get(key) for e in inner])), None
             )

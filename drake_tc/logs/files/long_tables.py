@@ -39,6 +39,9 @@ def with_channels_apart(table: pd.DataFrame) -> pd.DataFrame:
         return table
     if not (stamps[texts == owners[0]].is_monotonic_increasing and stamps[texts == owners[1]].is_monotonic_increasing):
         return table
+    spans = [(stamps[texts == owner].min(), stamps[texts == owner].max()) for owner in owners]
+    if max(first for first, _ in spans) >= min(last for _, last in spans):
+        return table  # one after the other, as the phases of one run
     rest = [name for name in table.columns if name not in (time, *keys)]
     rows = [table[texts == owner] for owner in owners]
     rows = [each[~each[time].duplicated(keep="last")] for each in rows]
