@@ -6,8 +6,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
 
-from drake_tc.diagnosis.ages import with_uncertain_ages
+from drake_tc.diagnosis.ages import truncated, with_uncertain_ages
 from drake_tc.diagnosis.diagnose import joint_model
 from drake_tc.diagnosis.evidence import Evidence, Scored
 from drake_tc.diagnosis.linear import Posterior
@@ -141,3 +143,27 @@ def test_noise_counts_against_quieter_sets_but_for_a_part_that_leaves_less_besid
         assert pair[0][1].log_odds == 100.0
         expected = 0.5 * 1000 * np.log(1.0 + 0.5 / variance) if less else 0.0
         assert pair[1][1].log_odds == pytest.approx(100.0 - expected)
+
+
+@pytest.mark.parametrize("bounds", [(-1.0, 2.0), (5.0, 9.0), (-9.0, -5.0), (-np.inf, 0.0), (0.4, np.inf)])
+def test_a_posterior_that_ends_has_the_moments_of_its_density(bounds: tuple[float, float]) -> None:
+    """By quadrature."""
+    mean, deviation = 0.3, 0.7
+    low, high = max(bounds[0], -12.0), min(bounds[1], 12.0)
+    moments = [quad(lambda x, k=k: x**k * norm.pdf(x, mean, deviation), low, high, epsabs=0.0)[0] for k in range(3)]
+    first = moments[1] / moments[0]
+    expected = np.log(moments[0]), first, moments[2] / moments[0] - first**2
+    np.testing.assert_allclose(truncated(*bounds, mean, deviation), expected, rtol=1e-6)
+
+
+def test_no_late_channel_takes_friction_below_zero() -> None:
+    """Of a fit whose friction is nearly 0, at the ages that belong to this, as little of the effort is left after."""
+    evidence = heard(SERVO, "position_command", 3e-3)
+    scored = evidence.score(evidence.model.declared)
+    covariance, beta = scored.posterior.covariance, scored.posterior.beta
+    near = beta - 0.999 * beta[1] * covariance[:, 1] / covariance[1, 1]
+    less = replace(scored, posterior=replace(scored.posterior, beta=near))
+    told = with_uncertain_ages(evidence, less, less)
+    before, after = (np.std(evidence.residual(evidence.model.train, s, runs=True)) for s in (less, told))
+    assert told.b[1] >= 0.0
+    assert after == pytest.approx(before, rel=0.1)
