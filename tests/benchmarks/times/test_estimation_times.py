@@ -8,7 +8,7 @@ import pytest
 
 import drake_tc.models
 from drake_tc.estimation.joint_torque import JointTorqueEstimator, MomentumResidual
-from drake_tc.estimation.torque_model import TorqueModel
+from drake_tc.estimation.torque_model import MeasuredMotion, TorqueModel
 from drake_tc.robot.robot import load_robot
 from drake_tc.sensor_validation.fault_monitor import FaultMonitor
 
@@ -40,7 +40,7 @@ def test_torque_model(case):
         for k in range(1000):
             q[0] = 1e-6 * k
             start = time.perf_counter()
-            model.estimate(q, v, vdot, imu, gyro_dot, wrench)
+            model.estimate(MeasuredMotion(q, v, vdot, imu, gyro_dot), wrench)
             seconds.append(time.perf_counter() - start)
         return {row: seconds}
 
