@@ -30,8 +30,6 @@ from drake_tc.types import FloatArray, IntArray
 
 HEARINGS = 4
 """Rounds of the fixed point of noise and coefficients."""
-LOUDNESS = 8
-"""Most rounds of that of the noise and what it leaves."""
 STEP = 1e-3
 """Relative step of a difference quotient over a shape parameter."""
 
@@ -45,8 +43,7 @@ class Scored:
         log_odds: log Z + log prior odds, comparable under one noise model.
         posterior: Of [K, b ..., shapes ..., ages ..., runs ...].
         coefficients: Number of [K, b ...]; shapes: number of shape parameters that follow.
-        passed: Sensors' noise that it lets through over what it leaves, mean squares.
-        loudness: Variance of that noise over the one that the records show: noise is at most what is left.
+        passed: Sensors' noise that it lets through over what it leaves, mean squares; above 1 if it is overestimated.
         left: Variance of what it leaves at the coefficients that noise does not bias, over `Evidence.by_load` and the
             share that its filters pass.
     """
@@ -57,7 +54,6 @@ class Scored:
     coefficients: int
     shapes: int = 0
     passed: float = 0.0
-    loudness: float = 1.0
     left: float = 0.0
 
     @property
@@ -236,27 +232,20 @@ class Evidence:
         """The set with the odds that it has at the coefficients that noise in its columns does not bias.
 
         Less of a noisy column leaves less noise, and another column that has none then takes its place: half the drive
-        gain beside a payload. The rows do not tell these apart (`Products.without_noise`). Noise that is more than all
-        that is left is overestimated, and would leave nothing of a column that has little else.
+        gain beside a payload. The rows do not tell these apart (`Products.without_noise`).
         """
         products, prior = self.products(self.model.train, scored.terms)
         gram, moment, square = self.noise_products(scored.terms)
-        variance, loudness = scored.posterior.variance, 1.0
-        for _ in range(LOUDNESS):
-            taken = products.without_noise(loudness * gram, loudness * moment)
-            true = mode(taken, prior, variance)
-            left = products.rss(true)
-            if left <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
-                return replace(scored, log_odds=-np.inf)
-            passed = loudness * float(true @ gram @ true - 2.0 * true @ moment + square) / left
-            if passed <= 1.0:
-                break
-            loudness /= passed
+        taken, variance = products.without_noise(gram, moment), scored.posterior.variance
+        true = mode(taken, prior, variance)
+        left = products.rss(true)
+        if left <= 0.0:  # a dead zone or a limit that leaves nothing of the effort
+            return replace(scored, log_odds=-np.inf)
+        passed = float(true @ gram @ true - 2.0 * true @ moment + square) / left
         whole = posterior(taken.leaving(left, true), prior)
         shapes = scored.log_odds - self.score(scored.terms).log_odds if scored.shapes else 0.0
         own = whole.variance / self.by_load(float(true[0])) / np.exp(self.model.train.log_passed(scored.terms))
-        odds = self.odds(scored.terms, whole) + shapes
-        return replace(scored, passed=passed, loudness=loudness, left=own, log_odds=odds)
+        return replace(scored, passed=passed, left=own, log_odds=self.odds(scored.terms, whole) + shapes)
 
     def corrected(self, scored: Scored) -> Scored:
         """The set with coefficients that noise does not attenuate; how well the noise is known widens their covariance.
@@ -266,7 +255,7 @@ class Evidence:
         """
         train, held = self.model.train, scored.posterior
         products, prior = self.products(train, scored.terms)
-        gram, moment = (scored.loudness * each for each in self.noise_products(scored.terms)[:2])
+        gram, moment, _ = self.noise_products(scored.terms)
         size, shapes = scored.coefficients, scored.shapes
         places = np.r_[:size, size + shapes : held.beta.size]
         b = held.beta[places]

@@ -22,12 +22,9 @@ NOISE = 1.5
 """Of the torque sensor [N m], a quarter of the torque's RMS, before the filters."""
 
 
-def _heard(joint: Joint, louder: float = 1.0) -> tuple[Evidence, Scored]:
+def _heard(joint: Joint) -> tuple[Evidence, Scored]:
     train = [record(joint, f"run{k}", 0.4 * k, seed=k) for k in range(3)]
     prepared = prepare_joint(train, [record(joint, "held", 2.1, seed=9)], rig_of(joint), "joint")
-    samples = prepared.train.samples
-    level = replace(samples.resolution, torque_noise=louder * samples.resolution.torque_noise)
-    prepared = replace(prepared, train=prepared.train.changed(samples=replace(samples, resolution=level)))
     model = joint_model(prepared)
     evidence = Evidence(model).tempered(model.declared)
     return evidence, evidence.score(model.declared)
@@ -61,14 +58,6 @@ def test_the_drawn_noise_of_the_gain_s_column_is_what_the_filters_pass(noisy: tu
     )[0]
     expected = NOISE * np.sqrt(taps @ taps) * np.sqrt(np.mean(unit**2))
     assert drawn == pytest.approx(expected, rel=0.35)
-
-
-def test_noise_that_is_taken_for_louder_than_all_that_is_left_spoils_nothing() -> None:
-    """The torque sensor leaves nearly all that is left here: its noise is bounded from above."""
-    evidence, scored = _heard(Joint(torque_noise=NOISE), louder=2.5)
-    after = evidence.corrected(evidence.refined(scored))
-    assert after.loudness == pytest.approx(1.0 / 2.5**2, rel=0.3)
-    assert after.b[0] == pytest.approx(Joint().gain, rel=0.02)
 
 
 def test_without_noise_nothing_changes() -> None:
