@@ -35,7 +35,7 @@ def with_uncertain_ages(evidence: Evidence, scored: Scored, told: Scored) -> Sco
     late_by = {"position": LATE_S} | {channel: way * LATE_S for channel, way in LATE_RECORD.items()}
     places, delayed = evidence.places_of_ages(scored), any(t.effect.ages_of for t in scored.terms)
     beta, covariance = told.posterior.beta, _with_held_ages(evidence, scored)
-    bounded = np.flatnonzero(evidence.products(evidence.model.train, scored.terms)[1].positive[: scored.coefficients])
+    bounded = np.flatnonzero(evidence.design(evidence.model.train, scored.terms)[1].positive[: scored.coefficients])
     widened = told.posterior.covariance + covariance - scored.posterior.covariance
     told = replace(told, posterior=told.posterior.with_covariance(widened))
     odds, moves, widths = [0.0], [np.zeros(beta.size)], [np.zeros(beta.size)]

@@ -11,6 +11,7 @@ noise of a load that is computed from accelerations explain itself.
 """
 
 import numpy as np
+from scipy.signal import welch
 
 from drake_tc.diagnosis.data.samples import Samples
 from drake_tc.filtering.common_kernel import BlockConvolution
@@ -55,10 +56,9 @@ def filtered(samples: Samples, taps: FloatArray, values: FloatArray) -> FloatArr
 def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
     """One-sided spectral density (F,) of values (T,), mean over the stretches of motion; None where all are too short.
 
-    At rest, dry friction leaves open which effort is needed. Within a stretch: Welch's, with a Hann window and half of
-    it overlapping.
+    At rest, dry friction leaves open which effort is needed.
     """
-    edge, total, count = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0
+    edge, total, count, rate = samples.light.margin, np.zeros(SPECTRUM // 2 + 1), 0, 1.0 / samples.signals.period
     for part in samples.segments:
         inner = slice(part.start + edge, part.stop - edge)
         turns = np.flatnonzero(np.diff(samples.moving[inner], prepend=False, append=False))
@@ -66,10 +66,6 @@ def _spectrum(samples: Samples, values: FloatArray) -> FloatArray | None:
             own = values[inner][start:stop]
             if own.size > edge:
                 size = min(own.size, SPECTRUM)
-                window = np.hanning(size + 1)[:-1]
-                pieces = np.lib.stride_tricks.sliding_window_view(own, size)[:: size - size // 2]
-                power = np.mean(np.abs(np.fft.rfft(pieces * window, SPECTRUM)) ** 2, axis=0)
-                total += own.size / float(window @ window) * power
+                total += own.size * welch(own, rate, nperseg=size, nfft=SPECTRUM, detrend=False)[1]
                 count += own.size
-    total[1:-1] *= 2.0
-    return total * samples.signals.period / count if count else None
+    return total / count if count else None

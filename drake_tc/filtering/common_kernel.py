@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.fft import irfft, rfft
-from scipy.fft import next_fast_len
+from scipy.fft import irfft, next_fast_len, rfft
 
 from drake_tc.errors import ParamsError
 from drake_tc.types import BoolArray, FloatArray, IntArray
@@ -128,14 +127,10 @@ class CommonKernel:
             return x.copy()
         level = float(x.mean())
         centred = x - level
-        edge = self.margin
-        if x.size > edge:
-            before, after = 2.0 * centred[0] - centred[edge:0:-1], 2.0 * centred[-1] - centred[-2 : -2 - edge : -1]
-            extended = np.concatenate([before, centred, after])
-        elif x.size > 1:
-            extended = np.pad(centred, edge, mode="reflect", reflect_type="odd")
+        if x.size > 1:
+            extended = np.pad(centred, self.margin, mode="reflect", reflect_type="odd")
         else:
-            extended = np.pad(centred, edge, mode="edge")
+            extended = np.pad(centred, self.margin, mode="edge")
         y = _convolutions(self.box, self.margin, self.period)[derivative].inner(extended)
         return np.asarray(y + level if derivative == 0 else y)
 

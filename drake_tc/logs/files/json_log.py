@@ -24,7 +24,7 @@ from drake_tc.config.quoted import quoted
 from drake_tc.errors import LogError
 from drake_tc.logs.checks.clock import MIN_ROWS, stated_period, with_times
 from drake_tc.logs.episodes import Source, one_log
-from drake_tc.logs.inspection.names import meaning, names_joints
+from drake_tc.logs.inspection.names import meaning, member, names_joints
 
 FORMS = "a mapping of columns {name: [values]}, or a list of records [{name: value}, ...]"
 
@@ -129,12 +129,6 @@ def _are_names(values: Any) -> bool:
     )
 
 
-def _member(name: str, number: int, size: int, joints: Sequence[str]) -> str:
-    """What a member of a vector is called: `hip/position` where the vector is one of all joints, else `position_0`."""
-    of_joints = len(joints) == size and meaning(name) is not None
-    return f"{joints[number]}/{name}" if of_joints else f"{name}_{number}"
-
-
 def _is_episode(record: object) -> bool:
     """Whether a record holds lists of samples, and not the values of one sample."""
     if not isinstance(record, dict):
@@ -220,7 +214,7 @@ def _values(prefix: str, value: Any, joints: Sequence[str]) -> Iterator[tuple[st
                 yield from _values(f"{prefix}/{name}" if prefix else name, inner, own)
     elif isinstance(value, list):
         for number, inner in enumerate(value):
-            yield from _values(_member(prefix, number, len(value), joints), inner, joints)
+            yield from _values(member(prefix, number, len(value), joints), inner, joints)
     else:
         yield prefix, value
 
@@ -239,7 +233,7 @@ def _of_columns(document: Mapping[str, Any], path: Path) -> pd.DataFrame:
             if isinstance(value, dict) or (len(value) if isinstance(value, list) else 0) != width:
                 expected = f"{width} values as in row 1" if width else "one value, or a list of values in every row"
                 raise LogError(f"{path}: column {name!r}: row {row} holds {_kind(value)}; expected {expected}")
-        columns |= {_member(name, at, width, joints): [value[at] for value in values] for at in range(width)}
+        columns |= {member(name, at, width, joints): [value[at] for value in values] for at in range(width)}
     if not columns and document:
         raise LogError(f"{path}: expected {FORMS}, got a mapping without a list: {', '.join(list(document)[:5])}")
     table = pd.DataFrame(_one_length(columns, path))

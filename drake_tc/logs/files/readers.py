@@ -24,7 +24,7 @@ from drake_tc.logs.files.lerobot import is_data_set, read_data_set, without_list
 from drake_tc.logs.files.long_tables import with_channels_apart
 from drake_tc.logs.files.named_vectors import with_named_vectors
 from drake_tc.logs.files.series import with_common_times, with_dates, with_index, without_structs
-from drake_tc.logs.inspection.names import meaning, names_joints
+from drake_tc.logs.inspection.names import meaning, member, names_joints
 
 Reader = Callable[[Path], pd.DataFrame]
 
@@ -107,9 +107,7 @@ def _columns_of(name: str, value: np.ndarray, rows: int, joints: Sequence[str]) 
         return {name: array}
     if array.ndim == 2 and rows in array.shape:
         array = array if array.shape[0] == rows else array.T
-        if len(joints) == array.shape[1] and meaning(name) is not None:
-            return {f"{joint}/{name}": array[:, i] for i, joint in enumerate(joints)}
-        return {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
+        return {member(name, i, array.shape[1], joints): column for i, column in enumerate(array.T)}
     if value.size == 0 and value.dtype.kind != "U":
         return {name: np.empty(0)}
     return {}

@@ -1,7 +1,7 @@
 """What a log holds, column by column, and the rig file that it suggests."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,22 @@ CORRELATED = 0.8
 """Correlation of a velocity with the rate of the position from which on their ratio tells the unit."""
 
 
+def _with_positions(
+    columns: Sequence[Column], meanings: Mapping[str, Meaning], numbers: Mapping[str, FloatArray | None], quantity: str
+) -> Iterator[tuple[Column, FloatArray, Column, FloatArray]]:
+    """Each column of a quantity with its numbers (T,), and the position of its joint with those."""
+    positions = {meanings[each.name].joint: each for each in columns if _is(meanings, each, "position")}
+    for column in columns:
+        position = positions.get(meanings[column.name].joint) if _is(meanings, column, quantity) else None
+        own, q = numbers[column.name], None if position is None else numbers[position.name]
+        if position is not None and own is not None and q is not None:
+            yield column, own, position, q
+
+
+def _is(meanings: Mapping[str, Meaning], column: Column, quantity: str) -> bool:
+    return column.name in meanings and meanings[column.name].quantity == quantity
+
+
 def _with_units_of_rates(
     columns: Sequence[Column],
     meanings: Mapping[str, Meaning],
@@ -38,41 +54,28 @@ def _with_units_of_rates(
 
     With the position q in its unit of factor f_q to SI, the velocity's factor to SI is f_q |dq/dt| / |v|, in RMS.
     """
-    positions = {m.joint: name for name, m in meanings.items() if m.quantity == "position"}
-    units = {column.name: column.unit for column in columns}
-    out = []
-    for column in columns:
-        told = meanings.get(column.name)
-        position = positions.get(told.joint, "") if told is not None and told.quantity == "velocity" else ""
-        q, v = numbers.get(position), numbers.get(column.name)
-        if told is not None and not told.unit and "rpm" not in told.by and q is not None and v is not None:
-            unit = _unit_of_rate(q, v, time, units[position])
-            if unit and unit != column.unit:
-                why = f"alias {told.by}; in {unit} it is the rate of {position!r}"
-                column = replace(column, unit=unit, why=why)
-        out.append(column)
-    return tuple(out)
+    changed = {}
+    for column, v, position, q in _with_positions(columns, meanings, numbers, "velocity"):
+        told = meanings[column.name]
+        unit = "" if told.unit or "rpm" in told.by else _unit_of_rate(q, v, time, position.unit)
+        if unit and unit != column.unit:
+            why = f"alias {told.by}; in {unit} it is the rate of {position.name!r}"
+            changed[column.name] = replace(column, unit=unit, why=why)
+    return tuple(changed.get(column.name, column) for column in columns)
 
 
 def _with_gears(
     columns: Sequence[Column], meanings: Mapping[str, Meaning], numbers: Mapping[str, FloatArray | None]
 ) -> tuple[Column, ...]:
     """The columns, where the position of a motor that moves farther than the joint's is divided by the gear ratio."""
-    positions = {m.joint: name for name, m in meanings.items() if m.quantity == "position"}
-    units = {column.name: column.unit for column in columns}
-    out = []
-    for column in columns:
-        told = meanings.get(column.name)
-        position = positions.get(told.joint, "") if told is not None and told.quantity == "motor_position" else ""
-        q, motor = numbers.get(position), numbers.get(column.name)
-        factors = [_factor(units[position]), _factor(column.unit)] if position else [0.0]
-        if told is not None and q is not None and motor is not None and all(factors):
-            ratio = turns_of_motor(factors[0] * q, factors[1] * motor)
-            if ratio != 1.0:
-                why = f"alias {told.by}; moves {ratio:.4g} times as far as {position!r}"
-                column = replace(column, unit=f"{factors[1] / ratio:.10g}", why=why)
-        out.append(column)
-    return tuple(out)
+    changed = {}
+    for column, motor, position, q in _with_positions(columns, meanings, numbers, "motor_position"):
+        of_joint, of_motor = _factor(position.unit), _factor(column.unit)
+        ratio = turns_of_motor(of_joint * q, of_motor * motor) if of_joint and of_motor else 1.0
+        if ratio != 1.0:
+            why = f"alias {meanings[column.name].by}; moves {ratio:.4g} times as far as {position.name!r}"
+            changed[column.name] = replace(column, unit=f"{of_motor / ratio:.10g}", why=why)
+    return tuple(changed.get(column.name, column) for column in columns)
 
 
 def _factor(unit: str) -> float:

@@ -249,6 +249,12 @@ def names_joints(name: str) -> bool:
     return last in ("joint_names", "joints", "names", "name", "joint_name", "jointnames")
 
 
+def member(name: str, number: int, size: int, joints: Sequence[str]) -> str:
+    """What a member of a vector is called: `hip/position` where the vector is one of all joints, else `position_0`."""
+    of_joints = len(joints) == size and meaning(name) is not None
+    return f"{joints[number]}/{name}" if of_joints else f"{name}_{number}"
+
+
 def _with_brackets(name: str) -> str:
     """The name with a unit behind a slash, `I / A`, or before a number, `tau_mNm_0`, in brackets."""
     for form in (_IN_BRACKETS_BEFORE_A_NUMBER, _BEFORE_A_NUMBER):
