@@ -13,7 +13,7 @@ export MPLBACKEND ?= Agg
 SCRIPT_TYPES := --allow-redefinition-new --local-partial-types --follow-imports silent --cache-dir .mypy_cache/scripts \
 	--disable-error-code union-attr --disable-error-code arg-type --disable-error-code operator
 
-.PHONY: help demo bench test test-slow lint unit coverage times wheel resolve notebook docs pictures benchmark-records clean
+.PHONY: help demo bench test test-slow lint unit mutations coverage times wheel resolve notebook docs pictures benchmark-records clean
 
 help: ## what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,6 +50,9 @@ lint: $(VENV)/.installed-test
 
 unit: $(VENV)/.installed-test
 	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark'
+
+mutations: $(VENV)/.installed-test ## put twenty faults into a copy, one at a time: which ones do the fast tests find? NAMES="ratio spring"
+	$(BIN)/python tests/mutations.py $(NAMES)
 
 coverage: $(VENV)/.installed-test ## the same tests, and which lines they reach
 	$(BIN)/pytest -q -n 2 --dist loadscope -m 'not slow and not benchmark' --cov drake_tc --cov-report term:skip-covered
