@@ -47,7 +47,7 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fallbacks import diagnose
 from drake_tc.tsid.law import Status
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.tick import TickInput, problem_at
 

@@ -49,8 +49,8 @@ FAULTS = {
     "ratio": Fault(
         "identification/actuator.py", "2.0 * correlation * dx", "1.0 * correlation * dx", ("identification",)
     ),
-    "friction-cone": Fault("tsid/limits/contacts.py", "math.sqrt(0.5) if pyramid", "1.0 if pyramid", ("tsid",)),
-    "pressure": Fault("tsid/limits/contacts.py", "(4, 1.0, -x_min,", "(4, 1.0, x_min,", ("tsid",)),
+    "friction-cone": Fault("tsid/limits.py", "math.sqrt(0.5) if pyramid", "1.0 if pyramid", ("tsid",)),
+    "pressure": Fault("tsid/limits.py", "(4, 1.0, -x_min,", "(4, 1.0, x_min,", ("tsid",)),
     "feedback": Fault(
         "kernels/inverse_dynamics.py", "out[j] + (out[2 * n + j]", "out[j] - (out[2 * n + j]", ("control",)
     ),

@@ -17,7 +17,7 @@ SHOWN = {
     "drake_tc/analysis/README.md": "methods/analysis.md",
     "drake_tc/analysis/TUNING.md": "methods/tuning.md",
     "drake_tc/tsid/README.md": "methods/tsid.md",
-    "drake_tc/tsid/qp/README.md": "methods/qp.md",
+    "drake_tc/tsid/qp.md": "methods/qp.md",
     "drake_tc/estimation/base/README.md": "methods/base_estimation.md",
     "tests/benchmarks/REAL_LOGS.md": "real_logs.md",
     "diagrams/README.md": "methods/diagrams.md",

@@ -42,7 +42,7 @@ from drake_tc.tsid.kinds import read_limits, read_task
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priorities import read_priorities, without_priorities
-from drake_tc.tsid.qp.solvers import DEFAULT, OF_DRAKE, PROGRAM, SOLVERS, solver
+from drake_tc.tsid.qp import DEFAULT, OF_DRAKE, PROGRAM, SOLVERS, solver
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName, Use
 from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 

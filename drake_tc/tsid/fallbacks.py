@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.tsid.model import Scratch, TsidModel
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.qp.solvers import solver as solver_named
+from drake_tc.tsid.qp import Outcome, QpSolution, QpSolver, QuadraticProgram
+from drake_tc.tsid.qp import solver as solver_named
 from drake_tc.tsid.rows import Polytope, Terms
 from drake_tc.types import BoolArray, FloatArray, IntArray
 

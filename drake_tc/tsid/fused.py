@@ -21,8 +21,7 @@ from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import BOX_DAMPING, EXACT, WIDTH
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows
-from drake_tc.tsid.rows import LeastSquares, Limit, Parts, Terms
-from drake_tc.tsid.tasks.base import Task
+from drake_tc.tsid.rows import LeastSquares, Limit, Parts, Task, Terms
 from drake_tc.types import FloatArray, IntArray
 
 WRITTEN_OUT = 0

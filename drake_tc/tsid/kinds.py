@@ -10,13 +10,19 @@ from drake_tc.errors import ParamsError
 from drake_tc.extensions import LIMITS, TASKS, ExtensionPoint
 from drake_tc.robot import fields
 from drake_tc.robot.fields import Reader
-from drake_tc.tsid.limits.contacts import CapturePointLimit, WrenchCones
-from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
+from drake_tc.tsid.limits import AccelerationLimit, CapturePointLimit, TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.rows import Limit
-from drake_tc.tsid.tasks.base import Task
-from drake_tc.tsid.tasks.joints_and_forces import CopTask, ForceTask, PostureTask, TorqueTask
-from drake_tc.tsid.tasks.motion import AngularMomentumTask, ComTask, FrameTask, OrientationTask
+from drake_tc.tsid.rows import Limit, Task
+from drake_tc.tsid.tasks import (
+    AngularMomentumTask,
+    ComTask,
+    CopTask,
+    ForceTask,
+    FrameTask,
+    OrientationTask,
+    PostureTask,
+    TorqueTask,
+)
 
 NEVER_LEFT_OUT = ("torque", "contact", "acceleration")
 """Kinds of limits that a controller has with their defaults unless its file says null."""

@@ -22,12 +22,11 @@ from drake_tc.tsid.fused import FusedProblem, WarmTick
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.program_solver import ProgramSolver
-from drake_tc.tsid.qp.problem import QpSolver
+from drake_tc.tsid.qp import QpSolver
 from drake_tc.tsid.robust.convex import FREE, ActiveSet, Start
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.rows import Limit, LimitRows, Parts, TaskRows, Terms
-from drake_tc.tsid.tasks.base import Task
+from drake_tc.tsid.rows import Limit, LimitRows, Parts, Task, TaskRows, Terms
 from drake_tc.types import FloatArray
 
 _SIZE, _PACK, _UNPACK = (Kernel("tsid.warm_start", name) for name in ("size", "pack", "unpack"))

@@ -21,7 +21,7 @@ import numpy as np
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
 from drake_tc.robot import fields
-from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust.convex import FREE, RobustSolution, SolverMeans, Start, Value, plain
 from drake_tc.tsid.robust.measures import Guess, ProgramResult, individual, least_cost
 from drake_tc.tsid.robust.options import Options

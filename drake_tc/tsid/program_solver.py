@@ -28,8 +28,7 @@ from scipy.special import log_ndtr
 
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import check_names, is_bounds, ordered
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, QuadraticProgram
-from drake_tc.tsid.qp.solvers import DrakeSolver
+from drake_tc.tsid.qp import DrakeSolver, Outcome, QpSolution, QuadraticProgram
 from drake_tc.tsid.robust.convex import RobustSolution
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import CERTAIN, TorqueError

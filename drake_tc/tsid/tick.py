@@ -38,7 +38,7 @@ from drake_tc.tsid.fused import LARGEST, LOST, NO_POSE, NO_ROWS, ProgramResult, 
 from drake_tc.tsid.law import Law, PreviousTick, Status
 from drake_tc.tsid.model import Scratch
 from drake_tc.tsid.program_solver import FullProblem, ProgramSolver
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.robust.convex import RobustSolution, Start
 from drake_tc.tsid.robust.scaled import ScaledProblem, scaled
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms

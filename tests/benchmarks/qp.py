@@ -11,9 +11,8 @@ from drake_tc.registry import tsid_entry
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.law import Law
 from drake_tc.tsid.model import moved
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.qp import Outcome, QpSolution, QpSolver, QuadraticProgram
+from drake_tc.tsid.tasks import ComTask, ForceTask
 from drake_tc.types import FloatArray
 from tests.benchmarks.figures import BenchmarkRow
 from tests.benchmarks.qp_solvers import solver

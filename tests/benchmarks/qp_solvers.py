@@ -6,8 +6,7 @@ PIQP is a proximal interior-point method (Schwan et al., CDC 2023), ProxQP a pri
 
 import numpy as np
 
-from drake_tc.tsid.qp import solvers as choose
-from drake_tc.tsid.qp.problem import (
+from drake_tc.tsid.qp import (
     Outcome,
     QpSolution,
     QpSolver,
@@ -17,6 +16,7 @@ from drake_tc.tsid.qp.problem import (
     unsolved,
     usable_start,
 )
+from drake_tc.tsid import qp as choose
 
 try:
     import piqp

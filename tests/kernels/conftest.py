@@ -15,7 +15,7 @@ from drake_tc.registry import diagram_entry, tsid_entry
 from drake_tc.sensing.spec import SensorFault
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import PreviousTick, Status
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.tick import TickInput, solve_tick
 
 

@@ -13,12 +13,10 @@ from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.assembly import Reduced, reduce
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.contacts import WrenchCones
-from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
+from drake_tc.tsid.limits import AccelerationLimit, TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import LeastSquares, LimitRows, Polytope, TaskRows, Terms
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.tasks import ComTask, ForceTask, PostureTask
 from drake_tc.types import FloatArray
 
 FOLDER = Path(drake_tc.models.__file__).parent / "hrp2_like"

@@ -8,7 +8,7 @@ from pydrake.solvers import MathematicalProgram
 
 from drake_tc.tsid.assembly import is_bounds, ordered
 from drake_tc.tsid.program_solver import equalities, over_y, sizes_of, weighted
-from drake_tc.tsid.qp.problem import QuadraticProgram
+from drake_tc.tsid.qp import QuadraticProgram
 from drake_tc.tsid.rows import LimitRows, TaskRows, Terms
 from drake_tc.types import FloatArray
 

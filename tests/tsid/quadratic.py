@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import linprog
 
-from drake_tc.tsid.qp.problem import QpSolution, QuadraticProgram
+from drake_tc.tsid.qp import QpSolution, QuadraticProgram
 
 from .problems import Setup, problems
 from .program_matrices import reduced_qp

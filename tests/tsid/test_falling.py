@@ -10,7 +10,7 @@ import drake_tc.models
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fallbacks import GIVE_WAY, REGAIN, START, damped_torque, falling_share, standing_contacts
 from drake_tc.tsid.law import PreviousTick, Status
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.tick import TickInput, solve_tick
 
 CONTROLLER = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"

@@ -17,10 +17,9 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fused import entry_of
 from drake_tc.tsid.law import Law, PreviousTick, Status
 from drake_tc.tsid.program_solver import ProgramSolver
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.rows import LimitRows, TaskRows
-from drake_tc.tsid.tasks.joints_and_forces import CopTask, TorqueTask
-from drake_tc.tsid.tasks.motion import AngularMomentumTask, ComTask, FrameTask, OrientationTask
+from drake_tc.tsid.tasks import AngularMomentumTask, ComTask, CopTask, FrameTask, OrientationTask, TorqueTask
 from drake_tc.tsid.tick import TickInput, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"

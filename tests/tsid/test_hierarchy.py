@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.priorities import Priorities, Robustness
-from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
 from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.robust.scaled import scaled
 from drake_tc.tsid.rows import LeastSquares, Polytope

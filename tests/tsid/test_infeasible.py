@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.tsid.assembly import causes_of
 from drake_tc.tsid.fallbacks import diagnose, safe_torque
-from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
 from drake_tc.tsid.rows import Polytope
 
 from .machines import machine, random_state

@@ -13,8 +13,7 @@ from scipy.special import log_ndtr
 
 from drake_tc.tsid.assembly import ordered
 from drake_tc.tsid.program_solver import equalities, over_y, sizes_of, weighted
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.convex import FREE, Start
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import EXACT

@@ -15,7 +15,7 @@ from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.law import Status
 from drake_tc.tsid.priorities import Priorities
 from drake_tc.tsid.rows import LimitRows, Parts, TaskRows
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.tasks import ComTask
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"
 

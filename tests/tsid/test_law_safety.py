@@ -14,7 +14,7 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.fused import LARGEST
 from drake_tc.tsid.law import PreviousTick, Status
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 from drake_tc.tsid.robust.scaled import p_box, p_ind
 from drake_tc.tsid.tick import TickInput, problem_at, solve_tick

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.contacts import CapturePointLimit, convex_hull, half_planes
+from drake_tc.tsid.limits import CapturePointLimit, convex_hull, half_planes
 from drake_tc.tsid.model import TsidModel
 
 from .problems import SOLES, Setup, model, robot, state

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import joint_limits
-from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
+from drake_tc.tsid.limits import AccelerationLimit, TorqueLimit
 
 from .machines import machine, random_state
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.limits.joints import JointRange, Viability
+from drake_tc.tsid.limits import JointRange, Viability
 
 ROUNDING = 1e-9
 N = 40

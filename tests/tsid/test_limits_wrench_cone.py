@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.contacts import WrenchCones, cone_rows
+from drake_tc.tsid.limits import WrenchCones, cone_rows
 
 from .problems import SOLES, Setup, model, state
 

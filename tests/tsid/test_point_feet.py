@@ -11,13 +11,10 @@ from drake_tc.robot.fields import Mount, Pose
 from drake_tc.robot.robot import load_robot
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.contacts import WrenchCones
-from drake_tc.tsid.limits.joints import TorqueLimit
+from drake_tc.tsid.limits import TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask
-from drake_tc.tsid.tasks.motion import ComTask, OrientationTask
+from drake_tc.tsid.qp import Outcome, solver
+from drake_tc.tsid.tasks import ComTask, ForceTask, OrientationTask
 
 from .program_matrices import reduced_qp
 

@@ -10,7 +10,7 @@ import drake_tc.models
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import PreviousTick, Status
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.tick import TickInput, problem_at, solve_tick
 
 FILE = Path(drake_tc.models.__file__).parent / "hrp2_like" / "hrp2_like_tsid.yaml"

@@ -10,14 +10,11 @@ from pydrake.solvers import ClarabelSolver, SolverOptions
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.assembly import reduce
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.contacts import WrenchCones
-from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
+from drake_tc.tsid.limits import AccelerationLimit, TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.program_solver import build_full
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
-from drake_tc.tsid.tasks.motion import ComTask, FrameTask
+from drake_tc.tsid.qp import Outcome, solver
+from drake_tc.tsid.tasks import ComTask, ForceTask, FrameTask, PostureTask
 
 from .machines import arm, machine, random_state
 from .problems import SOLES, Setup, model, robot, state

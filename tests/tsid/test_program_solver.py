@@ -12,8 +12,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.law import PreviousTick, Status
 from drake_tc.tsid.program_solver import FullProblem, ProgramSolver
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.measures import rectangle_risk
 from drake_tc.tsid.robust.options import TorqueError
 from drake_tc.tsid.robust.scaled import p_ind, size_of_risk

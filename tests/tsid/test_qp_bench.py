@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, solver
 from tests.benchmarks.__main__ import run
 from tests.benchmarks.qp import MOTIONS, humanoid_controller, record, residual, timed
 

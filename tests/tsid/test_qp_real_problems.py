@@ -7,12 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.assembly import reduce
-from drake_tc.tsid.limits.contacts import WrenchCones
-from drake_tc.tsid.limits.joints import TorqueLimit
+from drake_tc.tsid.limits import TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.qp import Outcome, QuadraticProgram
+from drake_tc.tsid.tasks import ComTask, ForceTask, PostureTask
 from tests.benchmarks.qp_solvers import solver
 
 from .problems import SOLES, Setup, problem_at, robot, state

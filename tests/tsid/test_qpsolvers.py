@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drake_tc.tsid.configuration import load_law
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, refused, scaled, solve_scaled, unsolved
+from drake_tc.tsid.qp import Outcome, QpSolution, refused, scaled, solve_scaled, unsolved
 from tests.benchmarks.qp import MOTIONS, humanoid_controller, record
 from tests.benchmarks.qp_solvers import solver, unavailable
 

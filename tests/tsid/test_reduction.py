@@ -12,8 +12,7 @@ from drake_tc.tsid.assembly import causes_of, reduce
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.rows import LimitRows, Parts, TaskRows, identity
-from drake_tc.tsid.tasks.joints_and_forces import PostureTask
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.tasks import ComTask, PostureTask
 
 from .machines import MODELS, arm, machine, random_state, robot_or_skip
 from .problems import Setup, model, problem_at, state

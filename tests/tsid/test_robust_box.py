@@ -12,8 +12,7 @@ from scipy.optimize import linprog, minimize
 from scipy.special import erf, ndtr
 
 from drake_tc.diagrams.papers.delprete2015.probability import probability
-from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
 from drake_tc.tsid.robust.convex import rectangle
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import p_rect, rectangle_risk

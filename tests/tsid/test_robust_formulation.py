@@ -11,8 +11,7 @@ from scipy.special import log_ndtr, ndtr
 from scipy.stats import norm
 
 from drake_tc.errors import ParamsError
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import Budget, Options, TorqueError
 from drake_tc.tsid.robust.scaled import p_ind

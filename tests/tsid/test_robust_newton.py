@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from drake_tc.tsid.qp.problem import Outcome, QpSolver, QuadraticProgram
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, QpSolver, QuadraticProgram, solver
 from drake_tc.tsid.robust.convex import FREE, ActiveSet, SolverMeans, minimise, plain
 from drake_tc.tsid.robust.options import Budget
 from drake_tc.tsid.robust.scaled import ScaledRows, nothing, null_basis, scaled

@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.special import erfinv
 
 from drake_tc.diagrams.papers.delprete2015.probability import probability
-from drake_tc.tsid.qp.problem import Outcome, QuadraticProgram
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, QuadraticProgram, solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.measures import rectangle_risk
 from drake_tc.tsid.robust.options import Options, TorqueError

@@ -10,7 +10,7 @@ from drake_tc.errors import ParamsError
 from drake_tc.robot.fields import Mount
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.tasks.joints_and_forces import CopTask, ForceTask, TorqueTask
+from drake_tc.tsid.tasks import CopTask, ForceTask, TorqueTask
 
 from .machines import arm, machine, random_state
 

@@ -8,8 +8,15 @@ from scipy.spatial.transform import Rotation
 from drake_tc.control.rotation import rotation_matrix, rotation_vector
 from drake_tc.errors import ParamsError
 from drake_tc.robot.plant import make_plant
-from drake_tc.tsid.tasks.joints_and_forces import CopTask, ForceTask, PostureTask
-from drake_tc.tsid.tasks.motion import AngularMomentumTask, ComTask, FrameTask, OrientationTask
+from drake_tc.tsid.tasks import (
+    AngularMomentumTask,
+    ComTask,
+    CopTask,
+    ForceTask,
+    FrameTask,
+    OrientationTask,
+    PostureTask,
+)
 
 from .machines import machine, random_state
 

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fused import NO_ROWS
 from drake_tc.tsid.law import PreviousTick, Status
-from drake_tc.tsid.qp.problem import Outcome
+from drake_tc.tsid.qp import Outcome
 from drake_tc.tsid.robust.options import Budget, Options
 from drake_tc.tsid.tick import TickInput, solve_tick
 

@@ -30,10 +30,10 @@ from drake_tc.diagrams.papers.delprete2015.torque_safety import SAMPLES, TorqueS
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import solver
 from drake_tc.tsid.robust.measures import p_rect
 from drake_tc.tsid.robust.scaled import p_box, p_ind
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.tasks import ComTask
 from drake_tc.types import FloatArray
 
 LEG = 1.6

@@ -29,7 +29,7 @@ from drake_tc.diagrams.papers.delprete2015.torque_safety import MISSED, miss, to
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
-from drake_tc.tsid.limits.contacts import CapturePointLimit
+from drake_tc.tsid.limits import CapturePointLimit
 from drake_tc.tsid.model import TsidModel
 
 MODELS = 100

@@ -36,9 +36,9 @@ from drake_tc.diagrams.papers.delprete2015.torque_safety import TorqueSafety, ce
 from drake_tc.diagrams.papers.expected_values import expectations
 from drake_tc.report.figure_row import Progress, Reproduction, evaluated
 from drake_tc.text_table import TextTable
-from drake_tc.tsid.limits.contacts import CapturePointLimit, half_planes
+from drake_tc.tsid.limits import CapturePointLimit, half_planes
 from drake_tc.tsid.model import TsidModel
-from drake_tc.tsid.tasks.motion import FrameTask
+from drake_tc.tsid.tasks import FrameTask
 from drake_tc.types import FloatArray
 
 HOLD = 1.0

@@ -11,13 +11,12 @@ from drake_tc.robot.fields import Mount, Pose
 from drake_tc.robot.plant import joint_limits
 from drake_tc.robot.robot import Robot, load_robot
 from drake_tc.tsid.contacts import Contact
-from drake_tc.tsid.limits.contacts import WrenchCones
-from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
+from drake_tc.tsid.limits import AccelerationLimit, TorqueLimit, WrenchCones
 from drake_tc.tsid.model import TsidModel
 from drake_tc.tsid.robust.formulation import Formulation, MeasureName
 from drake_tc.tsid.robust.options import Options, TorqueError
 from drake_tc.tsid.rows import Limit
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
+from drake_tc.tsid.tasks import ForceTask, PostureTask
 
 DT = 0.005
 """Of simulation and controller [s]."""

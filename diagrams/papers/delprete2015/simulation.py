@@ -13,12 +13,10 @@ from drake_tc.diagrams.papers.delprete2015.setup import DT, Way, force_task
 from drake_tc.tsid.assembly import Reduced, reduce
 from drake_tc.tsid.fallbacks import diagnose
 from drake_tc.tsid.model import Scratch, TsidModel, moved
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.convex import RobustSolution, Start
 from drake_tc.tsid.robust.options import TorqueError
-from drake_tc.tsid.rows import Limit
-from drake_tc.tsid.tasks.base import Task
+from drake_tc.tsid.rows import Limit, Task
 from drake_tc.types import FloatArray
 
 Reference = Callable[[float], FloatArray]

@@ -152,7 +152,7 @@ def frame(
     selected: IntArray,
     axes: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows and targets of a frame's pose, see `drake_tc.tsid.tasks.motion.FrameTask`.
+    """Rows and targets of a frame's pose, see `drake_tc.tsid.tasks.FrameTask`.
 
     Args:
         motion: What `terms.frame_terms` returns.

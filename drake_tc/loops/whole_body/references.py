@@ -21,8 +21,8 @@ from drake_tc.control.trajectories import Chain, knot_trajectory
 from drake_tc.errors import ParamsError
 from drake_tc.tsid.contacts import Contact
 from drake_tc.tsid.law import Law
-from drake_tc.tsid.tasks.base import Task
-from drake_tc.tsid.tasks.motion import ComTask, FrameTask, OrientationTask
+from drake_tc.tsid.rows import Task
+from drake_tc.tsid.tasks import ComTask, FrameTask, OrientationTask
 from drake_tc.types import FloatArray
 
 

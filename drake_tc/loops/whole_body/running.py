@@ -36,7 +36,7 @@ from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.controller import RobustTsid
 from drake_tc.tsid.fallbacks import START
 from drake_tc.tsid.law import Law, Status
-from drake_tc.tsid.limits.contacts import WrenchCones
+from drake_tc.tsid.limits import WrenchCones
 from drake_tc.types import BoolArray, FloatArray
 
 

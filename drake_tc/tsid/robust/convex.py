@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.calls import Kernel
-from drake_tc.tsid.qp.problem import Outcome, QpSolution, QpSolver, QuadraticProgram
+from drake_tc.tsid.qp import Outcome, QpSolution, QpSolver, QuadraticProgram
 from drake_tc.tsid.robust.options import Spending
 from drake_tc.tsid.robust.scaled import ScaledProblem, ScaledRows
 from drake_tc.tsid.rows import LeastSquares

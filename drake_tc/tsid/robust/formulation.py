@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_tc.errors import ParamsError
 from drake_tc.kernels.calls import Kernel
-from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust import measures
 from drake_tc.tsid.robust.convex import FREE, RobustSolution, SolverMeans, Start
 from drake_tc.tsid.robust.measures import Guess, Measure, ProgramResult, rectangle

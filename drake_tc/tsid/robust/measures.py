@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_tc.kernels.calls import Kernel
-from drake_tc.tsid.qp.problem import Outcome, QpSolver
+from drake_tc.tsid.qp import Outcome, QpSolver
 from drake_tc.tsid.robust import convex
 from drake_tc.tsid.robust.convex import FREE, ActiveSet, Minimum, SolverMeans, minimise, plain
 from drake_tc.tsid.robust.options import Budget, TorqueError

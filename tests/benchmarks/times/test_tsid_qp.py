@@ -9,9 +9,8 @@ from tsid.problems import SOLES, Setup, model, problems, state
 
 from drake_tc.tsid.configuration import load_law
 from drake_tc.tsid.fallbacks import diagnose, safe_torque
-from drake_tc.tsid.limits.contacts import CapturePointLimit
-from drake_tc.tsid.limits.joints import AccelerationLimit
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.limits import AccelerationLimit, CapturePointLimit
+from drake_tc.tsid.qp import solver
 from tests.benchmarks.qp import MOTIONS, humanoid_controller, record, timed
 
 from .machine import require

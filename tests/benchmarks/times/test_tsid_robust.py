@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from tsid.problems import Setup, problem_at, state
 
-from drake_tc.tsid.qp.problem import Outcome
-from drake_tc.tsid.qp.solvers import solver
+from drake_tc.tsid.qp import Outcome, solver
 from drake_tc.tsid.robust.formulation import Formulation
 from drake_tc.tsid.robust.options import TorqueError
 

@@ -7,10 +7,8 @@ import pytest
 from tsid.problems import SOLES, Setup, model, robot, state
 
 from drake_tc.tsid.assembly import reduce
-from drake_tc.tsid.limits.contacts import WrenchCones
-from drake_tc.tsid.limits.joints import AccelerationLimit, TorqueLimit
-from drake_tc.tsid.tasks.joints_and_forces import ForceTask, PostureTask
-from drake_tc.tsid.tasks.motion import ComTask
+from drake_tc.tsid.limits import AccelerationLimit, TorqueLimit, WrenchCones
+from drake_tc.tsid.tasks import ComTask, ForceTask, PostureTask
 
 from .machine import require
 

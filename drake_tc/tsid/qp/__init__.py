@@ -1,1 +1,0 @@
-"""Quadratic programs from matrices, and the solvers that take them."""
