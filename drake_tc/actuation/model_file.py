@@ -33,8 +33,8 @@ from drake_tc.config.quoted import quoted
 from drake_tc.config.records import validated
 from drake_tc.config.yaml_file import read_yaml
 from drake_tc.effects.base import DriveKind
+from drake_tc.effects.context import Parameter
 from drake_tc.effects.library import all_effects, effect
-from drake_tc.effects.parameter import Parameter
 from drake_tc.errors import ParamsError
 
 

@@ -312,8 +312,7 @@ def _speeds(rig: Path | None, logs: Sequence[Path], joints: Sequence[str]) -> di
 
 
 def _not_in_newton_metres(model: "ActuatorModel") -> str:
-    from drake_tc.config.joint_units import in_units_of
-    from drake_tc.effects.context import EFFORT_UNIT
+    from drake_tc.config.joint_units import EFFORT_UNIT, in_units_of
 
     text = (
         f"{model.joint}: the torques of this model are not in N m but in the unit of the effort"

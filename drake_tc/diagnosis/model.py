@@ -30,7 +30,7 @@ from drake_tc.diagnosis.priors import (
 from drake_tc.diagnosis.problem.columns import CACHE_BYTES, Term, drives
 from drake_tc.diagnosis.split import LATE_RECORD, Split, stands_for, starts_unknown, with_clean, with_needed
 from drake_tc.effects.base import Context, Effect
-from drake_tc.effects.plausibility import plausible_range
+from drake_tc.effects.check import plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.effects.torque_sensor_gain import TorqueSensorGain
 from drake_tc.effects.within_tolerance import WithinTolerance

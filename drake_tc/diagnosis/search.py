@@ -14,7 +14,7 @@ from drake_tc.diagnosis.problem.parameters import physical_parameters
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.diagnosis.shapes import ShapeScreen
 from drake_tc.effects.base import Effect
-from drake_tc.effects.plausibility import implausible
+from drake_tc.effects.check import implausible
 from drake_tc.types import FloatArray
 
 WIDE = 12.0

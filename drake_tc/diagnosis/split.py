@@ -14,9 +14,8 @@ from drake_tc.diagnosis.latent import filtered, latent_shares
 from drake_tc.diagnosis.noise import INDEPENDENT, Rows, drawn_noise
 from drake_tc.diagnosis.priors import PASSED_ON, SLOW
 from drake_tc.diagnosis.problem.columns import Columns, Term, coefficients_by_term, drives
-from drake_tc.effects.base import DriveEffect, SensorEffect
+from drake_tc.effects.base import DriveEffect, SensorEffect, Signals
 from drake_tc.effects.delay import shift
-from drake_tc.effects.signals import Signals
 from drake_tc.types import FloatArray
 
 LATE_RECORD = {"command": -1.0, "effort": 1.0, "torque": 1.0}

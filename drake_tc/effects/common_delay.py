@@ -2,8 +2,8 @@
 
 from typing import ClassVar
 
+from drake_tc.effects.context import Parameter
 from drake_tc.effects.delay import Delay
-from drake_tc.effects.parameter import Parameter
 
 
 class CommonDelay(Delay):

@@ -15,9 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_tc.effects.base import JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signature
+from drake_tc.effects.base import JointNumbers, Parameter, Plausible, SensorEffect, Shape, Signals, Signature
 from drake_tc.effects.context import NO_INERTIA, Context
-from drake_tc.effects.signals import Signals
 from drake_tc.types import FloatArray
 
 HELD_GAIN = "held_gain"

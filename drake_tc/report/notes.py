@@ -10,7 +10,7 @@ from typing import Any, assert_never
 
 import numpy as np
 
-from drake_tc.config.joint_units import TURNING, JointUnits
+from drake_tc.config.joint_units import EFFORT_UNIT, TURNING, JointUnits
 from drake_tc.config.quoted import json_value
 from drake_tc.diagnosis.notes import (
     CorrelatedTorqueNoise,
@@ -43,7 +43,6 @@ from drake_tc.diagnosis.residual.unexplained import (
 from drake_tc.diagnosis.result.joint_result import JointResult
 from drake_tc.diagnosis.result.models import MODEL_FILE
 from drake_tc.diagnosis.result.rig_result import SET_UP_ERRORS, SetUpCheck, SetUpError
-from drake_tc.effects.context import EFFORT_UNIT
 from drake_tc.effects.library import effect
 from drake_tc.logs.record import distinct_notes
 from drake_tc.report.numbers import percent, pretty_unit, significant

@@ -11,8 +11,8 @@ from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.problem.prepared import prepare_joint
 from drake_tc.diagnosis.split import without_sensor_errors
 from drake_tc.effects.backlash import Backlash
+from drake_tc.effects.base import plain_signals
 from drake_tc.effects.encoder_offset import EncoderOffset
-from drake_tc.effects.signals import plain_signals
 from drake_tc.effects.torque_sensor_bias import TorqueSensorBias
 from tests.diagnosis.rigs import Joint, Motion, record, rig_of
 

@@ -13,9 +13,8 @@ from drake_tc.diagnosis.diagnose import diagnose_joint
 from drake_tc.diagnosis.options import DiagnosisOptions
 from drake_tc.diagnosis.problem.columns import Term
 from drake_tc.diagnosis.split import bent_load
-from drake_tc.effects.base import Effect
+from drake_tc.effects.base import Effect, plain_signals
 from drake_tc.effects.library import effect
-from drake_tc.effects.signals import plain_signals
 
 from . import pendulum_rig
 

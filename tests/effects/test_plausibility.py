@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from drake_tc.effects.base import Context
+from drake_tc.effects.check import implausible, plausible_range
 from drake_tc.effects.library import LIBRARY, MULTI_JOINT, UNCOMMON, effect
-from drake_tc.effects.plausibility import implausible, plausible_range
 
 EVERY = (*LIBRARY, *UNCOMMON, *MULTI_JOINT)
 RIG = Context(

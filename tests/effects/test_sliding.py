@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drake_tc.effects.base import Context, plain_signals
+from drake_tc.effects.check import implausible
 from drake_tc.effects.library import effect, looked_for
-from drake_tc.effects.plausibility import implausible
 
 AXIS = Context(
     "current",

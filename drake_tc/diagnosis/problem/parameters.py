@@ -9,7 +9,7 @@ from scipy.stats import norm
 from drake_tc.diagnosis.problem.columns import Term, coefficients_by_term
 from drake_tc.diagnosis.problem.regression import Fit
 from drake_tc.effects.base import Context
-from drake_tc.effects.plausibility import ROUNDING, plausible_range
+from drake_tc.effects.check import ROUNDING, plausible_range
 from drake_tc.effects.servo_gain import ServoGain
 from drake_tc.types import FloatArray
 

@@ -28,7 +28,7 @@ from drake_tc.diagnosis.result.joint_result import JointResult, RefinedParameter
 from drake_tc.diagnosis.result.models import model_of
 from drake_tc.diagnosis.thresholds import LEAST_FREE_RUN_GAIN, RESOLVED_FREE_RUN
 from drake_tc.effects.base import Context
-from drake_tc.effects.plausibility import implausible, plausible_range
+from drake_tc.effects.check import implausible, plausible_range
 from drake_tc.identification.free_parameters import DRIVE, FreeParameters, free_parameters
 from drake_tc.identification.output_error import (
     FreeRunErrors,

@@ -15,7 +15,7 @@ import numpy as np
 from drake_tc.actuation.model import ActuatorModel, EffectValue
 from drake_tc.actuation.recorded_run import SHORTEST, longest_stretch, loop_of, recording_of
 from drake_tc.effects.base import Context
-from drake_tc.effects.plausibility import plausible_range
+from drake_tc.effects.check import plausible_range
 from drake_tc.identification.output_error import Trial
 from drake_tc.logs.record import Run
 from drake_tc.logs.rig import Rig

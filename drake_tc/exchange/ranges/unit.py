@@ -17,9 +17,9 @@ from drake_tc.actuation.model import ActuatorModel
 from drake_tc.actuation.model_file import load_model_file
 from drake_tc.config.joint_units import JointUnits
 from drake_tc.effects.base import Context, Effect
+from drake_tc.effects.check import plausible_range
+from drake_tc.effects.context import Parameter
 from drake_tc.effects.library import effect
-from drake_tc.effects.parameter import Parameter
-from drake_tc.effects.plausibility import plausible_range
 from drake_tc.errors import ParamsError
 from drake_tc.types import FloatArray
 
